@@ -21,7 +21,7 @@ from comparison import landing
 from comparison.campaign.store import kept_in_processes
 from comparison.contenders import BEST, controller_part, label
 from comparison.measure.walking import Progress, Rows, grouped
-from comparison.tables import Cell, Table
+from comparison.tables import Cell, Table, cell_text
 from harpy_pin import Disturbances, Drake, GaitParameters, Ground, Mujoco, Scenario, Straight, build, checks
 from harpy_pin.errors import ControlError
 from harpy_pin.log.run import Run
@@ -207,18 +207,22 @@ def _creep(plant: Plant) -> Callable[[Vector, Vector], Vector]:
 
 def contact_tables(rows: Rows) -> list[Table]:
     """For each friction a table of falls, path, creep, net displacement and sliding; and one of Go2's landings."""
-    tables, landings = [], [row for row in rows if row["robot"] == "go2"]
+    tables, brief, landings = [], [], [row for row in rows if row["robot"] == "go2"]
     for (friction,), here in grouped([row for row in rows if row["robot"] == "harpy"], "friction").items():
-        cells = []
+        cells, pairs = [], []
         for (contact, walker), walks in grouped(here, "contact", "walker").items():
             row, fell = f"{contact}: {_name(walker)}", sum(walk["ending"] != "completed" for walk in walks)
             cells.append(Cell(row, "fell", f"{fell} of {len(walks)}"))
             for key, column in (("path_mm", "path"), ("creep_mm", "creep"), ("net_mm", "net")):
                 cells.append(_spread(row, column, walks, key, "mm"))
             cells.append(_spread(row, "sliding", [{**w, "sliding": 1e2 * w["sliding"]} for w in walks], "sliding", "%"))
+            medians = (_spread(row, "", walks, key, "mm").value for key in ("path_mm", "net_mm"))
+            pairs.append(Cell(contact, _name(walker), " / ".join(cell_text(Cell("", "", value)) for value in medians)))
         tables.append(Table(f"contacts_{friction:g}", f"Contact models, friction {friction:g}", tuple(cells)))
+        title = f"Median path / net displacement, mm, friction {friction:g}"
+        brief.append(Table(f"contacts_{friction:g}_brief", title, tuple(pairs)))
     tables = [*tables[:-1], *(replace(table, note=NOTE) for table in tables[-1:])]
-    return [*tables, *([landing.landing_table(landings)] if landings else [])]
+    return [*tables, *brief, *([landing.landing_table(landings)] if landings else [])]
 
 
 def _name(walker: str) -> str:

@@ -9,7 +9,7 @@ from comparison.tuning.variants import VARIANTS
 from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 
-__all__ = ["BEST", "CONTENDERS", "ESTIMATES", "FORCES", "TUNED", "controller_part", "label", "short_name"]
+__all__ = ["BEST", "CONTENDERS", "ESTIMATES", "FORCES", "HARSH", "TUNED", "controller_part", "label", "short_name"]
 
 BEST = "paper/best"
 """The paper's governor in the variant, and with the settings, that ``python -m comparison tune`` found best."""
@@ -25,6 +25,10 @@ FORCES = "wbc/contact_force"
 
 ESTIMATES = ("condensed/estimate", "wbc/estimate")
 """Law and QP with the friction estimated as they go (docs/friction.md); they walk the wide campaign, too."""
+
+HARSH = (*(name for name in TUNED if not name.startswith("filter/")), "governed/filter", *ESTIMATES)
+"""Every tuned variant but the filter's, the filter, and law and QP with the friction estimated; they walk the harsh
+campaign."""
 
 _LABELS = {
     "governed/none": "no governor",

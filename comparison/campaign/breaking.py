@@ -86,7 +86,7 @@ def _engines(engines: Mapping[str, Any]) -> Table:
             for name, entry in entries.items():
                 if entry["walks"]:
                     size = f"{100.0 * entry['fell'] / entry['walks']:.0f} %" if what == "falls" else _text(_slip(entry))
-                    column = f"{what}, {'MuJoCo' if plant == 'mujoco' else plant}"
+                    column = f"{what}, {plant.replace('mujoco', 'MuJoCo')}"
                     cells.append(Cell(short_name(name), column, f"{entry[f'{what}_rank']} ({size})"))
     return Table("breaking_engines", "Ranks in both engines; slip in mm per step", tuple(cells), _RANK_NOTE)
 

@@ -11,11 +11,13 @@ from importlib import import_module
 from typing import Any
 
 from comparison.campaign.plan import Task, code_digest
+from comparison.campaign.settings import ENGINES
 from comparison.campaign.store import Store
 from comparison.campaign.walks import walk_task
 from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import Shield, without_interrupts
+from harpy_pin.scenario import Mujoco
 from harpy_pin.simulation.mujoco import installed_version
 
 __all__ = ["execute"]
@@ -117,7 +119,7 @@ def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers:
                 n_workers=min(workers or cores, len(missing)),
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                dashboard_address=":0",
                 silence_logs=logging.CRITICAL,
             )
             client = started.enter_context(dask.Client(started.enter_context(cluster)))
@@ -126,7 +128,7 @@ def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers:
 
 def _require_engines(missing: dict[str, Task]) -> None:
     """Refuse walks that cannot be done here, before the first one is done."""
-    if installed_version() is None and any(task.plant == "mujoco" for task in missing.values()):
+    if installed_version() is None and any(isinstance(ENGINES[task.plant], Mujoco) for task in missing.values()):
         message = "some of the campaign's walks are in MuJoCo, which is not installed: pip install 'harpy-pin[mujoco]'"
         raise HarpyError(message)
 

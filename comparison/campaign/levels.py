@@ -12,6 +12,11 @@ def _number(pattern: str, factor: float = 1.0) -> Callable[[str], str]:
     return lambda key: pattern.format(factor * float(key))
 
 
+def _unless_zero(zero: str, pattern: str) -> Callable[[str], str]:
+    """The same, with a text of its own for zero."""
+    return lambda key: zero if key == "0" else pattern.format(float(key))
+
+
 FACTOR_TEXTS: dict[str, tuple[str, Callable[[str], str]]] = {
     "friction": ("friction of the ground", _number("μ {:g}")),
     "push": ("lateral push", _number("{:g} N·s")),
@@ -25,6 +30,8 @@ FACTOR_TEXTS: dict[str, tuple[str, Callable[[str], str]]] = {
     "speed": ("speed", _number("{:g} m/s")),
     "ice": ("strip of ice", lambda key: "none" if key == "0" else f"μ {key}"),
     "joint_damping": ("damping of the joints", _number("{:g} N·m·s/rad")),
+    "torque_share": ("torque limits of the motors", _unless_zero("unclipped", "× {:g}")),
+    "bandwidth": ("bandwidth of the motors", _unless_zero("no lag", "{:g} Hz")),
 }
 """What a factor is called, and how one of its levels is written, from its key in the summary."""
 
@@ -37,10 +44,12 @@ _SHORT: dict[str, Callable[[str], str]] = {
     "delay": _number("delay {:g} ms", 1e3),
     "stiffness": _number("ground {:g} kN/m", 1e-3),
     "damping": _number("damping × {:g}"),
-    "plant": lambda key: "MuJoCo" if key == "mujoco" else f"{key} engine",
+    "plant": lambda key: key.replace("mujoco", "MuJoCo") if "mujoco" in key else f"{key} engine",
     "speed": _number("speed {:g} m/s"),
     "ice": lambda key: "no ice" if key == "0" else f"ice, μ {key}",
     "joint_damping": _number("joint damping {:g}"),
+    "torque_share": _unless_zero("torque unclipped", "torque × {:g}"),
+    "bandwidth": _unless_zero("motors without lag", "motors {:g} Hz"),
 }
 
 

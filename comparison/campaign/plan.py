@@ -48,6 +48,9 @@ class Task:
         speed: m/s.
         ice: friction coefficient of the strip in mid-walk; 0 where there is none.
         joint_damping: of every joint, N·m·s/rad, known to the controllers.
+        torque_share: the motors' largest torque, as a share of the peak torque, known to the controllers; 0 where the
+            plant clips nothing, and the governed controllers do not either.
+        bandwidth: of the motors, Hz, not known; 0 where torques are there at once.
         jitter: standard deviation of the starting velocity, m/s.
         seed: draws the push's side and step, the starting velocity and the noise.
         duration: s.
@@ -66,6 +69,8 @@ class Task:
     speed: float
     ice: float
     joint_damping: float = JOINT_DAMPING
+    torque_share: float = 0.0
+    bandwidth: float = 0.0
     jitter: float
     seed: int
     duration: float

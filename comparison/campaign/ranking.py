@@ -7,9 +7,19 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binomtest
+from scipy.stats import binomtest, quantile_test
 
-__all__ = ["RESOLUTION_MM", "RESOLUTION_SHARE", "falls_less", "ranked_engines", "slip_median", "slips_less"]
+from harpy_pin.model.state import Vector
+
+__all__ = [
+    "RESOLUTION_MM",
+    "RESOLUTION_SHARE",
+    "falls_less",
+    "ranked_engines",
+    "slip_interval",
+    "slip_median",
+    "slips_less",
+]
 
 RESOLUTION_MM, RESOLUTION_SHARE = 0.02, 0.1
 """What slip per step must differ by, mm and as a share of the larger, to be a difference (docs/simulation.md)."""
@@ -19,8 +29,28 @@ SIGNIFICANCE = 0.05
 
 def slip_median(part: pd.DataFrame, measure: str = "slip_mm_per_step") -> float:
     """Median slip per step, mm, where a fall counts as more slip than any; infinite if half of the walks fell."""
-    slip = part[measure].astype(float).where(~part.fell.astype(bool), np.inf).dropna()
+    slip = _slips(part, measure)
     return float(np.median(slip)) if len(slip) else float("nan")
+
+
+def slip_interval(part: pd.DataFrame) -> list[float | str] | None:
+    """The 95 % interval of :func:`slip_median` that order statistics give, mm; ``fell`` is an end that is a fall.
+
+    There is none for fewer than six walks.
+    """
+    slip = _slips(part, "slip_mm_per_step")
+    if len(slip) == 0:
+        return None
+    ends = quantile_test(slip, p=0.5).confidence_interval(0.95)
+    if np.isnan(ends.low) or np.isnan(ends.high):
+        return None
+    return ["fell" if np.isinf(end) else float(end) for end in (ends.low, ends.high)]
+
+
+def _slips(part: pd.DataFrame, measure: str) -> Vector:
+    """Slip of every walk; infinite where it fell."""
+    slip: Vector = part[measure].astype(float).where(~part.fell.astype(bool), np.inf).dropna().to_numpy(dtype=float)
+    return slip
 
 
 def slips_less(a: float, b: float) -> bool:

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, TUNED
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, TUNED
 from harpy_pin import checks
-from harpy_pin.scenario import Compliant, Mujoco, Straight
+from harpy_pin.scenario import Compliant, Mujoco, PlantPart, Straight
 from harpy_pin.simulation.ground import Ground
 
 __all__ = ["FACTORS", "JOINT_DAMPING", "KINDS", "CampaignSettings"]
@@ -16,8 +16,8 @@ __all__ = ["FACTORS", "JOINT_DAMPING", "KINDS", "CampaignSettings"]
 JOINT_DAMPING = 0.1
 """Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""
 
-ENGINES = (Compliant.name, Mujoco.name)
-"""In which walks are walked."""
+ENGINES: dict[str, PlantPart] = {"compliant": Compliant(), "mujoco": Mujoco(), "mujoco default": Mujoco("default")}
+"""In which walks are walked; the last one has MuJoCo's default contact, whatever the ground's stiffness."""
 
 FACTORS = {
     "friction": "frictions",
@@ -32,6 +32,8 @@ FACTORS = {
     "speed": "speeds",
     "ice": "ices",
     "joint_damping": "joint_dampings",
+    "torque_share": "torque_shares",
+    "bandwidth": "bandwidths",
 }
 """What a scenario draws: the attribute of a task, and that of the settings which holds its levels.
 
@@ -65,11 +67,14 @@ class CampaignSettings:
         delays: ages of the measurements, s.
         stiffnesses: of the ground, N/m, known to the walk.
         dampings: of the ground, in multiples of that of the paper's damping ratio.
-        plants: engines, of :data:`ENGINES`; MuJoCo's contact is as stiff and as damped.
+        plants: engines, of :data:`ENGINES`.
         speeds: of the walk, m/s.
         ices: friction coefficients of a strip in mid-walk that the controller knows nothing of; 0 is no strip. A
             level that is given twice is drawn twice as often.
         joint_dampings: of every joint, N·m·s/rad, known to the controllers.
+        torque_shares: largest torques of the motors, as shares of the peak torque, for all controllers; at 0 the plant
+            clips nothing, and only whole-body controllers have limits.
+        bandwidths: of the motors, Hz; 0 is no lag.
         jitter: standard deviation of the walk's starting velocity along x and y, m/s.
     """
 
@@ -89,6 +94,8 @@ class CampaignSettings:
     speeds: tuple[float, ...] = (Straight().speed,)
     ices: tuple[float, ...] = (0.0,)
     joint_dampings: tuple[float, ...] = (JOINT_DAMPING,)
+    torque_shares: tuple[float, ...] = (0.0,)
+    bandwidths: tuple[float, ...] = (0.0,)
     jitter: float = 0.01
 
     def __post_init__(self) -> None:
@@ -147,11 +154,28 @@ class CampaignSettings:
             "delays": (0.0, 1e-3, 2e-3),
             "stiffnesses": (4e3, 8e3, 16e3, 40e3, 80e3),
             "dampings": (0.5, 1.0, 2.0),
-            "plants": ENGINES,
+            "plants": ("compliant", "mujoco"),
             "speeds": (0.2, 0.35, 0.5),
             "ices": (0.0, 0.0, 0.15),
         }
         return cls(**{**levels, **changes})
+
+    @classmethod
+    def harsh(cls, **changes: Any) -> CampaignSettings:
+        """What the wide campaign varies, and the motors and MuJoCo's default contact, from a seed of its own.
+
+        Torques are clipped to the same limits for all. What it adds is as usual in about half of the scenarios.
+        """
+        levels: dict[str, Any] = {
+            "walks": 210 * len(HARSH),
+            "seed": 71993,
+            "contenders": HARSH,
+            "plants": tuple(ENGINES),
+            "joint_dampings": (JOINT_DAMPING, JOINT_DAMPING, 0.01, 1.0, 5.0),
+            "torque_shares": (1.0, 1.0, 1.0, 0.7, 0.5, 0.3),
+            "bandwidths": (0.0, 0.0, 0.0, 200.0, 50.0, 20.0),
+        }
+        return cls.wide(**{**levels, **changes})
 
     @classmethod
     def variants(cls, **changes: Any) -> CampaignSettings:
@@ -165,5 +189,6 @@ KINDS: dict[str, Callable[..., CampaignSettings]] = {
     "hard": CampaignSettings.hard,
     "wide": CampaignSettings.wide,
     "variants": CampaignSettings.variants,
+    "harsh": CampaignSettings.harsh,
 }
 """Campaigns by name."""

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest, quantile_test
 
+from comparison.campaign.exceptions import exceptions_of
 from comparison.campaign.levels import FACTOR_TEXTS, level_key
 from comparison.campaign.plan import Task, code_digest
-from comparison.campaign.ranking import ranked_engines, slip_median
+from comparison.campaign.ranking import ranked_engines, slip_interval, slip_median
 from comparison.contenders import label
 from comparison.tables import Cell, Table, with_interval
 from harpy_pin.errors import RunFileError
@@ -59,6 +60,7 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
         upright = part.slip_mm_per_step[~part.fell.astype(bool)]
         whole[name] |= {"slip_mean_mm": _statistic(upright.mean()), "slip_largest_mm": _statistic(upright.max())}
         whole[name]["slip_median_mm"] = _statistic(slip_median(part))
+        whole[name]["slip_interval_mm"] = slip_interval(part)
         whole[name]["net_slip_median_mm"] = _statistic(slip_median(part, "net_slip_mm_per_step"))
         whole[name]["solver_failures"] = int(part.solver_failures.sum())
     factors: dict[str, Any] = {}
@@ -81,6 +83,7 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
         "whole": whole,
         "factors": factors,
         "engines": ranked_engines(frame, names),
+        "exceptions": exceptions_of(frame),
     }
 
 

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.plan import Task, code_digest
-from comparison.campaign.settings import JOINT_DAMPING
+from comparison.campaign.settings import ENGINES, JOINT_DAMPING
 from comparison.contenders import controller_part
 from comparison.measure.walking import walk_as_far_as_it_goes
-from harpy_pin import Disturbances, Ground, Scenario, Straight, load_harpy, make_gait, measure
+from harpy_pin import Actuators, Disturbances, Ground, Scenario, Straight, load_harpy, make_gait, measure
 from harpy_pin.errors import InputError
 from harpy_pin.gaits import StraightGait
 from harpy_pin.model.robot import harpy_urdf
+from harpy_pin.scenario import ControllerPart, Governed
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
 
@@ -75,9 +76,9 @@ def scenario(task: Task) -> Scenario:
     assert ground.damping is not None
     return Scenario(
         ground=replace(ground, damping=task.damping * ground.damping),
-        plant=task.plant,
+        plant=ENGINES[task.plant],
         gait=Straight(speed=task.speed),
-        controller=controller_part(task.contender, mu=task.friction * (1.0 + task.friction_error)),
+        controller=_controller(task),
         disturbances=Disturbances(
             mass_error=task.mass_error,
             start_velocity=(*start, 0.0, 0.0, 0.0, 0.0),
@@ -85,10 +86,22 @@ def scenario(task: Task) -> Scenario:
             noise=Noise.typical(task.noise),
             delay=task.delay,
             seed=task.seed,
+            actuators=Actuators(torque_share=task.torque_share or None, bandwidth=task.bandwidth or None),
         ),
         duration=task.duration,
         urdf=None if task.joint_damping == JOINT_DAMPING else _damped(task.joint_damping).name,
     )
+
+
+def _controller(task: Task) -> ControllerPart:
+    """The controller of a task, which knows the torque limits where there are any."""
+    part = controller_part(task.contender, mu=task.friction * (1.0 + task.friction_error))
+    if task.torque_share == 0.0:
+        return part
+    if isinstance(part, Governed):
+        return replace(part, limits=True)
+    limits = {**part.parameters.get("limits", {}), "torque_scale": task.torque_share}
+    return replace(part, parameters={**part.parameters, "limits": limits})
 
 
 @cache

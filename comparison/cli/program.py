@@ -9,6 +9,7 @@ import typer
 
 from comparison.cli.peers import peers
 from comparison.cli.public import public
+from comparison.cli.results import results
 from comparison.cli.studies import STUDIES, engines, grounds
 from comparison.cli.tuning import tune
 from comparison.cli.walks import campaign
@@ -36,6 +37,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     public: "public --data clones --json public.json",
     **STUDIES,
     tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
+    results: "results docs/results.md --data out/results",
     diff: "diff before.json after.json",
 }
 """Commands, and an example of each."""

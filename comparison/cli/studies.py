@@ -18,6 +18,7 @@ from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
 from comparison.engines import engine_table, walk_engines
+from comparison.flights import FlightSettings, flight_tables, fly
 from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.jitter import JitterSettings, jitter_tables, measure_jitter
 from comparison.limits import LimitsSettings, limit_tables, walk_limits
@@ -171,6 +172,16 @@ def thrusters(quick: QuickWalks = False, out: Kept = None, json: WalksFile = Non
     _study(ThrusterSettings, quick, partial(walk_with_lag, path=out), thruster_tables, json)
 
 
+def flights(quick: QuickWalks = False, json: WalksFile = None) -> None:
+    """Let Harpy jump, hover and fly.
+
+    Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering
+    for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, and fans that
+    lag, beside the cost of walking. This takes many minutes.
+    """
+    _study(FlightSettings, quick, fly, flight_tables, json, stage="flights")
+
+
 def walking(
     quick: Annotated[bool, typer.Option("--quick", help="Solo12 and few walks: to see whether it works.")] = False,
     only: Only = None,
@@ -232,6 +243,7 @@ STUDIES: dict[Callable[..., None], str] = {
     crossings: "crossings --json crossings.json",
     edge: "edge --json edge.json",
     delay: "delay --json delay.json",
+    flights: "flights --json flights.json",
     ice: "ice --json ice.json",
     limits: "limits --out limits.jsonl",
     robots: "robots --only g1 --json g1.json",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,9 +10,12 @@ import typer
 
 from comparison.campaign.breaking import breaking_tables
 from comparison.campaign.campaign_run import run_campaign
+from comparison.campaign.exceptions import exceptions_table
+from comparison.campaign.plan import plan
+from comparison.campaign.reasons import with_reasons
 from comparison.campaign.settings import KINDS
 from comparison.campaign.variants_table import variants_table
-from comparison.cli.output import one_stage, print_tables, writing
+from comparison.cli.output import print_tables, stages, writing
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_writable
 
@@ -45,6 +49,14 @@ def campaign(
             "--variants",
             help="The scenarios of --wide, walked by every variant of the paper's governor and by what it is compared "
             "with, with published settings and with those that 'tune' found. Needs MuJoCo.",
+        ),
+    ] = False,
+    harsh: Annotated[
+        bool,
+        typer.Option(
+            "--harsh",
+            help="All that --wide varies, joint damping, weak and slow motors, and MuJoCo's default contact; every "
+            "variant of the paper's governor walks, too. All have the same torque limits. Needs MuJoCo.",
         ),
     ] = False,
     joint_damping: Annotated[
@@ -86,19 +98,24 @@ def campaign(
 
     All walk the same ones.
     Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
-    assumes; --hard and --wide vary more, and more widely. At most one of --quick, --hard, --wide and --variants
-    is given. The tables say who falls first, and on what, and how far the feet slip. Every finished walk is written to
-    disk at once, so a campaign that was stopped continues when the same command is given again. Rows of other settings
-    or other code in the file are ignored.
+    assumes; --hard, --wide and --harsh vary more, and more widely. At most one of --quick, --hard, --wide, --variants
+    and --harsh is given. The tables say who falls first, and on what, and how far the feet slip. Every finished walk is
+    written to disk at once, so a campaign that was stopped continues when the same command is given again. Rows of
+    other settings or other code in the file are ignored.
     """
     check_writable(out)
-    chosen_kinds = (("quick", quick), ("hard", hard), ("wide", wide), ("variants", variants))
+    chosen_kinds = (("quick", quick), ("hard", hard), ("wide", wide), ("variants", variants), ("harsh", harsh))
     kinds = [name for name, chosen in chosen_kinds if chosen]
     if len(kinds) > 1:
-        raise InputError("--quick, --hard, --wide and --variants exclude each other", name=f"--{kinds[-1]}")
+        raise InputError("--quick, --hard, --wide, --variants and --harsh exclude each other", name=f"--{kinds[-1]}")
     damped = None if joint_damping is None else (joint_damping,)
     given: dict[str, Any] = {"walks": walks, "duration": duration, "seed": seed, "joint_dampings": damped}
     settings = KINDS[kinds[0] if kinds else "plain"](**{name: v for name, v in given.items() if v is not None})
-    with writing(json) as summary, one_stage("campaign") as progress:
-        summary |= run_campaign(settings, out, scheduler=scheduler, progress=progress)
-    print_tables([variants_table(summary)] if variants else breaking_tables(summary))
+    with writing(json) as summary, stages() as progress:
+        summary |= run_campaign(settings, out, scheduler=scheduler, progress=partial(progress, "campaign"))
+        if harsh:
+            again = partial(progress, "reasons")
+            found = with_reasons(summary["exceptions"], plan(settings), out, scheduler=scheduler, progress=again)
+            summary["exceptions"] = found
+    tables = [variants_table(summary)] if variants or harsh else breaking_tables(summary)
+    print_tables([*tables, exceptions_table(summary)] if harsh else tables)

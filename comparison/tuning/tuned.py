@@ -11,10 +11,12 @@ from comparison.tuning.variants import VARIANTS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.parts import read_part
 
-__all__ = ["TUNED_FILE", "best_paper", "tuned", "variant_part"]
+__all__ = ["TUNED_FILE", "best_paper", "searched", "tuned", "variant_part"]
 
 TUNED_FILE = Path(__file__).with_name("tuned.json")
 """What the command wrote; the file says with how large a budget, and on how many walks."""
+
+WHOLE_BODY = ("condensed", "wbc")
 
 FOUND = "/tuned"
 """Ends the name of a variant with the settings that were found; without it they are the published ones."""
@@ -32,6 +34,20 @@ def best_paper() -> str:
     return str(tuned()["best_paper"])
 
 
+def searched(variant: str) -> str:
+    """The variant whose search gave the settings of a variant.
+
+    The two whole-body controllers have one optimum, and so one best setting: both have what was found for the one with
+    the least cost on the training walks.
+
+    Args:
+        variant: of :data:`~comparison.tuning.variants.VARIANTS`.
+    """
+    if variant not in WHOLE_BODY:
+        return variant
+    return min(WHOLE_BODY, key=lambda name: tuned()["variants"][name]["training"]["cost"])
+
+
 def variant_part(name: str, mu: float | None = None) -> ControllerPart:
     """A variant as the controller of a scenario.
 
@@ -40,5 +56,6 @@ def variant_part(name: str, mu: float | None = None) -> ControllerPart:
         mu: friction coefficient that it assumes; the ground's by default.
     """
     variant = name.removesuffix(FOUND)
-    settings = tuned()["variants"][variant]["controller"] if name.endswith(FOUND) else VARIANTS[variant].part
-    return read_part(CONTROLLER_PARTS, "controller", {**settings, "mu": mu})
+    part = VARIANTS[variant].part
+    found = tuned()["variants"][searched(variant)]["controller"] if name.endswith(FOUND) else {}
+    return read_part(CONTROLLER_PARTS, "controller", {**part, **found, "name": part["name"], "mu": mu})

@@ -32,6 +32,7 @@ def film(
             help="trot, crawl, pace or bound on four feet; walk or step on two. Not for Harpy.", show_default=False
         ),
     ] = None,
+    jump: Annotated[bool, typer.Option("--jump", help="It jumps 0.3 m high. Harpy alone does.")] = False,
     friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.6,
     duration: Annotated[float, typer.Option(help="Length of the walk, s.")] = 3.0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "420x280",
@@ -45,6 +46,7 @@ def film(
     harpy film go2.gif
     harpy film anymal.gif --robot anymal_c --schedule crawl
     harpy film turn.gif --robot g1 --command "0.2 0 0.2" --duration 6
+    harpy film jump.gif --robot harpy --jump
     """
     if path.suffix.lower() not in KINDS:
         raise InputError(f"a film's name must end in {' or '.join(KINDS)}, got '{path}'", name="path", value=path)
@@ -66,8 +68,10 @@ def film(
     options: dict[str, Any] = {} if command is None else {"velocity": read_command(command)}
     if schedule is not None:
         options["schedule"] = schedule
+    if jump and (robot != "harpy" or options):
+        raise InputError("only Harpy jumps, and without a command or a schedule: give --robot harpy", name="jump")
     ground = Ground(mu_s=friction)
-    gait: dict[str, Any] = {"name": "commanded", **options}
+    gait: dict[str, Any] = {"name": "flying" if jump else "commanded", **options}
     if robot != "harpy":
         ground = Ground(mu_s=friction, stiffness=walking_stiffness(load_robot(robot)))
         gait["name"] = "walking"

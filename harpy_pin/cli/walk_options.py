@@ -157,8 +157,9 @@ class GaitOptions:
     gait: Annotated[
         str | None,
         typer.Option(
-            help="Of Harpy: hand (few parameters, tuned), optimised (found in the plane), paper-curves, or commanded. "
-            "Of other robots: walking, stepping (in place), standing, or hovering.  [default: the first that it has]",
+            help="Of Harpy: hand (few parameters, tuned), optimised (found in the plane), paper-curves, commanded, or "
+            "flying (a jump). Of other robots: walking, stepping (in place), standing, or hovering.  "
+            "[default: the first that it has]",
             show_default=False,
         ),
     ] = None

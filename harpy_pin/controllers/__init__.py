@@ -12,6 +12,7 @@ from harpy_pin.controllers.named_controllers import (
     make_parameters,
 )
 from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
+from harpy_pin.controllers.thrust_watch import ThrustWatch
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.simulation.controller import Controller
 
@@ -25,6 +26,7 @@ __all__ = [
     "GovernedController",
     "GovernedParameters",
     "JointGains",
+    "ThrustWatch",
     "WholeBodyController",
     "WholeBodyParameters",
     "make_controller",

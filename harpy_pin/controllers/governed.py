@@ -19,6 +19,7 @@ from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait
+from harpy_pin.gaits.flight.flying_gait import FlyingGait
 from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
@@ -78,8 +79,12 @@ class GovernedController(GaitController):
     ) -> None:
         parameters = GovernedParameters() if parameters is None else parameters
         self.parameters = p = checks.instance("parameters", parameters, GovernedParameters)
-        if isinstance(gait.gait if isinstance(gait, GovernedGait) else gait, CommandedGait):
-            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
+        walks = gait.gait if isinstance(gait, GovernedGait) else gait
+        if isinstance(walks, CommandedGait | FlyingGait):
+            kind, what = "commanded", "faces x and cannot turn"
+            if isinstance(walks, FlyingGait):
+                kind, what = "flying", "neither jumps nor flies"
+            message = f"the paper's controller {what}: walk a {kind} gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
         super().__init__(gait, p.period)
         if len(self.robot.joints) != 6:

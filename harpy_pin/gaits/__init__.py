@@ -2,6 +2,8 @@
 
 from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.commanded import CommandedGait, CommandedParameters, make_commanded_gait
+from harpy_pin.gaits.flight.flights import Fly, Jump
+from harpy_pin.gaits.flight.flying_gait import FlyingGait
 from harpy_pin.gaits.foothold_governor import FootholdGovernorParameters, GovernedGait
 from harpy_pin.gaits.gait import Gait, GaitTarget
 from harpy_pin.gaits.hovering import Hovering
@@ -22,12 +24,15 @@ __all__ = [
     "GAITS",
     "CommandedGait",
     "CommandedParameters",
+    "Fly",
+    "FlyingGait",
     "FootholdGovernorParameters",
     "Gait",
     "GaitParameters",
     "GaitTarget",
     "GovernedGait",
     "Hovering",
+    "Jump",
     "OnFeltGround",
     "OnTerrain",
     "OptimisedGait",

@@ -52,6 +52,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, CommandedRecord
+from harpy_pin.gaits.flight.flying_gait import FlyingGait
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, check_target, copy_target, own_target
 from harpy_pin.gaits.steering import advance, note_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -149,6 +150,10 @@ class GovernedGait(KeepsViews):
 
     @checked
     def __init__(self, gait: Gait, parameters: FootholdGovernorParameters | None = None) -> None:
+        if isinstance(gait, FlyingGait):
+            raise InputError(
+                "the governor of the command changes the steps of walks, not flights", name="gait", value=gait
+            )
         if not hasattr(gait, "step_duration"):
             message = f"the governor of the command needs the gait's step_duration; {type(gait).__name__} has none"
             raise InputError(message, name="gait", value=gait)

@@ -6,6 +6,7 @@ from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.gait_parts import (
     GAIT_PARTS,
     Commanded,
+    Flying,
     GaitPart,
     Hover,
     Optimised,
@@ -31,6 +32,7 @@ __all__ = [
     "ControllerPart",
     "Disturbances",
     "Drake",
+    "Flying",
     "GaitPart",
     "Governed",
     "Hover",

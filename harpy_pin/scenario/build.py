@@ -22,6 +22,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.deprecated import around_call, start_of
 from harpy_pin.errors import InputError, shown
+from harpy_pin.gaits.flight.flying_gait import FlyingGait
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.log.run import Run
@@ -150,10 +151,12 @@ def build(
 
 def _on_ground(gait: Gait, scenario: Scenario) -> Gait:
     """The gait laid over the scenario's ground, where that is not flat."""
-    surface = scenario.ground.surface
+    surface, error = scenario.ground.surface, scenario.disturbances.normal_error
     if surface is None or surface.record["level"][0] or not gait.robot.feet:
         return gait
-    return OnTerrain(gait, surface, normal_error=scenario.disturbances.normal_error)
+    if isinstance(gait, FlyingGait):
+        return gait.over(surface, normal_error=error)
+    return OnTerrain(gait, surface, normal_error=error)
 
 
 @checks.explained_arguments(

@@ -13,6 +13,8 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.commanded import check_script, make_commanded_gait
+from harpy_pin.gaits.flight.flights import Flight, Jump, flight_entry, read_flights
+from harpy_pin.gaits.flight.flying_gait import FlyingGait
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.named_gaits import make_named_gait
@@ -29,6 +31,7 @@ from harpy_pin.simulation.ground import MAX_STIFFNESS
 __all__ = [
     "GAIT_PARTS",
     "Commanded",
+    "Flying",
     "GaitPart",
     "Hover",
     "Optimised",
@@ -42,6 +45,8 @@ __all__ = [
 
 _NOT_WALKING = ("solo8",)
 """Robots whose legs have too few joints to place their feet."""
+_WITH_PARAMETERS = (FlyingGait, Standing, Stepping, WalkingGait)
+"""Gaits that have settings of controllers."""
 MAX_SPEED = 100.0
 """m/s: far beyond what any walker does, and far from numbers that overflow."""
 
@@ -62,7 +67,7 @@ class GaitPart(Part):
 
     def controller_parameters(self, gait: Gait) -> Mapping[str, Any]:
         """Settings of a controller that fit the gait and the weight of its robot."""
-        fitting: Mapping[str, Any] = gait.parameters if isinstance(gait, Standing | Stepping | WalkingGait) else {}
+        fitting: Mapping[str, Any] = gait.parameters if isinstance(gait, _WITH_PARAMETERS) else {}
         return fitting
 
 
@@ -165,6 +170,38 @@ class Commanded(GaitPart):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Flying(GaitPart):
+    """Harpy jumps or flies, lands, and goes on where it is told, see :class:`harpy_pin.gaits.FlyingGait`.
+
+    Attributes:
+        flights: :class:`~harpy_pin.gaits.Jump` and :class:`~harpy_pin.gaits.Fly`, one or several, also as the mappings
+            that files have.
+        velocity: what it does after the last landing, as that of :class:`Commanded`; it stands by default.
+        start: for how long it stands before each flight, s.
+    """
+
+    name = "flying"
+    flights: Flight | Sequence[Flight | Mapping[str, Any]] = (Jump(),)
+    velocity: Sequence[float] | Sequence[Sequence[float]] = ((0.0, 0.0, 0.0, 0.0),)
+    start: float = 0.5
+
+    def __post_init__(self) -> None:
+        checks.keep(self, flights=read_flights(self.flights), velocity=Commanded(velocity=self.velocity).velocity)
+        checks.keep(self, start=checks.number("start", self.start, low=0.0, high=1e6))
+
+    def to_dict(self) -> dict[str, Any]:
+        """See :class:`~harpy_pin.scenario.parts.Part`."""
+        flights = [flight_entry(flight) for flight in read_flights(self.flights)]
+        return {**super().to_dict(), "flights": flights}
+
+    @checked
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`GaitPart`."""
+        walk = make_commanded_gait(robot, check_script(self.velocity), stiffness=stiffness)
+        return FlyingGait(walk, self.flights, start=self.start)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Walking(GaitPart):
     """A robot of the catalogue with two or four feet walks where it is told, see :class:`harpy_pin.gaits.WalkingGait`.
 
@@ -226,7 +263,8 @@ class Hover(_OfRobot):
 
 
 GAIT_PARTS: dict[str, type[GaitPart]] = {
-    kind.name: kind for kind in (Straight, Optimised, PaperCurves, Commanded, Walking, Stand, StepInPlace, Hover)
+    kind.name: kind
+    for kind in (Straight, Optimised, PaperCurves, Commanded, Flying, Walking, Stand, StepInPlace, Hover)
 }
 """The gaits of a scenario by name."""
 
@@ -243,7 +281,7 @@ def gaits_of(robot: str) -> tuple[str, ...]:
     """
     check_robot_name(robot)
     if robot == "harpy":
-        return (Straight.name, Optimised.name, PaperCurves.name, Commanded.name)
+        return (Straight.name, Optimised.name, PaperCurves.name, Commanded.name, Flying.name)
     known = CATALOGUE[robot]
     if not known.feet:
         return (Hover.name,)

@@ -123,8 +123,9 @@ class Scenario:
         checks.one_of(f"gait of '{self.robot}'", gait, gaits_of(self.robot), hint=why_not(self.robot, gait))
         if isinstance(self.gait, Walking) and self.gait.schedule is not None:
             checks.one_of(f"schedule of '{self.robot}'", self.gait.schedule, schedules_of(self.robot))
-        if gait == "commanded" and controller == "governed":
-            message = "the paper's controller faces x and cannot turn: walk a commanded gait with 'condensed' or 'wbc'"
+        if gait in ("commanded", "flying") and controller == "governed":
+            what = "faces x and cannot turn" if gait == "commanded" else "neither jumps nor flies"
+            message = f"the paper's controller {what}: walk a {gait} gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
         if self.robot == "harpy":
             return

@@ -44,6 +44,8 @@ def test_film_of_a_robot(tmp_path, monkeypatch):
         (["dog.gif", "--size", "big"], "--size"),
         (["dog.gif", "--command", "fast"], "command"),
         (["dog.gif", "--robot", "harpy", "--schedule", "trot"], "schedule"),
+        (["dog.gif", "--jump"], "only Harpy jumps"),
+        (["dog.gif", "--robot", "harpy", "--jump", "--command", "0.1 0 0"], "only Harpy jumps"),
     ],
 )
 def test_what_is_refused_in_one_line(words, reason, tmp_path, monkeypatch, capsys):

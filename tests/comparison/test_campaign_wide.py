@@ -7,11 +7,13 @@ from dataclasses import asdict, replace
 from itertools import combinations, product
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 import harpy_pin as hp
-from comparison.campaign import execute
+from comparison.campaign import execute, reasons
 from comparison.campaign.campaign_run import run_campaign
+from comparison.campaign.exceptions import exceptions_of, exceptions_table
 from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
 from comparison.campaign.plan import Task, code_digest, plan
 from comparison.campaign.settings import FACTORS, JOINT_DAMPING, KINDS, CampaignSettings
@@ -19,7 +21,8 @@ from comparison.campaign.store import Store, read_rows
 from comparison.campaign.summary import summarise_rows
 from comparison.campaign.variants_table import variants_table
 from comparison.campaign.walks import scenario, walk_task
-from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, controller_part, label, short_name
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, controller_part, label, short_name
+from comparison.tuning.variants import PAPER
 from harpy_pin import HarpyError, load_harpy
 from harpy_pin.controllers import CondensedController, WholeBodyController
 
@@ -157,6 +160,73 @@ def test_every_level_has_a_text_of_its_own() -> None:
     assert set(FACTOR_TEXTS) == set(FACTORS)
     texts = [level_text(f, level_key(level)) for f, levels in FACTORS.items() for level in shares(levels)]
     assert len(set(texts)) == len(texts)
+
+
+def test_motors_and_contact_of_the_harsh_campaign_reach_the_walk() -> None:
+    """Who has limits knows the share to which the plant clips; without a share nothing is clipped."""
+    pytest.importorskip("mujoco")
+    tasks = [t for t in plan(CampaignSettings.harsh()) if t.plant == "mujoco default" and t.torque_share == 0.3]
+    for task in tasks:
+        drawn = scenario(replace(task, bandwidth=50.0))
+        assert (drawn.plant.name, drawn.plant.preset) == ("mujoco", "default")
+        assert drawn.disturbances.actuators == hp.Actuators(torque_share=0.3, bandwidth=50.0)
+        if drawn.controller.name == "governed":
+            assert drawn.controller.limits
+        else:
+            assert drawn.controller.parameters["limits"]["torque_scale"] == 0.3
+    free = scenario(replace(tasks[0], torque_share=0.0, bandwidth=0.0))
+    assert not free.disturbances.actuators
+    assert not free.controller.limits
+    assert {t.contender for t in tasks} == set(HARSH) >= {f"{name}{end}" for name in PAPER for end in ("", "/tuned")}
+
+
+def walks_of(seed: int, **fell: bool) -> list[dict[str, object]]:
+    """Rows of one scenario: who fell, everything else the same."""
+    same = {"friction": 0.1 * seed, "fall_time_s": 1.0, "slip_mm_per_step": 2.0}
+    levels = {factor: 0.0 for factor in FACTORS if factor != "friction"}
+    return [{"seed": seed, "contender": name, "fell": f, **levels, **same} for name, f in fell.items()]
+
+
+def test_exceptions_are_scenarios_that_only_a_whole_body_controller_loses() -> None:
+    rows = [
+        *walks_of(1, none=True, wbc=True, condensed=True),
+        *walks_of(2, none=False, wbc=False, condensed=False),
+        *walks_of(3, none=False, wbc=True, condensed=False),
+        *walks_of(4, none=True, wbc=True, condensed=False) + walks_of(4, **{"condensed/estimate": False}),
+        *walks_of(5, none=True, wbc=False, condensed=True) + walks_of(5, **{"paper/best": False}),
+    ]
+    found = exceptions_of(pd.DataFrame(rows))
+    assert [entry["seed"] for entry in found] == [3, 5]
+    assert found[0]["fell"] == {"wbc": 1.0}
+    assert found[1]["stood"] == {"paper/best": 2.0}
+    assert found[0]["levels"] == {"friction": "0.3"}
+    text = exceptions_table({"exceptions": found}).to_string(80)
+    assert "paper's best variant, 2 mm" in text
+    assert "Scenarios in which a WBC fell and another stood: 2" in text
+
+
+def test_reasons_are_the_levels_without_which_a_walk_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walks in which who is pushed falls, unless there is no delay; the QP does not fall with fast motors either."""
+    tasks = [t for t in plan(CampaignSettings.harsh()) if t.contender in ("condensed", "wbc")]
+    hard = {"push": 8.0, "delay": 2e-3, "bandwidth": 20.0, "ice": 0.15, "stiffness": 8e3}
+    tasks = [replace(task, **hard) for task in tasks if task.seed == tasks[0].seed]
+    both = {"seed": tasks[0].seed, "fell": {"condensed": 1.0, "wbc": 2.0}}
+
+    def walked(asked: list[Task], store: Store, **_: object) -> None:
+        for task in asked:
+            fell = task.push > 0.0 and task.delay > 0.0 and (task.contender == "condensed" or task.bandwidth > 0.0)
+            store.append(task.key(code_digest()), {"measures": {"fell": fell}})
+
+    monkeypatch.setattr(reasons, "execute", walked)
+    (entry,) = reasons.with_reasons([both], tasks, tmp_path / "rows.jsonl")
+    assert entry["reasons"] == ["push 8 N·s", "delay 2 ms"]
+    only = {"seed": tasks[0].seed, "fell": {"wbc": 2.0}}
+    (entry,) = reasons.with_reasons([only], tasks, tmp_path / "rows.jsonl")
+    assert entry["reasons"] == ["push 8 N·s", "delay 2 ms", "motors 20 Hz"]
+    usual = replace(tasks[0], **reasons.USUAL)
+    assert reasons.variations(usual) == {}
+    assert reasons.variations(replace(usual, ice=0.15)) == {"ice": usual}
+    assert set(reasons.USUAL) == set(FACTORS) - {"friction"}
 
 
 def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,13 +47,17 @@ def test_creep_is_taken_apart(rows):
 
 
 def test_tables_say_what_the_rows_say(rows):
-    (table,) = contact_tables(rows)
+    table, brief = contact_tables(rows)
     cell = table.get("MuJoCo default: condensed WBC", "path")
     paths = sorted(row["path_mm"] for row in of(rows, "MuJoCo default", "condensed"))
     assert (cell.low, cell.high) == tuple(paths)
     assert cell.value == pytest.approx(0.5 * sum(paths))
+    nets = [row["net_mm"] for row in of(rows, "MuJoCo default", "condensed")]
+    shown = brief.get("MuJoCo default", "condensed WBC").value.split(" / ")
+    assert list(map(float, shown)) == pytest.approx([0.5 * sum(paths), 0.5 * sum(nets)], rel=5e-3)
     fallen = [{**row, "ending": "fell"} if row["start"] else row for row in rows]
-    (table,) = contact_tables(fallen)
+    table, brief = contact_tables(fallen)
+    assert brief.get("ours", "gentle").value == "fell / fell"
     assert table.get("ours: gentle", "fell").value == "1 of 2"
     assert table.get("ours: gentle", "path").value == "fell"
 

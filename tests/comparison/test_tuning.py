@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,11 +19,13 @@ from comparison.tuning.objective import Outcome, Score, walk_scenario
 from comparison.tuning.search import propose
 from comparison.tuning.training import judging_tasks, scenario_with, training_tasks
 from comparison.tuning.tune import TuneSettings, tune
-from comparison.tuning.tuned import best_paper, tuned
+from comparison.tuning.tuned import best_paper, searched, tuned
 from comparison.tuning.tuning_tables import tuning_tables
 from comparison.tuning.variants import PAPER, VARIANTS, Range
 from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
 from harpy_pin.governors import ExplicitReferenceGovernor
+from harpy_pin.scenario import CONTROLLER_PARTS
+from harpy_pin.scenario.parts import read_part
 
 
 @pytest.mark.parametrize("name", VARIANTS)
@@ -115,8 +118,8 @@ def test_joints_are_damped_for_everybody() -> None:
         task, plain = make(1, 1.5, 5.0)[0], make(1, 1.5)[0]
         assert {**asdict(task), "joint_damping": 0.1} == asdict(plain)
         for name in ("condensed", "filter/pid"):
-            built = hp.build(scenario_with(task, VARIANTS[name].controller(VARIANTS[name].published)))
-            for robot in (built.controller.robot, built.simulator.robot):  # type: ignore[attr-defined]
+            built: Any = hp.build(scenario_with(task, VARIANTS[name].controller(VARIANTS[name].published)))
+            for robot in (built.controller.robot, built.simulator.robot):
                 np.testing.assert_array_equal(robot.model.damping[6:], 5.0)
 
 
@@ -187,6 +190,19 @@ def test_what_is_packaged_is_what_the_search_wrote() -> None:
         variant = VARIANTS[name]
         assert entry["controller"] == variant.settings(entry["factors"])
         assert entry["training"]["cost"] <= entry["published, training"]["cost"]
+    for name in VARIANTS:
+        settings = {**document["variants"][searched(name)]["controller"], "name": VARIANTS[name].part["name"]}
+        assert controller_part(f"{name}/tuned") == read_part(CONTROLLER_PARTS, "controller", settings)
     assert best_paper().removesuffix("/tuned") in PAPER
     assert controller_part(BEST) == controller_part(best_paper())
     assert len({label(name) for name in TUNED}) == len(TUNED)
+
+
+def test_whole_body_controllers_share_the_better_settings_of_their_searches() -> None:
+    """They have one optimum. All others have their own."""
+    costs = {name: tuned()["variants"][name]["training"]["cost"] for name in ("condensed", "wbc")}
+    best = min(costs, key=lambda name: costs[name])
+    assert {searched(name) for name in costs} == {best}
+    assert all(searched(name) == name for name in VARIANTS if name not in costs)
+    one, other = (controller_part(f"{name}/tuned") for name in costs)
+    assert one.parameters == other.parameters

@@ -284,7 +284,7 @@ def test_a_run_without_a_scenario(robot):
     ("values", "says"),
     [
         ({"controller": "lqr"}, "valid names: condensed, governed, wbc"),
-        ({"gait": "trot"}, "valid names: commanded, hand, hovering, optimised, paper-curves"),
+        ({"gait": "trot"}, "valid names: commanded, flying, hand, hovering, optimised, paper-curves"),
         ({"gait": 3}, "gait must be a part .*Straight.* or a name, got 3"),
         ({"gait": {"name": "hand", "colour": 1}}, "unknown entry of the gait 'hand' 'colour'; valid names: speed"),
         ({"gait": "trot", "robot": "go2"}, r"Walking\(schedule='trot'\)"),

@@ -431,3 +431,12 @@ def test_a_command_figure_shows_what_was_given_applied_and_held_back(run: Run, t
 def test_gaits_of_other_robots_are_replayed(robot, gait):
     run = hp.walk(hp.Scenario(robot=robot, gait=gait, duration=0.2))
     assert len(Frames.from_run(run, robot_of(run), fps=20.0)) == 5
+
+
+def test_a_robot_that_flies_stays_in_the_picture(run: Run, robot: Robot) -> None:
+    """The picture is as much higher as the robot rises, about a point at the same share of its height."""
+    lifted = Run({name: run[name].copy() for name in run.signals}, dict(run.metadata))
+    lifted["q"][len(run) // 2 :, 2] += 0.4
+    low, high = (values(tracks_of(one, robot)["/meshcat/walk", "position"])[0, 2] for one in (run, lifted))
+    rise = (lifted["q"][:, 2] - run["q"][0, 2]).max()
+    assert high - low == pytest.approx(-0.32 * rise, abs=0.01)

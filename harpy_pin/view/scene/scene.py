@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,8 @@ ROOT = "walk"
 """Path of the node that stands for the world's frame; it slides so that the camera follows."""
 CONTACT_RADIUS = 0.009
 """Of a contact force's arrow, as a share of the robot's height: thin, so that the cone around it is seen."""
+FLIES, MOST_RISE = 0.2, 5.0
+"""Rise of the body above the ground from which on the picture shows more, m, and up to which it does."""
 CONE_SLANT = 0.45
 """Side of a friction cone, as a share of the robot's height."""
 
@@ -88,6 +90,9 @@ def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Anima
     world = visualizer[ROOT]
     surface = surface_of(run)
     path = follow(frames, surface)
+    rise = float((frames.q[:, 2] - path[:, 2]).max() - frames.q[0, 2] + path[0, 2])
+    if FLIES < rise < MOST_RISE:
+        scales = replace(scales, size=scales.size + rise)
     light(visualizer)
     frame_camera(visualizer, size=scales.size)
     _draw_ground(world, animation, run, frames, scales, path, surface)

@@ -1,0 +1,114 @@
+"""The command that makes the tables of a page."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from comparison.campaign.breaking import breaking_tables
+from comparison.campaign.exceptions import exceptions_table
+from comparison.campaign.summary import summary_tables
+from comparison.campaign.variants_table import variants_table
+from comparison.contacts import contact_tables
+from comparison.delay import delay_tables
+from comparison.ice import ice_tables
+from comparison.limits import limit_tables
+from comparison.measure.walking import Rows
+from comparison.report.contents import tables_of
+from comparison.results import rewritten, sources_of
+from comparison.sections.grounds import ground_tables
+from comparison.tables import Table
+from harpy_pin import checks
+from harpy_pin.errors import HarpyError, RunFileError
+from harpy_pin.files import check_writable, replacing
+
+__all__ = ["SOURCES", "results"]
+
+Tables = Callable[[dict[str, Any]], list[Table]]
+
+
+def _campaign(summary: dict[str, Any]) -> list[Table]:
+    """Every table of a campaign."""
+    return [*breaking_tables(summary), variants_table(summary), exceptions_table(summary), *summary_tables(summary)]
+
+
+def _walks(tables: Callable[[Rows], list[Table]]) -> Tables:
+    """The tables of a study that keeps its walks."""
+    return lambda document: tables(document["walks"])
+
+
+SOURCES: Mapping[str, tuple[str, Tables]] = {
+    "comparison": ("--out {folder}/comparison", tables_of),
+    "wide": ("campaign --wide --out {folder}/wide.jsonl", _campaign),
+    "variants": ("campaign --variants --out {folder}/variants.jsonl", _campaign),
+    "damped": ("campaign --variants --walks 960 --joint-damping 5 --out {folder}/damped.jsonl", _campaign),
+    "harsh": ("campaign --harsh --out {folder}/harsh.jsonl", _campaign),
+    "grounds": ("grounds", _walks(ground_tables)),
+    "contacts": ("contacts --out {folder}/contacts.jsonl", _walks(contact_tables)),
+    "limits": ("limits --out {folder}/limits.jsonl", _walks(limit_tables)),
+    "delay": ("delay", _walks(delay_tables)),
+    "ice": ("ice", _walks(ice_tables)),
+}
+"""For each source of a page the command that measures it, without ``--json``, and the tables of what it writes."""
+
+
+def results(
+    page: Annotated[Path, typer.Argument(metavar="PAGE", help="The Markdown page.")] = Path("docs/results.md"),
+    data: Annotated[
+        Path, typer.Option("--data", metavar="DIR", help="Folder of the measurements; what it has is not repeated.")
+    ] = Path("out/results"),
+) -> None:
+    """Make the tables of a page anew.
+
+    Above each table of the page a comment says from which command it comes, and which rows and columns it shows. The
+    commands whose JSON file is not in the folder are run first. All of them take two hours.
+    """
+    try:
+        text = page.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RunFileError(f"cannot read '{page}': {error}", path=page) from error
+    check_writable(page)
+    sources = sources_of(text)
+    for source in sources:
+        checks.one_of("source of a table", source, SOURCES)
+    data.mkdir(parents=True, exist_ok=True)
+    for source in sources:
+        _measure(source, data)
+
+    @cache
+    def tables(source: str) -> dict[str, Table]:
+        document = json.loads((data / f"{source}.json").read_text(encoding="utf-8"))
+        return {table.name: table for table in SOURCES[source][1](document)}
+
+    def table_of(source: str, name: str) -> Table:
+        checks.one_of(f"table of '{source}'", name, tables(source))
+        return tables(source)[name]
+
+    new = rewritten(text, table_of)
+    with replacing(page) as file:
+        file.write(new.encode())
+
+
+def _measure(source: str, folder: Path) -> None:
+    """Run the command of a source, if its document is not there.
+
+    Raises:
+        HarpyError: the command failed.
+    """
+    path = folder / f"{source}.json"
+    if path.exists():
+        return
+    words = SOURCES[source][0].format(folder=folder).split()
+    typer.echo(f"python -m comparison {' '.join(words)}", err=True)
+    ended = subprocess.run(
+        [sys.executable, "-m", "comparison", *words, "--json", str(path)], stdout=subprocess.DEVNULL, check=False
+    )
+    if ended.returncode:
+        raise HarpyError(f"the command of '{source}' ended with {ended.returncode}")

@@ -1,0 +1,321 @@
+"""One scheduler between a gait and flight: stand, push off, fly, touch down as it is felt, stand, go on.
+
+On the ground body and feet follow ways of their own, and the load comes on the feet and goes off them gradually. In the
+air the body's target is the measured one, and its acceleration, the target's leaning and the feet's accelerations are
+those of :mod:`harpy_pin.gaits.flight.balance`: whole-body controllers find exactly these. A foot has landed when its
+measured force says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.flight.air_target import ORIENTATION, ask_for
+from harpy_pin.gaits.flight.airway import Airway
+from harpy_pin.gaits.flight.balance import GRAVITY
+from harpy_pin.gaits.flight.flights import Fly, flight_entry, read_flights
+from harpy_pin.gaits.flight.flyer import TOUCHDOWN, Flyer
+from harpy_pin.gaits.flight.jumping import Throw, crouch_and_push, fly_jump, plan_jump
+from harpy_pin.gaits.flight.landed_gait import LandedGait
+from harpy_pin.gaits.flight.lifting import lift, stretch
+from harpy_pin.gaits.flight.paths import Quintic, rest
+from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
+from harpy_pin.gaits.on_terrain import OnTerrain
+from harpy_pin.model.entry import as_state
+from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.state import State, Vector
+from harpy_pin.simulation.terrain import Terrain
+
+__all__ = ["FlyingGait"]
+
+PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")
+"""In the order of the signal ``flight_phase``."""
+LOADED, MIN_LOADED = 0.1, 3.5
+"""Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times the noise of a
+typical sensor."""
+MOST_FORCE = 10.0
+"""Largest normal force of all feet, in weights of the robot."""
+SHARE, LANDING_SHARE, LEAST_SHARE = 0.4, 0.14, 0.05
+"""Of that: what a foot may take in standing, in landing, and when it lets go."""
+LOADING, UNLOADING, LET_GO = 0.15, 0.3, 0.25
+"""Times in which the load comes on the feet and goes off them, s; and the part of a push in which it does."""
+LANDING = 1.2
+"""Time from touchdown to standing, s."""
+
+
+class FlyingGait(KeepsViews):
+    """Targets of a robot that stands, jumps or flies, lands, and then goes on by another gait.
+
+    It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. It is for
+    whole-body controllers, with the gains of the orientation that they have by default. It faces x.
+
+    It is a gait with memory, for one controller, in one thread. A time before the last one begins anew.
+
+    Args:
+        gait: of a robot with feet, and thrusters or rotors, that begins at rest. Its posture is that of standing; it
+            begins where the last flight has landed.
+        flights: :class:`~harpy_pin.gaits.Jump` and :class:`~harpy_pin.gaits.Fly`, one or a sequence.
+        start: for how long it stands before each flight, and before the gait goes on, s.
+        terrain: of the ground; flat by default.
+        normal_error: angle by which the normals of the ground that it tells are wrong, about y, rad.
+
+    Attributes:
+        flights: as given.
+        terrain: likewise.
+        target: of the last update.
+        phase: one of ``stand``, ``bend``, ``push``, ``unload``, ``air``, ``land`` and ``gait``.
+
+    Raises:
+        InputError: no flights, a robot that cannot fly, a jump that does not land where it should, or a gait that does
+            not begin at rest.
+    """
+
+    @checked
+    def __init__(
+        self, gait: Gait, flights: Any, *, start: float = 0.5, terrain: Terrain | None = None, normal_error: float = 0.0
+    ) -> None:
+        self.flights = read_flights(flights)
+        self.robot, self.terrain = gait.robot, terrain
+        if not self.robot.feet or not self.robot.thrusters:
+            message = f"flights need feet, and thrusters or rotors: '{self.robot.name}' has not both"
+            raise InputError(message, name="robot", value=self.robot)
+        self.gait = own_target(gait)
+        self.start = checks.number("start", start, low=0.0, high=1e6)
+        self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
+        self._landed = LandedGait(self.gait)
+        self._after = self._landed if terrain is None else OnTerrain(self._landed, terrain, normal_error=normal_error)
+        begin = self.gait.update(0.0)
+        if np.abs(begin.body[3:6]).max() > 1e-9 or not begin.stance.all():
+            raise InputError("the gait must begin standing, at rest, such as hp.make_commanded_gait", name="gait")
+        self._middle: Vector = begin.foot_position.mean(axis=0)
+        self._deep: Vector = -begin.body[2] - begin.foot_position[:, 2]  # how much deeper than the ground feet aim
+        q, _ = self.gait.initial_state()
+        self._flyer = flyer = Flyer(self.robot, q)
+        self._plans: list[Fly | Throw] = [
+            flight if isinstance(flight, Fly) else plan_jump(flyer, flight) for flight in self.flights
+        ]
+        self._airway: Airway
+        self._way: Quintic
+        self._push: Quintic | None
+        self.target = GaitTarget(len(self.robot.feet))
+        self._begin()
+
+    def _begin(self) -> None:
+        """Stand where the gait begins."""
+        q, v = self._after.initial_state()
+        d = self._flyer.balance.dynamics
+        d.update(q, v)
+        self._q, self._v = q, v
+        self._place: Vector = d.foot_position.copy()
+        self._load: Vector = np.zeros(len(self.robot.feet))
+        self._time, self._since, self._flight = -1.0, 0.0, 0
+        self.phase = "stand"
+        self._settle()
+
+    def __repr__(self) -> str:
+        return f"FlyingGait({self.gait!r}, {len(self.flights)} flights)"
+
+    @checked
+    def over(self, terrain: Terrain, *, normal_error: float = 0.0) -> FlyingGait:
+        """The same flights over other ground.
+
+        Args:
+            terrain: of the ground.
+            normal_error: angle by which its normals are told wrong, about y, rad.
+        """
+        return FlyingGait(self.gait, self.flights, start=self.start, terrain=terrain, normal_error=normal_error)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and the largest force."""
+        own, most = getattr(self.gait, "parameters", None), MOST_FORCE * self.robot.mass * GRAVITY / len(self._deep)
+        return {**(own if isinstance(own, dict) else {}), "orientation": ORIENTATION, "max_normal_force": most}
+
+    def observe(self, state: State) -> None:
+        """What was measured, for the next update; a bad sample is ignored.
+
+        Args:
+            state: of the present tick.
+
+        Raises:
+            InputError: it is no state of the robot.
+        """
+        state = as_state(state, self.robot)
+        given = (state.q, state.v, state.foot_position, state.foot_force)
+        if not all(np.isfinite(array).all() for array in given):
+            return
+        self._q, self._v = state.q.copy(), state.v.copy()
+        self._place = state.foot_position.copy()
+        self._load = np.einsum("ki,ki->k", self._normals(), state.foot_force)
+        if self.phase == "gait":
+            self._landed.observe(state)
+
+    def update(self, t: float) -> GaitTarget:
+        """Targets at time t ≥ 0, s.
+
+        Args:
+            t: time, s.
+
+        Raises:
+            InputError: t is not finite.
+        """
+        t = checks.number("t", t)
+        if not abs(t) < LONGEST:
+            raise refuse_time(t)
+        if t < self._time:
+            self._begin()
+        span, self._time = max(t - self._time, 0.0), t
+        self._schedule(t)
+        s = t - self._since
+        if self.phase == "air":
+            self._fly(s)
+        elif self.phase == "gait":
+            self.target.record[:] = self._after.update(s).record
+        else:
+            self._stand_on_feet(s, span)
+        return self.target
+
+    def _schedule(self, t: float) -> None:
+        """Go to the next phase where this one is over."""
+        s = t - self._since
+        if self.phase == "stand" and s >= self.start:
+            if self._flight == len(self.flights):
+                self._landed.move_to(self._home)
+                self._go("gait", t)
+            else:
+                plan, home = self._plans[self._flight], self._home
+                flyer = self._flyer
+                take_off = stretch(flyer, home) if isinstance(plan, Fly) else crouch_and_push(flyer, plan, home)
+                self._way, self._push = take_off.bend, take_off.push
+                self._go("bend", t)
+        elif self.phase == "bend" and s >= self._way.duration:
+            if self._push is None:
+                self._hold(self._way.at(s)[0])
+                self._go("unload", t)
+            else:
+                self._way = self._push
+                self._go("push", t)
+        elif (self.phase == "push" and s >= self._way.duration) or (self.phase == "unload" and s >= UNLOADING):
+            self._leave(t)
+        elif self.phase == "air" and s > self._airway.sinks and self._touching.any():
+            self._touch(t)
+        elif self.phase == "land" and s >= self._way.duration:
+            self._flight += 1
+            self._settle()
+            self._go("stand", t)
+
+    def _go(self, phase: str, t: float) -> None:
+        self.phase, self._since = phase, t
+
+    @property
+    def _touching(self) -> Any:
+        """(feet,) whether each foot is loaded."""
+        return self._load > max(LOADED * self.robot.mass * GRAVITY, MIN_LOADED)
+
+    def _settle(self) -> None:
+        """Stand where the feet are."""
+        self._feet, self._home = self._place.copy(), self._place.mean(axis=0)
+        self._on_ground = np.ones(len(self._feet), dtype=bool)
+        self._hold(self._home - self._middle)
+
+    def _hold(self, place: Vector) -> None:
+        """Keep the body where it is."""
+        self._way = Quintic(rest(place), rest(place), 1.0)
+
+    def _motion(self) -> tuple[Vector, Vector]:
+        """Place and velocity of the body's origin, world, (2, 3); angles and rates of the joints, (2, n)."""
+        turn = pin.Quaternion(self._q[3:7]).matrix()
+        return np.vstack((self._q[:3], turn @ self._v[:3])), np.vstack((self._q[7:], self._v[6:]))
+
+    def _leave(self, t: float) -> None:
+        """Let go of the ground."""
+        flight, (body, joints) = self.flights[self._flight], self._motion()
+        places = self._place[:, :2] + (flight.forward, flight.left)
+        ground = self._home[2] if self.terrain is None else self._heights(places).max()
+        plan, landing = self._plans[self._flight], (self._home, float(ground))
+        if isinstance(plan, Fly):
+            self._airway = lift(self._flyer, plan, joints, *landing)
+        else:
+            self._airway = fly_jump(self._flyer, plan, body, joints, *landing)
+        self._go("air", t)
+
+    def _touch(self, t: float) -> None:
+        """A foot has landed: come to stand over where they are."""
+        (place, velocity), _ = self._motion()
+        self._settle()
+        self._on_ground[:] = self._touching
+        end = rest(self._home - self._middle)
+        self._way = Quintic(np.vstack((place, velocity, np.zeros(3))), end, LANDING)
+        self._go("land", t)
+
+    def _stand_on_feet(self, s: float, span: float) -> None:
+        """Body and feet while there are feet on the ground."""
+        o, body = self.target, self._way.at(s)
+        share = SHARE
+        if self.phase == "push":
+            share *= min((self._way.duration - s) / (LET_GO * self._way.duration), 1.0)
+        elif self.phase == "unload":
+            share *= 1.0 - s / UNLOADING
+        elif self.phase == "land":
+            share = LANDING_SHARE * min(s / LOADING, 1.0)
+            self._on_ground |= self._touching
+            self._feet[~self._on_ground, 2] -= span * TOUCHDOWN
+        standing = self._on_ground | (self.phase != "land")
+        o.body[:] = body.ravel()
+        o.heading[:] = 0.0
+        o.up[:] = (0.0, 0.0, 1.0)
+        o.foot_position[:] = self._feet - body[0]
+        o.foot_position[:, 2] -= self._deep
+        o.foot_velocity[:] = -body[1]
+        o.foot_velocity[~standing, 2] -= TOUCHDOWN
+        o.foot_acceleration[:] = -body[2]
+        o.stance[:] = standing
+        loading = max(share, LEAST_SHARE) * self.double_support / (1.0 + self.double_support)
+        o.phase[:] = np.where(standing, loading, 0.6)  # a foot that meets the ground is held at once
+        o.normal[:] = self._normals()
+        o.ground_height[:] = self._feet[:, 2] if self.terrain is None else self._heights(self._feet[:, :2])
+
+    def _fly(self, s: float) -> None:
+        """Body and feet in the air."""
+        balance = self._flyer.balance
+        a = self._airway.acceleration(s, self._q, self._v, balance)
+        ask_for(self.target, balance.dynamics, self._q, self._v, a)
+
+    def _normals(self) -> Vector:
+        """(feet, 3) of the ground below the feet."""
+        if self.terrain is None:
+            return np.tile((0.0, 0.0, 1.0), (len(self._place), 1))
+        x, y = np.ascontiguousarray(self._place[:, :2].T)
+        return self.terrain.normal(x, y)
+
+    def _heights(self, places: Vector) -> Vector:
+        """Of the ground at some places, m."""
+        assert self.terrain is not None
+        x, y = np.ascontiguousarray(places.T)
+        return self.terrain.height(x, y)
+
+    @checked
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
+        return self._after.initial_state(penetration=penetration)
+
+    def describe(self) -> Mapping[str, Any]:
+        """The flights, and the gait's parameters."""
+        return {**self._after.describe(), "flights": [flight_entry(flight) for flight in self.flights]}
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """The phase, as its place in :attr:`phase`'s list, and where the body should be, m."""
+        s = self._time - self._since
+        if self.phase == "gait":
+            plan = self.target.body[:3]
+        else:
+            plan = self._airway.body(s)[0] if self.phase == "air" else self._way.at(s)[0]
+        return {"flight_phase": PHASES.index(self.phase), "body_plan": plan}
