@@ -1,13 +1,13 @@
-"""Walks with thrusters that follow their commands by a lag, and with slow motors.
+"""Walks with thrusters whose magnitude or direction lags, or of which one fails, and with slow motors.
 
-The lag is of first order, of the thrust's magnitude (:mod:`harpy_pin.simulation.thrusters`). Two columns are of
-controllers that know it (:mod:`harpy_pin.controllers.thrust_lag`); nobody knows how slow the motors are. All have the
+Lags are of first order (:mod:`harpy_pin.simulation.thrusters`). Two columns are of controllers that know them
+(:mod:`harpy_pin.controllers.thrust_lag`); nobody knows how slow the motors are, or that a thruster fails. All have the
 same limits of torque and thrust.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.store import kept_rows
-from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
-from comparison.tables import Cell, Table, number_text
+from comparison.measure.walking import Progress, Rows, tracked, walk_as_far_as_it_goes
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters, checks, measure
+from harpy_pin.log.power import PRESETS
 from harpy_pin.simulation.mujoco import installed_version
 
-__all__ = ["ThrusterSettings", "thruster_tables", "walk_with_lag"]
+__all__ = ["ThrusterSettings", "walk_with_lag"]
 
 WALKERS: dict[str, dict[str, Any]] = {
     "none": {"name": "governed", "governor": "none", "limits": True},
@@ -33,6 +33,8 @@ WALKERS: dict[str, dict[str, Any]] = {
     "QP, knows": {"name": "wbc"},
 }
 """Controllers by the name of their column."""
+FAILS_AT = 1.5
+"""When the left thruster fails, s."""
 PLANTS = {"ours": {"name": "compliant"}, "MuJoCo": {"name": "mujoco", "preset": "stiff"}}
 
 
@@ -41,7 +43,9 @@ class ThrusterSettings:
     """What is walked.
 
     Attributes:
-        lags: of the thrusts, s.
+        lags: of the thrusts' magnitudes, s.
+        turning_lags: of their directions, s, with magnitudes that follow at once.
+        failing: shares of one thruster that are left from the second step on, without lags.
         bandwidths: of the motors, Hz; None where they follow at once.
         frictions: of the ground.
         plants: names of :data:`PLANTS`.
@@ -51,7 +55,9 @@ class ThrusterSettings:
         seed: of the starts.
     """
 
-    lags: tuple[float, ...] = (0.0, 0.01, 0.03, 0.1, 0.3)
+    lags: tuple[float, ...] = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
+    turning_lags: tuple[float, ...] = (0.02, 0.05, 0.1, 0.2)
+    failing: tuple[float, ...] = (0.5, 0.2, 0.0)
     bandwidths: tuple[float | None, ...] = (None, 50.0)
     frictions: tuple[float, ...] = (0.25, 0.15)
     plants: tuple[str, ...] = ("ours", "MuJoCo")
@@ -63,6 +69,10 @@ class ThrusterSettings:
     def __post_init__(self) -> None:
         for lag in self.lags:
             checks.number("lag", lag, low=0.0)
+        for lag in self.turning_lags:
+            checks.number("turning_lag", lag, low=0.0)
+        for share in self.failing:
+            checks.number("failing", share, low=0.0, high=1.0)
         for bandwidth in self.bandwidths:
             if bandwidth is not None:
                 checks.number("bandwidth", bandwidth, low=0.0, strict=True)
@@ -78,7 +88,16 @@ class ThrusterSettings:
     @classmethod
     def quick(cls) -> ThrusterSettings:
         """Few short walks: to see whether it works."""
-        return cls(lags=(0.0, 0.1), bandwidths=(None,), frictions=(0.25,), plants=("ours",), starts=1, duration=1.5)
+        return cls(
+            lags=(0.0, 0.1),
+            turning_lags=(0.05,),
+            failing=(0.5,),
+            bandwidths=(None,),
+            frictions=(0.25,),
+            plants=("ours",),
+            starts=1,
+            duration=1.5,
+        )
 
 
 def walk_with_lag(settings: ThrusterSettings, progress: Progress | None, path: Path | None = None) -> Rows:
@@ -99,20 +118,33 @@ def walk_with_lag(settings: ThrusterSettings, progress: Progress | None, path: P
 def _jobs(s: ThrusterSettings) -> Iterator[dict[str, Any]]:
     """What each walk is."""
     plants = [plant for plant in s.plants if plant == "ours" or installed_version() is not None]
-    cases = product(plants, s.frictions, s.bandwidths, s.lags, WALKERS, range(s.starts))
-    for plant, friction, bandwidth, lag, walker, start in cases:
-        if "knows" in walker and lag == 0.0:
-            continue  # there is nothing to know
-        what = {"plant": plant, "friction": friction, "bandwidth": bandwidth, "lag": lag, "walker": walker}
-        yield {**what, "start": start, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
+    for plant, friction in product(plants, s.frictions):
+        cases: list[tuple[float | None, float, float, float | None]]
+        cases = [(bandwidth, lag, 0.0, None) for bandwidth, lag in product(s.bandwidths, s.lags)]
+        if friction == s.frictions[0]:
+            cases += [(None, 0.0, turning, None) for turning in s.turning_lags]
+            cases += [(None, 0.0, 0.0, failing) for failing in s.failing]
+        for (bandwidth, lag, turning, failing), walker, start in product(cases, WALKERS, range(s.starts)):
+            if "knows" in walker and lag == turning == 0.0:
+                continue  # there is nothing to know
+            what = {"plant": plant, "friction": friction, "bandwidth": bandwidth, "lag": lag, "turning_lag": turning}
+            yield {
+                **what,
+                "failing": failing,
+                "walker": walker,
+                **{"start": start, "seed": s.seed, "duration": s.duration, "jitter": s.jitter},
+            }
 
 
 def _walked(job: dict[str, Any]) -> dict[str, Any]:
     """Measures of one walk."""
     rng = np.random.default_rng([job["seed"], job["start"]])
     velocity = (*(job["jitter"] * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
-    actuators = Actuators(bandwidth=job["bandwidth"], torque_share=1.0, thrusters=Thrusters(lag=job["lag"]))
-    known = {"parameters": {"thrust_lag": job["lag"]}} if "knows" in job["walker"] else {}
+    failing = None if job["failing"] is None else (0, FAILS_AT, job["failing"])
+    thrusters = Thrusters(lag=job["lag"], turning_lag=job["turning_lag"], failing=failing)
+    actuators = Actuators(bandwidth=job["bandwidth"], torque_share=1.0, thrusters=thrusters)
+    lags = {"thrust_lag": job["lag"], "thrust_turning_lag": job["turning_lag"]}
+    known = {"parameters": lags} if "knows" in job["walker"] else {}
     scenario = Scenario(
         gait={"name": "hand"},
         controller={**WALKERS[job["walker"]], **known},
@@ -123,36 +155,12 @@ def _walked(job: dict[str, Any]) -> dict[str, Any]:
     )
     run = walk_as_far_as_it_goes(scenario)
     measures = measure(run)
-    thrust = np.linalg.norm(run["thrust"], axis=2).sum(axis=1)
+    thrust = np.linalg.norm(run["applied_thrust" if "applied_thrust" in run else "thrust"], axis=2)
     return {
         "fell": run.ending != "completed",
         "slip_mm_per_step": measures.slip_mm_per_step,
-        "thrust_n": float(thrust.mean()),
+        "thrust_n": float(thrust.sum(axis=1).mean()),
+        "thrust_w": float(PRESETS["fan"].electrical(thrust).sum(axis=1).mean()),
+        "upright_s": float(run["t"][-1]),
         "distance_m": measures.distance_m,
     }
-
-
-def thruster_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
-    """Slip or falls, and thrust: a table for each engine and friction."""
-    tables = []
-    for (plant, friction), here in grouped(rows, "plant", "friction").items():
-        slip, thrust = [], []
-        for (bandwidth, lag, walker), same in grouped(here, "bandwidth", "lag", "walker").items():
-            motors = "" if bandwidth is None else f", motors of {bandwidth:g} Hz"
-            place = f"{1e3 * lag:g} ms{motors}"
-            fell = sum(row["fell"] for row in same)
-            median = {
-                name: number_text(float(np.median([row[name] for row in same])), 2)
-                for name in ("slip_mm_per_step", "thrust_n")
-            }
-            slip.append(Cell(place, walker, f"fell {fell}/{len(same)}" if fell else median["slip_mm_per_step"]))
-            thrust.append(Cell(place, walker, "" if fell else median["thrust_n"]))
-        where = f"{plant}, friction {friction:g}"
-        name = f"{plant}_{friction:g}".lower()
-        tables.append(Table(f"thrusters_slip_{name}", f"Slip per step, mm, or falls: {where}", tuple(slip), NOTE))
-        tables.append(Table(f"thrusters_thrust_{name}", f"Thrust commanded, N: {where}", tuple(thrust), THRUST))
-    return tables
-
-
-NOTE = "Median over the starts, by the lag of the thrusts; where walks fell, how many. Two columns know the lag."
-THRUST = "Sum of both magnitudes, mean of a walk, median over the starts; empty where a walk fell."

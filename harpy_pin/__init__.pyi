@@ -84,6 +84,7 @@ from .scenario import (
     walk,
 )
 from .simulation.actuators import Actuators
+from .simulation.battery import Battery
 from .simulation.controller import Controller
 from .simulation.ground import Ground
 from .simulation.push import Push
@@ -97,6 +98,7 @@ __version__: str
 
 __all__ = [
     "Actuators",
+    "Battery",
     "CentreOfMassTask",
     "Command",
     "Commanded",

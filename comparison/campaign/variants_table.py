@@ -16,7 +16,8 @@ _SPLIT = ("delay", "plant", "joint_damping", "torque_share", "bandwidth")
 
 _NOTE = (
     "Falls in all, and by level; intervals are of 95 %. The median of slip counts a fall as more than any, the mean "
-    "leaves out walks that fell. Tracking: median of the body's rms distance from its target, up to a fall. Thrust: median of the rms. "
+    "leaves out walks that fell. Tracking: median of the body's rms distance from its target, up to a fall. Thrust: "
+    "median of its rms. "
     "Tuned: with the settings that 'python -m comparison tune' found on other walks."
 )
 

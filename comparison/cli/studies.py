@@ -29,7 +29,8 @@ from comparison.sections.grounds import GroundsSettings, ground_tables, walk_gro
 from comparison.slopes import SlopeSettings, slope_tables, stand_on_slopes
 from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
-from comparison.thrusters import ThrusterSettings, thruster_tables, walk_with_lag
+from comparison.thruster_tables import thruster_tables
+from comparison.thrusters import ThrusterSettings, walk_with_lag
 from comparison.walking import WalkingSettings, walk_robots, walking_tables
 
 __all__ = ["STUDIES", "engines", "grounds"]
@@ -163,11 +164,11 @@ def steering(quick: QuickWalks = False, json: WalksFile = None) -> None:
 
 
 def thrusters(quick: QuickWalks = False, out: Kept = None, json: WalksFile = None) -> None:
-    """Walk Harpy with thrusters that lag.
+    """Walk Harpy with thrusters as they are.
 
-    By up to 0.3 s, and with slow motors, in both engines: the ungoverned and the paper's controller, the contact-force
-    filter, the condensed controller and the whole-body QP, and these two where they know the lag. This takes many
-    minutes.
+    Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, or one of them fails; also with slow motors, and
+    in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed controller and
+    the whole-body QP, and these two where they know the lags. This takes many minutes.
     """
     _study(ThrusterSettings, quick, partial(walk_with_lag, path=out), thruster_tables, json)
 

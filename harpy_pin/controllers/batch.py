@@ -136,8 +136,9 @@ class CondensedBatch(KeepsViews):
         if self.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
             raise InputError(f"dtype must be float64 or float32, got {self.dtype}", name="dtype", value=dtype)
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
-        if p.govern_command or p.estimate_friction or p.estimate_joint_friction or p.thrust_lag:
-            message = "a batch governs no command, estimates no friction and knows no thrust_lag"
+        lags = p.thrust_lag or p.thrust_turning_lag
+        if p.govern_command or p.estimate_friction or p.estimate_joint_friction or lags:
+            message = "a batch governs no command, estimates no friction and knows no lag of thrusts"
             raise InputError(message, name="parameters", value=p)
         gait = _standing(robot)
         tasks = Tasks(gait, p, condensed=condensed_record(robot, p.weights, p.limits))

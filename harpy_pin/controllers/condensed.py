@@ -58,7 +58,7 @@ class CondensedController(GaitController):
         self._status = field(self.solver.record, "status_and_systems")
         self._clipped = field(self.solver.record, "clipped")
         self._reference = np.zeros(6)
-        self._lag = thrust_lag_record(self.robot, p.limits, lag=p.thrust_lag, period=p.period)
+        self._lag = thrust_lag_record(self.robot, p)
         self._command = make_command(self.dynamics, self.solver.inputs, apart=self._lag is not None)
         self.command = (self._command.torque, self._command.thrust)
         given = (self.tasks.record, self.target.record, *self.tasks.samples, self._gap, self._command.thrust)

@@ -149,6 +149,7 @@ class WholeBodyParameters:
             (:mod:`harpy_pin.controllers.joint_friction`).
         thrust_lag: time constant with which thrusts follow their commands, s: the program has them as they
             are in each tick, and legs make up for the rest (:mod:`harpy_pin.controllers.thrust_lag`).
+        thrust_turning_lag: time constant with which their directions follow, s.
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -172,6 +173,7 @@ class WholeBodyParameters:
     friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
     estimate_joint_friction: bool = False
     thrust_lag: float = 0.0
+    thrust_turning_lag: float = 0.0
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 
@@ -182,7 +184,8 @@ class WholeBodyParameters:
                 checks.number(f"gains of {name}", gain, high=MAX_GAIN)
         checks.number("contact_damping", self.contact_damping, low=0.0, high=MAX_GAIN)
         checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MAX_HELD)
-        checks.keep(self, thrust_lag=checks.number("thrust_lag", self.thrust_lag, low=0.0, high=MAX_LAG))
+        for name in ("thrust_lag", "thrust_turning_lag"):
+            checks.keep(self, **{name: checks.number(name, getattr(self, name), low=0.0, high=MAX_LAG)})
         checks.numbers(self, "min_normal_force", "contact_threshold", low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)

@@ -1,12 +1,21 @@
-"""Thrusts that follow their commands by a lag, and legs that make up for it.
+"""Thrusts that follow their commands by a lag: commands that lead, and legs that make up for the rest.
 
-With the magnitude's time constant T, a thrust of ℓ under the constant command c has, in the mean of a tick h,
+With the magnitude's time constant T, a thrust of ℓ under the constant command c has after a tick h, and in its mean,
 
-    u = c + m (ℓ − c),    m = (1 − e^(−h/T)) T / h.
+    ℓ' = c + ρ (ℓ − c),    ρ = e^(−h/T);        u = c + m (ℓ − c),    m = (1 − ρ) T / h.
 
-A controller first solves its program as if thrusts were there at once: these are the commands. Then it solves it once
-more with the thrusts fixed at the u that follows, so that the legs do what the thrusts do not do yet. The thrust ℓ is
-not measured: it is what the commands so far make of it.
+A controller solves its program twice:
+
+1. With thrusts free. Commands lead: as far as limits allow, thrusts follow the program's by the lag T_f = 10 ms in
+   place of T, c = ℓ + (1 − ρ_f)/(1 − ρ) (|u| − ℓ) with ρ_f = e^(−h/T_f). Noise is commanded some T/T_f times as large.
+   The cost of a thrust is w ((1 − s) |u|² + s |u − ρ ℓ d|²): the first part is its price, the second that of its change
+   from what is there without a command, in the last direction d. Up to a constant this is w |u − s ρ ℓ d|², so the
+   program has the thrusts beyond s ρ ℓ d as variables. Without the second part a thrust that is needed no more, and is
+   still there, points somewhere else in each tick.
+2. With the thrusts fixed at the u that follows from the commands, so that the legs do what the thrusts do not do yet.
+
+Where directions lag, too, their commands lead likewise: they are farther on the great circle to where they should be.
+Neither thrust nor direction is measured: they are what the commands so far make of them.
 """
 
 from __future__ import annotations
@@ -17,10 +26,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.weights import WholeBodyLimits, thrust_box
+from harpy_pin.simulation.thrusters import turn
+from harpy_pin.wbc.weights import thrust_box
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
@@ -29,6 +40,14 @@ __all__: list[str] = []
 
 SMALL = 1e-9
 """Thrust without a direction, N."""
+LEAST = 1e-6
+"""Least magnitude of a command, which keeps its direction, N."""
+FOLLOWED = 0.01
+"""T_f, s: lag that leading commands leave."""
+FARTHEST = 2.5
+"""Largest angle between a thrust's direction and that of its command, rad: near π rounding chooses the great circle."""
+CHANGE_SHARE = 0.8
+"""s: share of a thrust's weight that is on its change."""
 
 
 class ThrustLagRecord(RecordOf):
@@ -37,48 +56,64 @@ class ThrustLagRecord(RecordOf):
     Attributes:
         remaining: share of the distance to the command that a tick leaves.
         mean_share: m, that share in the mean of the tick.
+        lead: (1 − ρ_f)/(1 − ρ); 1 where the lag is shorter than T_f.
+        turn_lead: likewise of directions.
+        most: largest magnitude of a thruster, N.
         least: (thrust variables,) of a program without lag, N.
         largest: (thrust variables,) likewise.
         goal: (thrusters,) of the last command: a magnitude, of a rotor its thrust, N.
         level: (thrusters,) at the beginning of the tick, N.
-        direction: (thrusters, 3) of the last command, world axes; not of rotors.
+        turn_remaining: share of the angle to the command's direction that a tick leaves.
+        direction: (thrusters, 3) at the end of the last tick, body axes; not of rotors.
+        kept: (thrust variables,) s ρ ℓ d, what the program's variables are counted from, N.
         present: (thrust variables,) in the mean of the tick, N.
         settled: 0 before the first command.
     """
 
     remaining: float
     mean_share: float
+    lead: float
+    turn_lead: float
+    most: float
+    turn_remaining: float
     least: Vector
     largest: Vector
     goal: Vector = sized("thrusters")
     level: Vector = sized("thrusters")
     direction: Vector = sized("thrusters", 3)
+    kept: Vector = sized("thrusts")
     present: Vector = sized("thrusts")
     settled: int = ZERO
 
 
-def thrust_lag_record(
-    robot: Robot, limits: WholeBodyLimits, *, lag: float, period: float
-) -> Records[ThrustLagRecord] | None:
+def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[ThrustLagRecord] | None:
     """What is known of a robot's thrusts; None where they have no lag.
 
     Args:
         robot: who has them.
-        limits: of the program.
-        lag: T, s.
-        period: h, s.
+        parameters: of its controller.
     """
-    if lag == 0.0 or not robot.n_thrust:
+    lag, turning, period = parameters.thrust_lag, parameters.thrust_turning_lag, parameters.period
+    if lag == turning == 0.0 or not robot.n_thrust:
         return None
-    least, largest = thrust_box(robot, limits)
+    least, largest = thrust_box(robot, parameters.limits)
     return make_record(
         ThrustLagRecord,
         robot.sizes | {"thrusters": len(robot.thrusters)},
-        remaining=math.exp(-period / lag),
-        mean_share=-math.expm1(-period / lag) * lag / period,
+        remaining=math.exp(-period / lag) if lag > 0.0 else 0.0,
+        mean_share=-math.expm1(-period / lag) * lag / period if lag > 0.0 else 0.0,
+        lead=_lead(lag, period),
+        turn_lead=_lead(turning, period),
+        turn_remaining=math.exp(-period / turning) if turning > 0.0 else 0.0,
+        most=robot.thrust_limit,
         least=least,
         largest=largest,
     )
+
+
+def _lead(lag: float, period: float) -> float:
+    """By how much commands go beyond what is wanted."""
+    return math.expm1(-period / FOLLOWED) / math.expm1(-period / lag) if lag > FOLLOWED else 1.0
 
 
 @kernel
@@ -89,42 +124,121 @@ def advance_thrusts(r: ThrustLagRecord) -> None:
 
 
 @kernel
-def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, command: Vector) -> None:
-    """Command the thrusts of a program without lag, and find those of this tick, ``present``.
+def keep_thrusts(r: ThrustLagRecord, rotation: Vector) -> None:
+    """What is kept of the thrusts.
 
     Args:
         r: element of the record.
-        d: of the robot's dynamics.
-        variables: (thrust variables, or more) N.
-        command: (thrusters, 3) out: world axes, N.
+        rotation: (3, 3) of the body, to world axes.
     """
     count = r.goal.shape[0]
     free = (r.least.shape[0] - count) // 2  # three variables of each, one of each rotor
     for k in range(count):
-        c = 3 * k if k < free else 2 * free + k
-        goal = variables[c]
-        if k < free:
-            goal = np.sqrt(goal * goal + variables[c + 1] ** 2 + variables[c + 2] ** 2)
-        if r.settled == 0:
-            r.level[k] = goal
-        r.goal[k] = goal
-        now = goal + r.mean_share * (r.level[k] - goal)
+        keep = CHANGE_SHARE * r.remaining * r.level[k] if r.settled else 0.0
         if k >= free:
-            r.present[c] = now
+            r.kept[2 * free + k] = keep
+            continue
         for i in range(3):
-            if k >= free:
-                command[k, i] = goal * d.rotor_axis[k - free, i]
-                continue
-            command[k, i] = variables[c + i]
-            if goal > SMALL:
-                r.direction[k, i] = variables[c + i] / goal
-            r.present[c + i] = now * r.direction[k, i]
+            s = 0.0
+            for j in range(3):
+                s += rotation[i, j] * r.direction[k, j]
+            r.kept[3 * k + i] = keep * s
+
+
+@kernel
+def count_from_kept(r: ThrustLagRecord, d: DynamicsRecord, sign: float) -> None:
+    """Make the thrusts beyond those kept the variables of the programs, by an external force; or undo it.
+
+    Args:
+        r: element of the record.
+        d: of the robot's dynamics, whose bias changes.
+        sign: 1, or −1 to undo it.
+    """
+    for i in range(d.bias.shape[0]):
+        for c in range(r.kept.shape[0]):
+            d.bias[i] -= sign * d.thruster_jacobian[c, i] * r.kept[c]
+
+
+@kernel
+def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, command: Vector) -> None:
+    """Command the thrusts of a program, and find those of this tick, ``present``.
+
+    Args:
+        r: element of the record.
+        d: of the robot's dynamics.
+        variables: (thrust variables, or more) of the program, N.
+        command: (thrusters, 3) out: world axes, N.
+    """
+    count = r.goal.shape[0]
+    free = (r.least.shape[0] - count) // 2
+    for k in range(count):
+        if k >= free:
+            c = 2 * free + k
+            r.goal[k] = _leading(r, k, variables[c] + r.kept[c], r.least[c], r.largest[c])
+            r.present[c] = r.goal[k] + r.mean_share * (r.level[k] - r.goal[k])
+            for i in range(3):
+                command[k, i] = r.goal[k] * d.rotor_axis[k - free, i]
+            continue
+        for i in range(3):
+            command[k, i] = variables[3 * k + i] + r.kept[3 * k + i]
+        size = np.sqrt(command[k, 0] ** 2 + command[k, 1] ** 2 + command[k, 2] ** 2)
+        r.goal[k] = _leading(r, k, size, LEAST, r.most)
+        now = r.goal[k] + r.mean_share * (r.level[k] - r.goal[k])
+        _lead_direction(r, k, d.tree.rotation, size, command[k])
+        for i in range(3):
+            s = 0.0
+            for j in range(3):
+                s += d.tree.rotation[i, j] * r.direction[k, j]
+            r.present[3 * k + i] = now * s
+            command[k, i] *= r.goal[k]
     r.settled = 1
 
 
 @kernel
+def _leading(r: ThrustLagRecord, k: int, wanted: float, least: float, most: float) -> float:
+    """Command of a thruster, within limits, by which its thrust follows the wanted one."""
+    if r.settled == 0:
+        r.level[k] = wanted
+    goal: float = min(max(r.level[k] + r.lead * (wanted - r.level[k]), least), most)
+    return goal
+
+
+@kernel
+def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, command: Vector) -> None:
+    """Make a command (3,) the direction, of length one, by which the thrust's follows its own.
+
+    It is on the great circle through both, at most :data:`FARTHEST` from the thrust's.
+    """
+    old = np.empty(3)
+    for i in range(3):
+        old[i] = 0.0
+        for j in range(3):
+            old[i] += rotation[i, j] * r.direction[k, j]
+    if size <= SMALL:
+        command[:] = old
+        return
+    cosine = 0.0
+    for i in range(3):
+        command[i] /= size
+        cosine += command[i] * old[i]
+    cosine = min(max(cosine, -1.0), 1.0)
+    angle = np.arccos(cosine)
+    sine = np.sin(angle)
+    if r.turn_remaining > 0.0 and r.settled and sine > 1e-6:
+        ahead = min(angle * r.turn_lead, FARTHEST)
+        for i in range(3):
+            command[i] = (np.sin(angle - ahead) * old[i] + np.sin(ahead) * command[i]) / sine
+        turn(r.direction[k], rotation, command, 1.0, r.turn_remaining)
+        length = np.sqrt(r.direction[k, 0] ** 2 + r.direction[k, 1] ** 2 + r.direction[k, 2] ** 2)
+        for i in range(3):
+            r.direction[k, i] /= length
+    else:
+        turn(r.direction[k], rotation, command, 1.0, 0.0)
+
+
+@kernel
 def bound_thrusts(r: ThrustLagRecord, fixed: bool, lower: Vector, upper: Vector) -> None:
-    """Bounds of a program: as if there were no lag, or the thrusts of this tick.
+    """Bounds of a program: those of free thrusts, or the thrusts of this tick.
 
     Args:
         r: element of the record.
@@ -133,5 +247,17 @@ def bound_thrusts(r: ThrustLagRecord, fixed: bool, lower: Vector, upper: Vector)
         upper: likewise.
     """
     for c in range(r.present.shape[0]):
-        lower[c] = r.present[c] if fixed else r.least[c]
-        upper[c] = r.present[c] if fixed else r.largest[c]
+        lower[c] = (r.present[c] if fixed else r.least[c]) - r.kept[c]
+        upper[c] = (r.present[c] if fixed else r.largest[c]) - r.kept[c]
+
+
+@kernel
+def add_kept(r: ThrustLagRecord, variables: Vector) -> None:
+    """Make thrusts of a program's variables.
+
+    Args:
+        r: element of the record.
+        variables: (thrust variables, or more) N.
+    """
+    for c in range(r.kept.shape[0]):
+        variables[c] += r.kept[c]

@@ -19,9 +19,12 @@ from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, governed_gait
 from harpy_pin.controllers.thrust_lag import (
     ThrustLagRecord,
+    add_kept,
     advance_thrusts,
     bound_thrusts,
     command_thrusts,
+    count_from_kept,
+    keep_thrusts,
     thrust_lag_record,
 )
 from harpy_pin.controllers.whole_body_tick import AT_A_LIMIT, TICKS
@@ -105,7 +108,7 @@ class WholeBodyController(GaitController):
         self._reference = np.zeros(6)
         self._inputs = np.zeros(self.problem.n_thrust + self.problem.joints)
         self._wanted = self._inputs.copy()
-        self._lag = thrust_lag_record(self.robot, p.limits, lag=p.thrust_lag, period=p.period)
+        self._lag = thrust_lag_record(self.robot, p)
         self._command = make_command(self.dynamics, self._inputs, apart=self._lag is not None)
         self._rotors = bool(self.robot.rotors)
         self._held_for = 0
@@ -233,6 +236,8 @@ class WholeBodyController(GaitController):
             self.build(state)
             self.solve() if gave_way else self._solve_as_it_is()
             command = self.finish(state)
+            if self._lag is not None and self._verdict == GOOD:
+                count_from_kept(self._lag, self.dynamics.record, -1.0)
         if self.parameters.estimate_joint_friction:
             self.tasks.record["joint_friction"]["inputs"] = self._inputs
         return command
@@ -245,6 +250,9 @@ class WholeBodyController(GaitController):
         """
         bounds, solver = self.problem.thrust_bounds, self._solver
         advance_thrusts(lag)
+        if self._verdict == GOOD:
+            keep_thrusts(lag, self.dynamics.rotation)
+            count_from_kept(lag, self.dynamics.record, 1.0)
         if isinstance(solver, WarmStartedActiveSet):
             solver.swap_active(self._other_active)
         for bound in bounds:
@@ -412,6 +420,8 @@ class WholeBodyController(GaitController):
         if self.solution.usable:
             self._held_for = 0
             self.problem.inputs(self.solution.z, self._inputs)
+            if self._lag is not None:
+                add_kept(self._lag, self._inputs)
             if self._rotors and self._lag is None:
                 fill_thrusts(self.dynamics, self._inputs, command)
             if self.added is not None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
+from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
 from harpy_pin.export import steps
@@ -100,7 +101,7 @@ def exportable(controller: object) -> Exportable:
 
 def _condensed(controller: CondensedController) -> Exportable:
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
-    _refuse(controller.parameters.thrust_lag > 0.0, "a thrust_lag")
+    _refuse_lags(controller.parameters)
     controller.reset()
     record = make_record(CondensedTickRecord, **_parts(controller.tasks.record), **_common(controller.robot))
     for part in ("inputs", "last_inputs"):
@@ -110,10 +111,15 @@ def _condensed(controller: CondensedController) -> Exportable:
     )
 
 
+def _refuse_lags(p: WholeBodyParameters) -> None:
+    _refuse(p.thrust_lag > 0.0, "a thrust_lag")
+    _refuse(p.thrust_turning_lag > 0.0, "a thrust_turning_lag")
+
+
 def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
     _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
-    _refuse(controller.parameters.thrust_lag > 0.0, "a thrust_lag")
+    _refuse_lags(controller.parameters)
     _refuse(controller.added is not None, "a program with added tasks")
     _refuse(p.formulation not in steps.QP_STEPS, f"the formulation '{p.formulation}'")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)

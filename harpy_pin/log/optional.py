@@ -26,6 +26,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "command": (3,),
     "applied_velocity": (3,),
     "held_back": (),
+    "battery_energy": (7,),
 }
 """Of one row; of the reference x_r, the least."""
 MAX_COUNT = 1e15

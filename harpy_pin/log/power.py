@@ -103,8 +103,9 @@ class Motors:
 
 
 PRESETS = {"fan": Propulsion(thrust=18.0, power=1000.0), "propeller": Propulsion(thrust=6.2, power=111.0)}
-"""``fan``: an electric ducted fan of some 18 N from 1 kW. ``propeller``: one of the four of LEO (Kim et al., *A bipedal
-walking robot that can fly, slackline, and skateboard*, Science Robotics 6, 2021), which take 445 W to carry 2.58 kg."""
+"""``fan``: an electric ducted fan of some 18 N from 1 kW, an order of magnitude without a paper. ``propeller``: one of
+the four of LEO (Kim et al., *A bipedal walking robot that can fly, slackline, and skateboard*, Science Robotics 6,
+2021), which take 445 W to carry 2.58 kg."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +131,16 @@ class Power:
     period: float
     weight: float
     path: float
+
+    @property
+    def watts(self) -> float:
+        """Mean power of the battery, W."""
+        return float(self.battery.mean())
+
+    @property
+    def thrust_watts(self) -> float:
+        """The part of it that the thrusters take, W."""
+        return float((self.thrust_shaft + self.thrust_heat).mean())
 
     @property
     def energy(self) -> float:
@@ -162,7 +173,7 @@ def power(run: Run, *, motors: Motors, propulsion: Propulsion | None = None) -> 
         electrical = propulsion.electrical(thrust).sum(axis=1)
         shaft = propulsion.efficiency * electrical
     torque = run["torque"]
-    mechanical = torque * run["v"][:, -torque.shape[1] :]
+    mechanical = torque * run["v"][:, run["v"].shape[1] - torque.shape[1] :]
     lost = (1.0 - motors.recovered) * np.maximum(-mechanical, 0.0)
     heat = ((torque / motors.constant) ** 2 + lost).sum(axis=1)
     place = run["q"][:, :2]

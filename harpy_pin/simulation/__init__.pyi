@@ -1,6 +1,7 @@
 """What ``harpy_pin.simulation`` offers; :mod:`lazy_loader` reads this file."""
 
 from .actuators import Actuators
+from .battery import Battery
 from .controller import Controller
 from .ground import Ground, friction_force, normal_force
 from .implicit_contact import contact_step
@@ -15,6 +16,7 @@ from .thrusters import Thrusters
 __all__ = [
     "GRAVITY",
     "Actuators",
+    "Battery",
     "Controller",
     "Ground",
     "HeightField",

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.battery import Battery, read_part
 from harpy_pin.simulation.thrusters import Thrusters
 
 __all__ = ["Actuators"]
@@ -37,6 +37,10 @@ class Actuators:
         viscous_friction: of every joint, N·m·s/rad, besides the model's damping.
         coulomb_friction: of every joint, N·m: a joint at rest stays at rest under smaller torques.
         thrusters: lag and limits of the thrusts, also as a mapping.
+        no_load_speed: at which a motor under full voltage has no torque left, at the joint, rad/s: the torque is at
+            most stall (1 − ω/ω₀) along the speed ω, and stall (1 + ω/ω₀) against it. None: torques know no speed.
+        stall_share: torque of a motor at rest under full voltage, as a share of the model's peak torque. None: 1.
+        battery: behind thrusters and motors, also as a mapping; the thrusters' ``largest`` is then that at full charge.
     """
 
     bandwidth: float | None = None
@@ -44,11 +48,21 @@ class Actuators:
     viscous_friction: float = 0.0
     coulomb_friction: float = 0.0
     thrusters: Thrusters = field(default_factory=Thrusters)
+    no_load_speed: float | None = None
+    stall_share: float | None = None
+    battery: Battery | None = None
 
     def __post_init__(self) -> None:
-        checks.keep(self, thrusters=_read_thrusters(self.thrusters))
+        checks.keep(self, thrusters=read_part("actuators' thrusters", self.thrusters, Thrusters))
+        if self.battery is not None:
+            checks.keep(self, battery=read_part("actuators' battery", self.battery, Battery))
+            if self.thrusters.largest is None:
+                message = "a battery needs the thrusters' largest: the thrust at full charge"
+                raise InputError(message, name="battery", value=self.battery)
+        if self.stall_share is not None and self.no_load_speed is None:
+            raise InputError("a stall_share needs a no_load_speed", name="stall_share", value=self.stall_share)
         for entry in fields(self):
-            if entry.name == "thrusters":
+            if entry.name in ("thrusters", "battery"):
                 continue
             value = getattr(self, entry.name)
             if value is not None or entry.default is not None:
@@ -76,25 +90,14 @@ class Actuators:
         return replace(robot, model=model)
 
 
-def _read_thrusters(value: Any) -> Thrusters:
-    """Thrusters from themselves, or from a mapping of their attributes.
-
-    Raises:
-        InputError: unknown names, or values out of their domains.
-    """
-    if not isinstance(value, Mapping):
-        return checks.instance("actuators' thrusters", value, Thrusters)
-    for name in value:
-        checks.one_of("setting of thrusters", name, [entry.name for entry in fields(Thrusters)])
-    return Thrusters(**value)
-
-
 class MotorsRecord(RecordOf):
     """The motors.
 
     Attributes:
         rate: 1 / time constant, 1/s; infinite without lag.
         limit: (joints,) largest torque, N·m.
+        stall: (joints,) torque at rest under full voltage, N·m.
+        no_load_speed: rad/s; infinite where torques know no speed.
         torque: (joints,) at the end of the last step, N·m.
         mean_torque: (joints,) over the last step, N·m.
         settled: 0 before the first command.
@@ -102,6 +105,8 @@ class MotorsRecord(RecordOf):
 
     rate: float
     limit: Vector
+    stall: Vector
+    no_load_speed: float
     torque: Vector = sized("joints")
     mean_torque: Vector = sized("joints")
     settled: int = ZERO
@@ -120,22 +125,28 @@ def motors_record(actuators: Actuators, peak: Vector) -> Records[MotorsRecord]:
         {"joints": joints},
         rate=math.inf if bandwidth is None else 2.0 * math.pi * bandwidth,
         limit=np.full(joints, math.inf) if share is None else share * peak,
+        stall=peak * (1.0 if actuators.stall_share is None else actuators.stall_share),
+        no_load_speed=math.inf if actuators.no_load_speed is None else actuators.no_load_speed,
     )
 
 
 @kernel
-def drive_motors(m: MotorsRecord, command: Vector, dt: float) -> None:
+def drive_motors(m: MotorsRecord, command: Vector, v: Vector, dt: float) -> None:
     """Torques of a step under a constant command: the exact mean of the lag over the step, into ``mean_torque``.
 
     Args:
         m: element of the record.
         command: (joints,) N·m.
+        v: (6 + joints,) generalised velocity.
         dt: step, s.
     """
     x = m.rate * dt
     remaining = np.exp(-x)
     for j in range(command.shape[0]):
         goal = min(max(command[j], -m.limit[j]), m.limit[j])
+        if m.no_load_speed < np.inf:
+            share = v[6 + j] / m.no_load_speed
+            goal = min(max(goal, -m.stall[j] * (1.0 + share)), m.stall[j] * (1.0 - share))
         if m.settled == 0 or x == np.inf:
             m.torque[j] = m.mean_torque[j] = goal
         else:

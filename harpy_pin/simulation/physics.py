@@ -12,6 +12,7 @@ from harpy_pin.model.integrate import integrate
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import drive_motors
+from harpy_pin.simulation.battery import draw, share_of_thrust
 from harpy_pin.simulation.step import MAX_SWEEPS, StepRecord, implicit_step
 from harpy_pin.simulation.thrusters import drive_thrusters
 
@@ -51,8 +52,11 @@ def physics_steps(
         for i in range(3):
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
-        drive_motors(s.motors, torque, s.dt)
+        drive_motors(s.motors, torque, v, s.dt)
         drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
+        if s.battery.on:
+            draw(s.battery, s.motors, s.thrusters, v, s.dt)
+            s.thrusters.available = share_of_thrust(s.battery)
         sweeps = implicit_step(d, ground, s, v, s.motors.mean_torque, s.thrusters.mean_thrust)
         s.counts[0] = max(s.counts[0], sweeps)
         s.counts[1] += sweeps > MAX_SWEEPS

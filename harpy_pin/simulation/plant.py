@@ -91,6 +91,7 @@ class Plant(KeepsViews, ABC):
         self.t = 0.0
         self._lagging: Vector | None = None  # thrust variables of the last step, where thrusts are not the commands
         self._applied = np.zeros(self._shapes[1])
+        self._battery: Record | None = None
         self._prepare()
         self.dynamics.update(self.q, self.v)
         self._placed = False
@@ -246,7 +247,10 @@ class Plant(KeepsViews, ABC):
         elapsed: int,
         telemetry: Callable[[], Mapping[str, ArrayLike]] | None = None,
     ) -> None:
-        """Append one tick to a log; of thrusters that lag with the thrusts of the last step, ``applied_thrust``.
+        """Append one tick to a log.
+
+        Of thrusters that lag it has the thrusts of the last step, ``applied_thrust``; of a battery ``battery_charge``,
+        ``battery_voltage`` and ``battery_energy`` (:mod:`harpy_pin.simulation.battery`).
 
         Args:
             recorder: of the log.
@@ -275,6 +279,8 @@ class Plant(KeepsViews, ABC):
         if self._lagging is not None:
             write_thrusts(self.dynamics.record, self._lagging, self._applied)
             row["applied_thrust"] = self._applied
+        if self._battery is not None:
+            row |= {f"battery_{name}": self._battery[name][0] for name in ("charge", "voltage", "energy")}
         if telemetry is not None:
             signals = telemetry()
             if len(recorder) == 0 and row.keys() & signals.keys():

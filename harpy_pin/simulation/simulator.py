@@ -20,11 +20,13 @@ from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command
 from harpy_pin.simulation.actuators import Actuators
+from harpy_pin.simulation.battery import reset_battery
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.step import step_record
+from harpy_pin.simulation.thrusters import settle_thrusters
 from harpy_pin.simulation.ticks import CompiledLoop, CompiledTick, fits
 
 __all__ = ["GRAVITY", "Simulator"]
@@ -79,6 +81,8 @@ class Simulator(Plant):
         super().__init__(robot, ground, self.step_record, dt=dt, gravity=gravity)
         if actuators.thrusters:
             self._lagging = field(self.step_record["thrusters"], "mean_thrust")
+        if actuators.battery is not None:
+            self._battery = self.step_record["battery"]
 
     def _prepare(self) -> None:
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
@@ -89,7 +93,9 @@ class Simulator(Plant):
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.reset`; motors and thrusters settle at the next command."""
         super().reset(q, v, t=t)
-        self.step_record["motors"]["settled"] = self.step_record["thrusters"]["settled"] = 0
+        self.step_record["motors"]["settled"] = 0
+        settle_thrusters(self.step_record["thrusters"], self.actuators.thrusters, self.dt)
+        reset_battery(self.step_record["battery"], self.actuators.battery)
         self.step_record["joints"]["torque"] = 0.0
 
     @checked

@@ -20,6 +20,7 @@ from harpy_pin.model.dynamics import EquationsRecord
 from harpy_pin.model.record import Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
+from harpy_pin.simulation.battery import BatteryRecord, battery_record
 from harpy_pin.simulation.ground import GroundRecord, local_friction
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
@@ -64,6 +65,7 @@ class StepRecord(ContactRecord):
     joints: JointFrictionRecord
     motors: MotorsRecord
     thrusters: ThrustersRecord
+    battery: BatteryRecord
 
 
 def step_record(
@@ -96,6 +98,7 @@ def step_record(
         joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
         motors=motors_record(own, np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
         thrusters=thrusters_record(own.thrusters, count=thrusters, variables=thrusts, dt=float(dt)),
+        battery=battery_record(own.battery),
     )
 
 

@@ -8,14 +8,16 @@ direction, so only its thrust lags.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
+from harpy_pin.errors import InputError, shown
+from harpy_pin.model.record import ZERO, Record, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
 __all__ = ["Thrusters"]
@@ -24,6 +26,11 @@ MAX_LAG = 1e3
 """s."""
 MAX_THRUST = 1e6
 """N, and N/s."""
+LAGS = {"propeller": 0.025, "jet": 0.3, "fan": None}
+"""Of presets, s. ``propeller``: a rotor that slows down, in RotorS (Furrer et al., *RotorS – a modular Gazebo MAV
+simulator framework*, 2016); one that speeds up has half of it. ``jet``: an assumed order of magnitude. The published
+model of small turbojets is nonlinear, of second order (L'Erario et al., *Modeling, identification and control of model
+jet engines for jet powered robotics*, IEEE RA-L 5(2), 2020)."""
 SMALL = 1e-9
 """Thrust below which a command has no direction, N."""
 
@@ -43,6 +50,8 @@ class Thrusters:
         largest: N; None: any.
         turning_lag: time constant of the angle between the thrust's and the command's direction, s. 0: the thrust has
             the command's direction.
+        failing: (index of a thruster, time since the reset in s, share of its thrust that is left from then on); None:
+            none fails.
 
     Raises:
         InputError: a value out of its domain.
@@ -54,6 +63,7 @@ class Thrusters:
     least: float = 0.0
     largest: float | None = None
     turning_lag: float = 0.0
+    failing: tuple[int, float, float] | None = None
 
     def __post_init__(self) -> None:
         values = {
@@ -69,10 +79,47 @@ class Thrusters:
             least = values["least"]
             values["largest"] = checks.number("thrusters' largest", self.largest, low=least, high=MAX_THRUST)
         checks.keep(self, **values)
+        if self.failing is not None:
+            checks.keep(self, failing=_read_failing(self.failing))
 
     def __bool__(self) -> bool:
         """Whether there is anything that the model does not say."""
         return self != Thrusters()
+
+    @classmethod
+    def preset(cls, name: str, **changes: Any) -> Thrusters:
+        """Thrusters of a kind, with lags of ``docs/thrusters.md``.
+
+        Args:
+            name: ``propeller``, ``jet``, or ``fan``, which needs a ``lag``: none of an electric ducted fan is public.
+            changes: attributes that are otherwise.
+
+        Raises:
+            InputError: another name, a fan without a lag, or a value out of its domain.
+        """
+        checks.one_of("preset", name, LAGS)
+        lag = LAGS[name]
+        for key in changes:
+            checks.one_of("setting of thrusters", key, [entry.name for entry in fields(cls)])
+        if lag is None and "lag" not in changes:
+            raise InputError("no lag of an electric ducted fan is public: give one, lag=...", name="lag", value=None)
+        return cls(**({"lag": lag} | changes))
+
+
+def _read_failing(value: Any) -> tuple[int, float, float]:
+    """Index, time and share of what fails.
+
+    Raises:
+        InputError: not three values, or one out of its domain.
+    """
+    try:
+        index, time, share = value
+    except (TypeError, ValueError):
+        message = f"thrusters' failing must be (index, time, share), got {shown(value)}"
+        raise InputError(message, name="failing", value=value) from None
+    index = checks.whole("thrusters' failing index", index)
+    time = checks.number("thrusters' failing time", time, low=0.0)
+    return index, time, checks.number("thrusters' failing share", share, low=0.0, high=1.0)
 
 
 class ThrustersRecord(RecordOf):
@@ -80,6 +127,10 @@ class ThrustersRecord(RecordOf):
 
     Attributes:
         ideal: whether the thrust is the command.
+        available: share of the largest magnitude that the battery gives.
+        failing: index of the thruster that fails; −1 where none does.
+        remaining_steps: until then.
+        left: share of its thrust that is left.
         slew: largest change of a goal in a step, N.
         least, largest: of the magnitudes, N.
         remaining: share of the angle to the command's direction that a step leaves.
@@ -93,6 +144,10 @@ class ThrustersRecord(RecordOf):
     """
 
     ideal: int
+    available: float
+    failing: int
+    remaining_steps: float
+    left: float
     slew: float
     least: float
     largest: float
@@ -121,6 +176,10 @@ def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: fl
         ThrustersRecord,
         {"thrusters": count, "thrusts": variables},
         ideal=np.int64(not p),
+        available=1.0,
+        failing=np.int64(-1 if p.failing is None else p.failing[0]),
+        remaining_steps=math.inf,
+        left=1.0 if p.failing is None else p.failing[2],
         slew=math.inf if p.rate is None else p.rate * dt,
         least=p.least,
         largest=math.inf if p.largest is None else p.largest,
@@ -129,7 +188,23 @@ def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: fl
         mean_away=mean,
     )
     record["direction"][0, :, 2] = 1.0
+    if p.failing is not None:
+        checks.whole("index of the thruster that fails", p.failing[0], high=max(count - 1, 0))
+    settle_thrusters(record, p, dt)
     return record
+
+
+def settle_thrusters(record: Record, thrusters: Thrusters, dt: float) -> None:
+    """Make them as at the start: thrusts settle at the next command.
+
+    Args:
+        record: of them.
+        thrusters: what they are.
+        dt: step, s.
+    """
+    record["settled"] = 0
+    record["available"] = 1.0
+    record["remaining_steps"] = math.inf if thrusters.failing is None else round(thrusters.failing[1] / dt)
 
 
 def _lag(p: Thrusters, dt: float) -> tuple[Vector, Vector]:
@@ -161,12 +236,13 @@ def drive_thrusters(m: ThrustersRecord, rotation: Vector, command: Vector) -> No
         return
     count = m.goal.shape[0]
     free = (command.shape[0] - count) // 2  # three variables of each, one of each rotor
+    largest = m.largest * m.available
     for k in range(free):
         c = command[3 * k : 3 * k + 3]
         size = np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
         if size > SMALL:
-            _turn(m.direction[k], rotation, c, size, m.remaining if m.settled else 0.0)
-        level = max(_follow(m, k, min(max(size, m.least), m.largest)), 0.0)
+            turn(m.direction[k], rotation, c, size, m.remaining if m.settled else 0.0)
+        level = max(_follow(m, k, min(max(size, m.least), largest)), 0.0)
         for i in range(3):
             s = 0.0
             for j in range(3):
@@ -174,8 +250,13 @@ def drive_thrusters(m: ThrustersRecord, rotation: Vector, command: Vector) -> No
             m.mean_thrust[3 * k + i] = level * s
     for k in range(free, count):
         goal = command[2 * free + k]
-        m.mean_thrust[2 * free + k] = _follow(m, k, min(max(goal, -m.largest), m.largest))
+        m.mean_thrust[2 * free + k] = _follow(m, k, min(max(goal, -largest), largest))
     m.settled = 1
+    m.remaining_steps -= 1.0
+    if m.remaining_steps < 0.0:
+        first = 3 * m.failing if m.failing < free else 2 * free + m.failing
+        for i in range(first, first + (3 if m.failing < free else 1)):
+            m.mean_thrust[i] *= m.left
 
 
 @kernel
@@ -194,7 +275,7 @@ def _follow(m: ThrustersRecord, k: int, goal: float) -> float:
 
 
 @kernel
-def _turn(direction: Vector, rotation: Vector, command: Vector, size: float, remaining: float) -> None:
+def turn(direction: Vector, rotation: Vector, command: Vector, size: float, remaining: float) -> None:
     """Turn a direction (3,) of body axes towards that of a command in world axes, by a share of their angle."""
     x = rotation[0, 0] * command[0] + rotation[1, 0] * command[1] + rotation[2, 0] * command[2]
     y = rotation[0, 1] * command[0] + rotation[1, 1] * command[1] + rotation[2, 1] * command[2]

@@ -36,7 +36,14 @@ BAD: dict[type, dict[str, tuple[Any, ...]]] = {
     PublicSettings: {"problems": (0,), "repetitions": (0,)},
     RobotsSettings: {"robots": (("harpy",),), "pushes": ((), (0.2, 0.1)), "duration": (0.1,)},
     SteeringSettings: {"walks": (-1,), "pushes": ((-1.0,),)},
-    ThrusterSettings: {"lags": ((-0.1,),), "bandwidths": ((0.0,),), "plants": (("gazebo",),), "starts": (0,)},
+    ThrusterSettings: {
+        "lags": ((-0.1,),),
+        "turning_lags": ((-0.1,),),
+        "failing": ((1.5,),),
+        "bandwidths": ((0.0,),),
+        "plants": (("gazebo",),),
+        "starts": (0,),
+    },
     WalkingSettings: {"robots": (("iris",),), "walks": (-1,), "duration": (1.0,), "course": (0.0,)},
 }
 """By settings and entry, values that each of them refuses."""

@@ -6,15 +6,22 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+from needs import needs_robots
 from random_states import draw
 
 import harpy_pin as hp
+from harpy_pin.controllers.lag_margins import pd_lag_margin
+from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.thrust_lag import advance_thrusts, command_thrusts, keep_thrusts, thrust_lag_record
 from harpy_pin.errors import InputError
+from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.simulation.actuators import Actuators
+from harpy_pin.simulation.mujoco import installed_version
 
 ROBOT = hp.load_harpy()
 GAIT = hp.make_gait(ROBOT)
 LAG, MU = 0.1, 0.25
+NEEDS_MUJOCO = pytest.mark.skipif(installed_version() is None, reason="MuJoCo is not installed")
 
 
 def walk(kind, *, duration=1.5, **parameters):
@@ -25,10 +32,16 @@ def walk(kind, *, duration=1.5, **parameters):
     return controller, plant, plant.run(controller, duration)
 
 
-def test_thrusts_are_those_of_the_plant():
-    """What the controller fixes in its program is the mean of the plant's thrust over the tick."""
-    controller = hp.make_controller("condensed", GAIT, mu=MU, parameters={"thrust_lag": LAG})
-    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=Actuators(thrusters={"lag": LAG}))
+@pytest.mark.parametrize("turning_lag", [0.0, 0.05])
+def test_thrusts_are_those_of_the_plant(turning_lag):
+    """What the controller fixes in its program is the mean of the plant's thrust over the tick.
+
+    Where directions turn, they are those at the end of the tick.
+    """
+    parameters = {"thrust_lag": LAG, "thrust_turning_lag": turning_lag}
+    controller = hp.make_controller("condensed", GAIT, mu=MU, parameters=parameters)
+    actuators = Actuators(thrusters={"lag": LAG, "turning_lag": turning_lag})
+    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=actuators)
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
     for _ in range(300):
         command = controller.step(plant.state)
@@ -36,14 +49,61 @@ def test_thrusts_are_those_of_the_plant():
         for _ in range(2):  # physics steps of a tick
             plant.advance(command)
             means.append(plant.step_record["thrusters"]["mean_thrust"][0].copy())
-        np.testing.assert_allclose(np.mean(means, axis=0), controller.solver.inputs[:6], atol=1e-9)
+        end = plant.step_record["thrusters"]["direction"][0]
+        np.testing.assert_allclose(controller._lag["direction"][0], end, atol=1e-3)  # the body turns in a tick
+        had = np.linalg.norm(np.mean(means, axis=0).reshape(2, 3), axis=1)
+        fixed = np.linalg.norm(controller.solver.inputs[:6].reshape(2, 3), axis=1)
+        np.testing.assert_allclose(had, fixed, rtol=2e-3 if turning_lag else 1e-12, atol=1e-9)
+        if turning_lag == 0.0:
+            np.testing.assert_allclose(np.mean(means, axis=0), controller.solver.inputs[:6], atol=1e-9)
     assert np.abs(command.thrust.ravel() - controller.solver.inputs[:6]).max() > 0.1  # the command is another
 
 
-def test_legs_make_up_for_the_lag():
-    """Feet slip less than where nothing is known of the lag, which is what the legs are for."""
-    slips = [hp.measure(walk("condensed", duration=3.0, thrust_lag=lag)[2]).slip_mm_per_step for lag in (0.0, LAG)]
-    assert slips[1] < 0.3 * slips[0]
+@pytest.mark.parametrize(("lag", "turning_lag"), [(0.1, 0.0), (0.3, 0.0), (0.1, 0.05)])
+@pytest.mark.parametrize("plant", ["compliant", pytest.param("mujoco", marks=NEEDS_MUJOCO)])
+def test_slip_is_within_twice_that_without_lag(plant, lag, turning_lag):
+    def slip(lag, turning_lag, *, known=True):
+        fans = {"lag": lag, "turning_lag": turning_lag}
+        tells = {"thrust_lag": lag, "thrust_turning_lag": turning_lag} if known else {}
+        late = hp.Disturbances(actuators=Actuators(torque_share=1.0, thrusters=fans))
+        scenario = hp.Scenario(
+            controller=hp.Condensed(parameters=tells),
+            plant={"name": plant},
+            ground=hp.Ground(mu_s=MU),
+            disturbances=late,
+            duration=3.0,
+        )
+        return hp.measure(hp.walk(scenario)).slip_mm_per_step
+
+    none = slip(0.0, 0.0)
+    assert slip(lag, turning_lag) < 2.0 * none < slip(lag, turning_lag, known=False)
+
+
+@pytest.mark.parametrize("values", [(3.0, -1.0, 4.0), (0.5, 0.0, 0.2), (0.0, 30.0, 40.0)])
+def test_thrust_follows_the_program_as_if_it_had_a_short_lag(values):
+    """By the exact solution of the lag, where the command has no limit; at a limit as near as it comes."""
+    period, present = 1e-3, 5.0
+    record = thrust_lag_record(ROBOT, WholeBodyParameters(thrust_lag=LAG, period=period))
+    record["level"] = record["goal"] = present
+    record["settled"] = 1
+    advance_thrusts(record)
+    variables, command = np.zeros(6), np.zeros((2, 3))
+    dynamics = Dynamics(ROBOT)
+    dynamics.update(*GAIT.initial_state())
+    rotation = dynamics.rotation
+    record["direction"][0] = np.array(((0.0, 0.0, 1.0), (1.0, 0.0, 0.0))) @ rotation
+    keep_thrusts(record, rotation)
+    variables[:3] = np.array(values) - record["kept"][0, :3]  # of the first thruster
+    variables[3:] = -record["kept"][0, 3:]  # the other one lets go
+    command_thrusts(record, dynamics.record, variables, command)
+    goal, left = np.linalg.norm(command, axis=1), np.exp(-period / LAG)
+    end = goal + left * (present - goal)
+    reach = (left * present, left * present + (1.0 - left) * ROBOT.thrust_limit)
+    followed = np.linalg.norm(values) + np.exp(-period / 0.01) * (present - np.linalg.norm(values))
+    assert end[0] == pytest.approx(np.clip(followed, *reach), rel=1e-6)
+    assert end[1] == pytest.approx(reach[0], rel=1e-6)
+    np.testing.assert_allclose(np.cross(command[0], values), 0.0, atol=1e-9)
+    np.testing.assert_allclose(command[1] / goal[1], (1.0, 0.0, 0.0), atol=1e-12)
 
 
 @pytest.mark.parametrize("formulation", ["input_space", "full"])
@@ -66,21 +126,40 @@ def test_condensed_is_the_quadratic_program(formulation, fuzz):
     assert compared > 100 * fuzz
 
 
-@pytest.mark.parametrize("formulation", ["input_space", "full"])
-def test_condensed_is_the_quadratic_program_on_a_walk(formulation):
+@pytest.mark.parametrize(("formulation", "turning_lag"), [("input_space", 0.0), ("full", 0.0), ("input_space", 0.05)])
+def test_condensed_is_the_quadratic_program_on_a_walk(formulation, turning_lag):
     """Both answer every state of a pushed walk alike; the condensed controller walks."""
-    parameters = {"thrust_lag": LAG, "weights": {"posture": 1e-10}}
+    parameters = {"thrust_lag": LAG, "thrust_turning_lag": turning_lag, "weights": {"posture": 1e-10}}
     law = hp.make_controller("condensed", GAIT, mu=MU, parameters=parameters)
     program = hp.make_controller("wbc", GAIT, mu=MU, parameters=parameters | {"formulation": formulation})
-    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=Actuators(thrusters={"lag": LAG}))
+    thrusters = {"lag": LAG, "turning_lag": turning_lag}
+    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=Actuators(thrusters=thrusters))
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
+    share = -np.expm1(-law.period / LAG)  # of a difference of commands, what the thrusts have at the end of the tick
     for _ in range(1000):
         state = plant.state
         one, other = law.step(state), program.step(state)
-        np.testing.assert_allclose(one.thrust, other.thrust, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(share * one.thrust, share * other.thrust, rtol=0, atol=1e-5)
+        np.testing.assert_allclose(law.solver.inputs[:6], program._inputs[:6], rtol=0, atol=1e-5)
         np.testing.assert_allclose(one.torque, other.torque, rtol=0, atol=2e-5)
         plant.advance(one, [hp.Push(time=0.5, impulse=(1.0, 2.0, 0.0))], steps=2)
     assert program.failures == 0
+
+
+@needs_robots
+@pytest.mark.parametrize("known", [False, True])
+def test_rotorcraft_needs_to_know(known):
+    """With a lag beyond the linear margin it falls, or holds its place where it knows the lag."""
+    lag = 1.05 * pd_lag_margin(*WholeBodyParameters().orientation, period=1e-3)
+    gait = hp.Hovering(hp.load_robot("iris"), shift=(0.3, 0.0, 0.2), shift_period=6.0)
+    scenario = hp.Scenario(
+        controller=hp.Condensed(parameters={"thrust_lag": lag} if known else {}),
+        disturbances=hp.Disturbances(actuators=Actuators(thrusters={"lag": lag})),
+        duration=6.0,
+    )
+    run = hp.walk(scenario, gait=gait)
+    assert run.fell != known
+    assert not known or np.abs(run["q"][:, :3] - run["x_r"][:, :3]).max() < 0.005
 
 
 @pytest.mark.parametrize("kind", ["condensed", "wbc"])

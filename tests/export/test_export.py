@@ -207,7 +207,7 @@ def test_what_is_not_exported_is_refused():
     for name, given, message in (
         ("condensed", {"parameters": {"govern_command": True}}, "a governed gait"),
         ("condensed", {"parameters": {"thrust_lag": 0.1}}, "a thrust_lag"),
-        ("wbc", {"parameters": {"thrust_lag": 0.1}}, "a thrust_lag"),
+        ("wbc", {"parameters": {"thrust_turning_lag": 0.1}}, "a thrust_turning_lag"),
         ("wbc", {"parameters": {"formulation": "full"}}, "formulation 'full'"),
         ("governed", {"parameters": {"legs": "feedforward"}}, "leg control law 'feedforward'"),
         ("governed", {"governor": "cone"}, "governors"),

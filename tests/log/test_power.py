@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError
@@ -33,6 +34,21 @@ def test_hover_needs_what_momentum_theory_says():
     wake = 0.5 * flow * (2.0 * v) ** 2
     fan = Propulsion.of_disk(area=area, figure_of_merit=0.7, efficiency=0.8, density=density)
     assert fan.electrical(np.array([thrust]))[0] == pytest.approx(wake / 0.7 / 0.8, rel=1e-12)
+
+
+@needs_robots
+def test_a_rotorcraft_that_hovers_takes_the_power_of_its_weight():
+    """Four disks that carry the weight: (m g / 4)^(3/2) / √(2 ρ A) each, over figure of merit and efficiency."""
+    robot = hp.load_robot("iris")
+    gait = hp.Hovering(robot)
+    plant = hp.Simulator(robot)
+    plant.reset(*gait.initial_state())
+    run = plant.run(hp.make_controller("condensed", gait, mu=0.5), 4.0)
+    disk = math.pi * 0.12**2
+    fan = Propulsion.of_disk(area=disk, figure_of_merit=0.6, efficiency=0.8)
+    found = power(run, motors=Motors(constant=1.0), propulsion=fan)
+    hover = 4.0 * (robot.mass * 9.81 / 4.0) ** 1.5 / math.sqrt(2.0 * 1.225 * disk) / 0.6 / 0.8
+    assert found.battery[-1] == pytest.approx(hover, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -78,6 +94,8 @@ def test_battery_is_shaft_and_heat(recovered):
     np.testing.assert_allclose(found.battery, fans + positive + copper - recovered * braking, rtol=1e-12)
     parts = found.thrust_shaft + found.thrust_heat + found.joint_mechanical + found.joint_heat
     np.testing.assert_allclose(found.battery, parts, rtol=1e-12)
+    assert found.watts == pytest.approx(found.energy / (len(run) * 1e-3))
+    assert found.thrust_watts == pytest.approx(fans.mean())
     assert found.energy == pytest.approx(found.battery.mean() * len(run) * 1e-3)
     path = np.hypot(*np.diff(run["q"][:, :2], axis=0).T).sum()
     assert found.cost_of_transport == pytest.approx(found.energy / (ROBOT.mass * 9.81 * path))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import harpy_pin as hp
+from harpy_pin.errors import InputError
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
 from harpy_pin.simulation.mujoco import installed_version
 
@@ -35,11 +37,11 @@ def command(torque: float | np.ndarray, joint: int | None = None) -> hp.Command:
 @pytest.mark.parametrize("bandwidth", [20.0, 200.0])
 def test_step_response_of_a_motor(bandwidth):
     motors = motors_record(Actuators(bandwidth=bandwidth), np.full(6, 8.5))
-    drive_motors(motors[0], np.full(6, 1.0), 5e-4)
+    drive_motors(motors[0], np.full(6, 1.0), np.zeros(12), 5e-4)
     assert (motors["torque"] == 1.0).all()  # settled at the first command
     rate, dt = 2.0 * math.pi * bandwidth, 5e-4
     for n in range(200):
-        drive_motors(motors[0], np.full(6, 3.0), dt)
+        drive_motors(motors[0], np.full(6, 3.0), np.zeros(12), dt)
         end = 3.0 - 2.0 * math.exp(-rate * (n + 1) * dt)
         mean = 3.0 + 2.0 / (rate * dt) * (math.exp(-rate * (n + 1) * dt) - math.exp(-rate * n * dt))
         assert motors["torque"][0] == pytest.approx(end, rel=1e-12)
@@ -175,3 +177,37 @@ def test_scenario_has_them_and_walks():
     assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
     run = hp.walk(scenario)
     assert run.ending == "completed"
+
+
+def test_torque_falls_with_speed():
+    """A motor under full voltage: stall torque at rest, none at the no-load speed, and a brake beyond it."""
+    actuators = Actuators(no_load_speed=20.0, stall_share=0.5)
+    v = np.zeros(12)
+    v[6:] = [0.0, 5.0, 20.0, 30.0, -5.0, 5.0]
+    motors = motors_record(actuators, np.full(6, 8.0))
+    drive_motors(motors[0], np.array([9.0, 9.0, 9.0, 9.0, 9.0, -9.0]), v, 5e-4)
+    np.testing.assert_allclose(motors["mean_torque"][0], [4.0, 3.0, 0.0, -2.0, 5.0, -5.0])
+    drive_motors(motors[0], np.full(6, 0.5), v, 5e-4)
+    np.testing.assert_allclose(motors["mean_torque"][0], [0.5, 0.5, 0.0, -2.0, 0.5, 0.5])
+
+
+def test_unloaded_joint_reaches_its_no_load_speed():
+    """In the air, without gravity, under the largest torque: the knee's speed is that at which it has none left."""
+    model = ROBOT.model.copy()
+    model.damping = np.zeros(12)
+    plant = hp.Simulator(
+        replace(ROBOT, model=model), actuators=Actuators(no_load_speed=3.0, stall_share=0.05), gravity=(0.0, 0.0, 0.0)
+    )
+    q = Q.copy()
+    q[2] += 10.0
+    plant.reset(q, np.zeros(12))
+    torque = np.zeros(6)
+    torque[5] = 100.0
+    for _ in range(5):
+        plant.advance(hp.Command(torque, np.zeros((2, 3))), steps=100)
+    assert plant.v[11] == pytest.approx(3.0, rel=0.02)
+
+
+def test_stall_share_needs_a_speed():
+    with pytest.raises(InputError, match="no_load_speed"):
+        Actuators(stall_share=0.5)

@@ -99,6 +99,59 @@ def test_rotors_lag_and_keep_their_signs():
     np.testing.assert_allclose(found, risen * then, rtol=1e-9)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.4])
+def test_a_failing_thruster_loses_its_share(share):
+    """From its time on, and no other; also a rotor."""
+    commands = [(0.0, 0.0, 4.0, 0.0, 3.0, 0.0, 2.0)] * 10
+    for index, mine in ((1, slice(3, 6)), (2, slice(6, 7))):
+        found = responses(Thrusters(failing=(index, 4 * DT, share)), commands, count=3)
+        np.testing.assert_allclose(found[:4], commands[:4], rtol=1e-12)
+        left = np.array(commands[4:])
+        left[:, mine] *= share
+        np.testing.assert_allclose(found[4:], left, rtol=1e-12)
+
+
+@NEEDS_MUJOCO
+def test_a_thruster_fails_alike_in_both_engines():
+    walked = [
+        hp.walk(
+            hp.Scenario(
+                plant={"name": plant},
+                disturbances=hp.Disturbances(actuators=Actuators(thrusters={"failing": (0, 0.5, 0.0)})),
+                duration=1.0,
+            )
+        )
+        for plant in ("compliant", "mujoco")
+    ]
+    for run in walked:
+        had, asked = (np.linalg.norm(run[name][:, 0], axis=1) for name in ("applied_thrust", "thrust"))
+        assert (had[502:] == 0.0).all()
+        assert np.abs(had[1:500] - asked[:499]).max() < 1e-9
+
+
+@pytest.mark.parametrize("value", [(0, 1.0), (-1, 1.0, 0.5), (0, -1.0, 0.5), (0, 1.0, 1.5), "soon"])
+def test_bad_failures_are_refused(value):
+    with pytest.raises(InputError, match="failing"):
+        Thrusters(failing=value)
+
+
+def test_a_thruster_that_is_not_there_cannot_fail():
+    with pytest.raises(InputError, match="fails"):
+        hp.Simulator(ROBOT, actuators=Actuators(thrusters={"failing": (2, 1.0, 0.5)}))
+
+
+def test_presets():
+    assert Thrusters.preset("propeller").lag == 0.025
+    assert Thrusters.preset("jet", lag=0.5, least=1.0) == Thrusters(lag=0.5, least=1.0)
+    assert Thrusters.preset("fan", lag=0.1) == Thrusters(lag=0.1)
+    with pytest.raises(InputError, match="public"):
+        Thrusters.preset("fan")
+    with pytest.raises(InputError, match="valid"):
+        Thrusters.preset("rocket")
+    with pytest.raises(InputError, match="valid"):
+        Thrusters.preset("jet", lags=1.0)
+
+
 def test_nothing_changes_by_default():
     """Thrusters whose limits are never reached are the ideal ones to rounding, and none in every bit."""
     ends = []

@@ -244,6 +244,17 @@ def test_ice_is_drawn_where_it_is(robot: Robot) -> None:
         assert f"#{drawn['materials'][0]['color']:06x}" == ground_colour(mu)
 
 
+def test_power_of_a_battery_is_the_slope_of_its_energies(robot: Robot) -> None:
+    time = 0.001 * np.arange(1001)
+    watts = np.array([100.0, 0.0, 5.0, 40.0, 20.0, 10.0, 25.0])
+    run = make_run(robot, battery_energy=time[:, None] * watts)
+    chart = next(c for c in content_of(replay_html(run, robot))["charts"]["charts"] if c["title"] == "power")
+    for line, expected in zip(chart["lines"], (100.0, 60.0, 35.0), strict=True):
+        np.testing.assert_allclose([v for v in line["values"] if v is not None], expected, rtol=1e-3)
+    with pytest.raises(InputError, match="battery_energy"):
+        replay_html(make_run(robot, battery_energy=time), robot)
+
+
 def test_friction_that_changes_is_that_of_the_moment(robot: Robot) -> None:
     """A driven run logs the friction under its feet; charts, cones and values follow it."""
     force = np.zeros((1001, 2, 3))

@@ -26,12 +26,13 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
+from harpy_pin.simulation.battery import battery_record, draw_power, reset_battery
 from harpy_pin.simulation.drake.drake_model import DrakeModel, drake_version
 from harpy_pin.simulation.forces import checked_forces
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.thrusters import drive_thrusters, thrusters_record
+from harpy_pin.simulation.thrusters import drive_thrusters, settle_thrusters, thrusters_record
 
 __all__ = ["APPROXIMATIONS", "DrakePlant"]
 
@@ -86,11 +87,13 @@ class DrakePlant(Plant):
         self.approximation = approximation
         self._motors = motors_record(actuators, robot.torque_limit)
         kinds = {"count": len(robot.thrusters), "variables": robot.n_thrust}
+        self._cells = battery_record(actuators.battery)
         self._thrusters = thrusters_record(actuators.thrusters, **kinds, dt=checks.number("dt", dt, low=1e-6))
         self._thrust, self._thrust_force = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
         super().__init__(robot, ground, record, dt=dt, gravity=gravity)
         self._lagging = field(self._thrusters, "mean_thrust") if actuators.thrusters else None
+        self._battery = None if actuators.battery is None else self._cells
         assert ground.damping is not None
         depth = self.static_penetration
         self.dissipation = ground.damping / (ground.stiffness * depth) if depth > 0.0 else 0.0
@@ -108,8 +111,9 @@ class DrakePlant(Plant):
     def _prepare(self) -> None:
         read_thrusts.prepare(self.dynamics.record, self._thrust_force, self._thrust)
         write_thrusts.prepare(self.dynamics.record, self._thrust, self._thrust_force)
+        draw_power.prepare(self._cells, self._motors, self._thrusters, self.v, self.dt)
         drive_thrusters.prepare(self._thrusters, self.dynamics.rotation, self._thrust)
-        _drive.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
+        _drive.prepare(self._motors, self._motors["mean_torque"][0], self.v, self.dt)
         _note.prepare(self._contact, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
@@ -122,7 +126,9 @@ class DrakePlant(Plant):
         """See :meth:`harpy_pin.simulation.plant.Plant.reset`."""
         super().reset(q, v, t=t)
         self._inside.reset(self.q, self.v)
-        self._motors["settled"] = self._thrusters["settled"] = 0
+        self._motors["settled"] = 0
+        settle_thrusters(self._thrusters, self.actuators.thrusters, self.dt)
+        reset_battery(self._cells, self.actuators.battery)
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
@@ -155,11 +161,13 @@ class DrakePlant(Plant):
 
     def _step(self, torque: Vector, thrust: Vector, push: Vector | None) -> bool:
         """One step of Drake; returns whether it makes sense to go on."""
-        _drive(self._motors, torque, self.dt)
+        _drive(self._motors, torque, self.v, self.dt)
         terms, mean = self.dynamics.record, self._thrusters["mean_thrust"][0]
         read_thrusts(terms, thrust, self._thrust)
         drive_thrusters(self._thrusters, self.dynamics.rotation, self._thrust)
         write_thrusts(terms, mean, self._thrust_force)
+        if self._battery is not None:
+            draw_power(self._cells, self._motors, self._thrusters, self.v, self.dt)
         force = self.dynamics.generalised_force(self._motors["mean_torque"][0], self._no_force, self._thrust_force)
         if push is not None:
             force[:3] += push @ self.dynamics.rotation
@@ -186,8 +194,8 @@ def check_drake(ground: Ground, actuators: Actuators | None) -> None:
 
 
 @kernel
-def _drive(motors: Records[MotorsRecord], command: Vector, dt: float) -> None:
-    drive_motors(motors[0], command, dt)
+def _drive(motors: Records[MotorsRecord], command: Vector, v: Vector, dt: float) -> None:
+    drive_motors(motors[0], command, v, dt)
 
 
 @kernel

@@ -36,13 +36,14 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
+from harpy_pin.simulation.battery import battery_record, draw_power, reset_battery
 from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal
-from harpy_pin.simulation.thrusters import drive_thrusters, thrusters_record
+from harpy_pin.simulation.thrusters import drive_thrusters, settle_thrusters, thrusters_record
 
 __all__ = ["MujocoPlant"]
 
@@ -106,12 +107,14 @@ class MujocoPlant(Plant):
         robot, feet = actuators.damped(robot), len(robot.feet)
         self._motors = motors_record(actuators, robot.torque_limit)
         kinds = {"count": len(robot.thrusters), "variables": robot.n_thrust}
+        self._cells = battery_record(actuators.battery)
         self._thrusters = thrusters_record(actuators.thrusters, **kinds, dt=checks.number("dt", dt, low=1e-6))
         record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
         self._terrain = ground.record["terrain"]
         self._flat = bool(self._terrain["level"][0])
         super().__init__(robot, ground, record, dt=dt, gravity=gravity)
         self._lagging = field(self._thrusters, "mean_thrust") if actuators.thrusters else None
+        self._battery = None if actuators.battery is None else self._cells
         self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
         self._inside = inside = MujocoModel(
             robot,
@@ -142,9 +145,10 @@ class MujocoPlant(Plant):
 
     def _prepare(self) -> None:
         thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
-        drive_motors.prepare(self._motors, self._motors["mean_torque"][0], self.dt)
+        drive_motors.prepare(self._motors, self._motors["mean_torque"][0], self.v, self.dt)
         read_thrusts.prepare(self.dynamics.record, forces, thrust)
         write_thrusts.prepare(self.dynamics.record, thrust, forces)
+        draw_power.prepare(self._cells, self._motors, self._thrusters, self.v, self.dt)
         drive_thrusters.prepare(self._thrusters, self.dynamics.rotation, thrust)
         _note.prepare(self._contact, self._terrain, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
@@ -164,7 +168,9 @@ class MujocoPlant(Plant):
         super().reset(q, v, t=t)
         self._inside.reset(self.q, self.v)
         self._rolled[:] = 0.0
-        self._motors["settled"] = self._thrusters["settled"] = 0
+        self._motors["settled"] = 0
+        settle_thrusters(self._thrusters, self.actuators.thrusters, self.dt)
+        reset_battery(self._cells, self.actuators.battery)
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
@@ -204,7 +210,9 @@ class MujocoPlant(Plant):
         mj.mj_fwdVelocity(model, data)
         drive_thrusters(self._thrusters, self.dynamics.rotation, self._thrust)
         write_thrusts(self.dynamics.record, self._thrusters["mean_thrust"][0], self._forces)
-        drive_motors(self._motors, torque, self.dt)
+        drive_motors(self._motors, torque, self.v, self.dt)
+        if self._battery is not None:
+            draw_power(self._cells, self._motors, self._thrusters, self.v, self.dt)
         inside.apply(self._motors["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)

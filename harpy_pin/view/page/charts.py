@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.log.optional import optional_signal, tick_times
+from harpy_pin.log.optional import control_period, optional_signal, tick_times
 from harpy_pin.model.state import Vector
 from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.shown import Shown
@@ -22,6 +22,7 @@ __all__ = ["Chart", "Line", "charts_of", "compare_charts", "encode"]
 
 DEMANDED = "#222222"
 BODY_LINE = "#222222"
+TAKERS = ("thrusters", "joints")
 _DIGITS = 4
 
 
@@ -250,6 +251,9 @@ def _effort_charts(shown: Shown, time: Vector) -> list[Chart]:
         names = [name.replace("_", " ") for name in shown.robot.thrusters]
         lines = [Line(name, FEET[k % len(FEET)], time, size[:, k]) for k, name in enumerate(names)]
         charts.append(Chart("Effort", "thrust", "N", lines, low=0.0))
+    energy = optional_signal(run, "battery_energy")
+    if energy is not None and len(run) > 1:
+        charts.append(_power_chart(energy, time, control_period(run)))
     times = tick_times(run)
     if times is not None:
         tick = Line("one tick of the controller", CONTACT, time, times)
@@ -258,6 +262,15 @@ def _effort_charts(shown: Shown, time: Vector) -> list[Chart]:
         line = Line("constraints that no reference meets", SLIDING, time, run["infeasible"].astype(float), filled=True)
         charts.append(Chart("Effort", "governor without a way out", "0 or 1", [line], low=0.0, high=1.2))
     return charts
+
+
+def _power_chart(energy: Vector, time: Vector, period: float) -> Chart:
+    """What the battery gives, and who takes it."""
+    power = np.gradient(energy, period, axis=0)
+    given, taken = power[:, 0], (power[:, 3:5].sum(axis=1), power[:, 5:7].sum(axis=1))
+    lines = [Line("battery", BODY_LINE, time, given)]
+    lines += [Line(name, FEET[k], time, values) for k, (name, values) in enumerate(zip(TAKERS, taken, strict=True))]
+    return Chart("Effort", "power", "W", lines)
 
 
 def _slip(shown: Shown) -> Vector:
