@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 
 from comparison import landing
-from comparison.campaign.plan import code_digest
-from comparison.campaign.store import store_at
+from comparison.campaign.store import kept_in_processes
 from comparison.contenders import BEST, controller_part, label
-from comparison.measure.walking import Progress, Rows, grouped, one_by_one, tracked
+from comparison.measure.walking import Progress, Rows, grouped
 from comparison.tables import Cell, Table, cell_text
 from harpy_pin import Disturbances, Drake, GaitParameters, Ground, Mujoco, Scenario, Straight, build, checks
 from harpy_pin.errors import ControlError
@@ -116,15 +115,8 @@ def walk_contacts(settings: ContactsSettings, progress: Progress | None = None, 
         the walk ``path_mm``, ``creep_mm``; of Harpy's ``end_time_s``, ``net_mm`` and ``sliding``, the share of the time
         on the ground; of Go2's see :func:`comparison.landing.landing_row`.
     """
-    code, jobs = code_digest(), [(what, settings) for what in _cases(settings)]
-    keys = [f"{code} {what} {settings.duration} {settings.jitter} {settings.seed}" for what, _ in jobs]
-    with store_at(path) as store:
-        missing = {key: job for key, job in zip(keys, jobs, strict=True) if key not in store.rows}
-        walked = one_by_one(_walked, list(missing.values()))
-        for key in tracked(keys, progress):
-            if key in missing:
-                store.append(key, next(walked))
-        return [store.rows[key] for key in keys]
+    same = f"{settings.duration} {settings.jitter} {settings.seed}"
+    return kept_in_processes({f"{what} {same}": (what, settings) for what in _cases(settings)}, _walked, progress, path)
 
 
 def _cases(settings: ContactsSettings) -> Iterator[dict[str, Any]]:

@@ -7,7 +7,7 @@ plane below its feet. The robot begins with its feet on the ground.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -176,9 +176,8 @@ def _run(one: Crossing, plant: str, seed: int) -> Run:
     """Walk a try."""
     robot = load_harpy() if one.robot == "harpy" else load_robot(one.robot)
     terrain = one.ground(seed)
-    ground = Ground(mu_s=FRICTION, terrain=terrain)
-    if one.robot != "harpy":
-        ground = replace(ground, stiffness=walking_stiffness(robot))
+    stiffness = Ground.stiffness if one.robot == "harpy" else walking_stiffness(robot)
+    ground = Ground(mu_s=FRICTION, terrain=terrain, stiffness=stiffness)
     parts: dict[str, Any] = {} if one.robot == "harpy" else {"gait": Walking(velocity=(one.speed, 0.0, 0.0))}
     settings: dict[str, Any] = {"robot": one.robot, "ground": ground, "duration": one.duration, "plant": plant}
     if not one.blind:

@@ -8,14 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from comparison.campaign.store import kept_in_processes
 from comparison.contenders import label
 from comparison.joint_pd.controller import JointPD, JointPDGains
 from comparison.joint_pd.search import found_gains
-from comparison.measure.walking import Progress, Rows, grouped, in_processes, walk_as_far_as_it_goes
+from comparison.measure.walking import Progress, Rows, grouped, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
 from harpy_pin import Disturbances, Ground, Noise, Push, Scenario, Walking, WalkingGait, checks, load_robot
 
@@ -161,13 +163,19 @@ def _sequence(rng: np.random.Generator, fastest: float, duration: float) -> Iter
         t += float(rng.uniform(0.2, 2.5))
 
 
-def walk_robots(settings: WalkingSettings, progress: Progress | None = None) -> Rows:
+def walk_robots(settings: WalkingSettings, progress: Progress | None = None, path: Path | None = None) -> Rows:
     """All walks, in processes of their own where there are many.
+
+    Args:
+        settings: which.
+        progress: is told how many are done.
+        path: of a file that keeps every finished walk, so that the next call goes on; rows of other code are left
+            aside.
 
     Returns:
         A row for each walk: what it was, and its measures.
     """
-    return in_processes(walked, _jobs(settings), progress)
+    return kept_in_processes({str(job): job for job in _jobs(settings)}, walked, progress, path)
 
 
 def _jobs(s: WalkingSettings) -> list[WalkingWalk]:

@@ -5,17 +5,20 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 from comparison.campaign.plan import code_digest
 from comparison.measure.statistics import finite
+from comparison.measure.walking import Progress, Rows, one_by_one, tracked
 from harpy_pin.errors import RunFileError
 
-__all__ = ["Store", "kept_rows", "read_rows", "store_at"]
+__all__ = ["Store", "kept_in_processes", "kept_rows", "read_rows", "store_at"]
+
+_Job = TypeVar("_Job")
 
 
 def read_rows(path: Path) -> dict[str, dict[str, Any]]:
@@ -57,6 +60,28 @@ def kept_rows(
                 store.append(key, {**job, **finite(walked(job))})
             rows.append(store.rows[key])
     return rows
+
+
+def kept_in_processes(
+    jobs: Mapping[str, _Job], walked: Callable[[_Job], dict[str, Any]], progress: Progress | None, path: Path | None
+) -> Rows:
+    """A row for each walk, many of them in processes of their own. Walks that the file has are not repeated.
+
+    Args:
+        jobs: what the walks are, each by what tells it from the others.
+        walked: function of a module; gives the row of one.
+        progress: told after every row.
+        path: of the file, whose rows of other code are left aside; None keeps none.
+    """
+    code = code_digest()
+    named = {f"{code} {what}": job for what, job in jobs.items()}
+    with store_at(path) as store:
+        missing = {key: job for key, job in named.items() if key not in store.rows}
+        rows = one_by_one(walked, list(missing.values()))
+        for key in tracked(list(named), progress):
+            if key in missing:
+                store.append(key, finite(next(rows)))
+        return [store.rows[key] for key in named]
 
 
 class Store:

@@ -200,6 +200,7 @@ def flights(quick: QuickWalks = False, json: WalksFile = None) -> None:
 def walking(
     quick: Annotated[bool, typer.Option("--quick", help="Solo12 and few walks: to see whether it works.")] = False,
     only: Only = None,
+    out: Kept = None,
     json: WalksFile = None,
 ) -> None:
     """Walk the robots that are known by name.
@@ -208,7 +209,7 @@ def walking(
     slippery ground, other schedules, random commands without and with noise and delay, and pushes from eight sides.
     Needs the extra "robots", and an hour.
     """
-    _study(WalkingSettings, quick, walk_robots, walking_tables, json, only)
+    _study(WalkingSettings, quick, partial(walk_robots, path=out), walking_tables, json, only)
 
 
 def embedded(
@@ -264,7 +265,7 @@ STUDIES: dict[Callable[..., None], str] = {
     slopes: "slopes --out slopes.jsonl --figure slopes.png",
     steering: "steering --json steering.json",
     thrusters: "thrusters --out thrusters.jsonl",
-    walking: "walking --only go2 --json go2.json",
+    walking: "walking --only go2 --out go2.jsonl",
     embedded: "embedded --json embedded.json",
     rates: "rates --json rates.json",
     jitter: "jitter --seconds 60",

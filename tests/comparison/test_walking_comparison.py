@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from needs import needs_robots
 
+import comparison.walking as study
 from comparison.walking import DRAWN, SIDES, WalkingSettings, WalkingWalk, _jobs, walk_robots, walking_tables
 from harpy_pin import WalkingGait, load_robot
 
@@ -19,6 +20,17 @@ def test_a_look_walks_every_kind_without_a_fall():
     tables = walking_tables(rows)
     assert len(tables) == len(rows)
     assert tables[0].get("solo12", "fell").value == "0 of 1"
+
+
+def test_finished_walks_are_kept(tmp_path, monkeypatch):
+    path, settings = tmp_path / "walks.jsonl", replace(WalkingSettings.quick(), course=1.0, walks=0)
+    first = walk_robots(settings, None, path)
+    assert len(path.read_text().splitlines()) == len(first) > 1
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
+    again = walk_robots(settings, None, path)
+    assert again == first
+    monkeypatch.setattr(study, "walked", None)
+    assert walk_robots(settings, None, path) == first
 
 
 def test_walks_of_one_number_have_one_command_and_friction():

@@ -71,3 +71,30 @@ def test_go2_trots_at_two_metres_per_second_with_shorter_steps(plant):
     assert run.ending == "completed"
     assert np.mean(run["centre"][last, 3]) == pytest.approx(2.0, abs=0.1)
     assert np.ptp(run["steps"][last]) > 1.3 * 1.0 / gait.step_duration
+
+
+@pytest.mark.parametrize("name", ["anymal_b", "anymal_c", "solo12"])
+def test_legs_of_a_bound_reach_their_feet_at_its_largest_speed(name):
+    """By the leg's own geometry: from the hip of the posture to where the foot is when it leaves the ground."""
+    robot = hp.load_robot(name)
+    gait = hp.WalkingGait(robot, schedule="bound")
+    build = build_of(robot, hp.Standing(robot).initial_state()[0])
+    apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+    behind = 0.5 * gait.max_speed * (1.0 + gait.double_support) * gait.step_duration
+    hip = build.reach**2 - (0.98 * build.leg) ** 2  # minus its squared height
+    for drawn in np.linalg.norm(apart - gait.record["nominal"][0], axis=1):
+        assert np.sqrt((drawn + behind) ** 2 - hip) < 0.97 * build.leg
+
+
+def test_anymal_b_bounds_as_fast_as_its_legs_reach():
+    robot = hp.load_robot("anymal_b")
+    with pytest.warns(UserWarning, match="limited"):
+        gait = hp.WalkingGait(robot, schedule="bound", velocity=((0.3, 0.45, 0.0, 0.0),))
+    scenario = hp.Scenario(
+        controller=hp.Condensed(parameters=gait.parameters),
+        ground=hp.Ground(mu_s=0.5, stiffness=robot.mass * 9.81 / 2e-3),
+        duration=6.0,
+    )
+    run = hp.walk(scenario, gait=gait)
+    assert run.ending == "completed"
+    assert run["centre"][-1, 0] > 5.0 * 0.9 * gait.max_speed

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.gaits.walking.motors import fastest_speed, swing_load
-from harpy_pin.gaits.walking.settings import Build
+from harpy_pin.gaits.walking.settings import NARROW, Build, draw_together
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -26,6 +27,8 @@ BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
+LEFT = 0.75
+"""Share that is used of the reach that is left where feet are drawn together: a stretched leg carries nothing."""
 MOST_PUSH = 0.25
 """Largest acceleration of the body by legs that are swung, as a share of gravity."""
 PEAK = 15.6
@@ -55,7 +58,7 @@ def pace_of(
     robot: Robot,
     q: Vector,
     build: Build,
-    groups: int,
+    group: NDArray[np.int64],
     clearance: float,
     *,
     step_duration: float | None,
@@ -68,12 +71,13 @@ def pace_of(
         robot: with feet.
         q: (nq,) configuration in which it stands.
         build: how it is built.
-        groups: of feet that take turns.
+        group: (feet,) in which step of the cycle each foot swings.
         clearance: height of a foot at mid-swing, m.
         step_duration: s; a given one is not shortened at high speed.
         double_support: as in :class:`Pace`.
         max_speed: m/s.
     """
+    groups = int(group.max()) + 1
     natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
     if double_support is None:
         double_support = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
@@ -96,4 +100,15 @@ def pace_of(
 
         most = fastest_speed(load, most, MOST_LOAD)
     stance = (groups - 1 + double_support) * min(duration, stride / most)
-    return Pace(duration, double_support, stride, min(most, 2.0 * build.reach / stance))
+    return Pace(duration, double_support, stride, min(most, 2.0 * _reach(build, group) / stance))
+
+
+def _reach(build: Build, group: NDArray[np.int64]) -> float:
+    """Largest horizontal distance that a foot goes from its place in the walk, m."""
+    if group.max() != 1:
+        return build.reach
+    apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+    together = apart.copy()
+    draw_together(together, group, NARROW * build.rise)
+    drawn = float(np.linalg.norm(apart - together, axis=1).max())
+    return LEFT * (build.reach - drawn) if drawn > 0.0 else build.reach

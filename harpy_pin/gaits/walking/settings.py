@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Build", "build_of", "draw_together"]
+__all__ = ["NARROW", "Build", "build_of", "draw_together"]
 
+NARROW = 0.27
+"""Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
 BENT, STRETCHED = 0.92, 0.98
 """Largest height of the hip while it walks, and largest distance from there to the foot, in lengths of the leg."""
 

@@ -20,7 +20,7 @@ from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
-from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
+from harpy_pin.gaits.walking.settings import NARROW, Build, build_of, draw_together
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
 from harpy_pin.model.entry import as_state
@@ -38,8 +38,6 @@ START = 1.6
 """Time for which it stands on every foot before the first step, in √(leg / g)."""
 CLEARANCE = 0.075
 """Height of a foot at mid-swing, in lengths of the leg."""
-NARROW = 0.27
-"""Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
 SWAY = 0.01
 """Distance below which it does not, likewise."""
 LEAN, STEEPEST = 0.45, 0.5
@@ -54,7 +52,9 @@ SWING_RATE, LEAST_RATE = 4.2, 19.0
 """Rate at which a foot in the air comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT = 0.2
-"""Of the body's angular acceleration, times the squared height of the centre of mass, m²."""
+"""Of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²."""
+POSTURE_WEIGHT = 1e-7
+"""Of the accelerations of the legs' joints, likewise: the WBC QP needs it for one optimum, not for a posture."""
 SIGNALS = (
     "command",
     "applied_velocity",
@@ -159,7 +159,7 @@ class WalkingGait(KeepsViews):
             robot,
             q,
             build,
-            int(group.max()) + 1,
+            group,
             clearance,
             step_duration=optional("step_duration", step_duration, 5.0),
             double_support=optional("double_support", double_support, 0.8),
@@ -253,17 +253,17 @@ class WalkingGait(KeepsViews):
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
         They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
-        corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and on
-        points the body's turning weighs as its size says, because a line between two of them holds no moment, and
-        what is missing must not lift the body.
+        corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and joints
+        and the turning of the body weigh as the robot's size says, because one sole, or a line between two points,
+        holds little moment, and what is missing must not lift the body.
         """
-        parameters = self._standing.parameters
+        parameters, square = self._standing.parameters, self._build.rise**2
         parameters["max_normal_force"] /= max(self.robot.corners)
-        parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT}
+        turn = {"orientation": TURN_WEIGHT * square, "arms": TURN_WEIGHT * square, "posture": POSTURE_WEIGHT * square}
+        parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT, **turn}
         if not self.robot.flat_feet:
             rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
-            parameters["weights"]["orientation"] = TURN_WEIGHT * self._build.rise**2
         return parameters
 
     @property
