@@ -158,7 +158,7 @@ def slopes(
 
 
 def crossings(quick: QuickWalks = False, out: Kept = None, json: WalksFile = None) -> None:
-    """Let robots cross stairs, stepping stones, rough ground and ramps.
+    """Let robots cross stairs, stones, rough ground and ramps.
 
     Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, stones, rough ground that the
     gait knows or does not know, ramps, and normals that are told wrong by 5 degrees. Needs the extra "robots". This
