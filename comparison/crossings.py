@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.store import kept_rows
-from comparison.measure.walking import Progress, Rows, grouped, tracked
+from comparison.campaign.store import kept_in_processes
+from comparison.measure.walking import Progress, Rows, grouped
 from comparison.tables import Cell, Table
 from harpy_pin import (
     Condensed,
@@ -154,7 +154,7 @@ def cross(settings: CrossingSettings, progress: Progress | None = None, path: Pa
         for plant in settings.plants
         for seed in range(min(CROSSINGS[name].tries, settings.most_tries))
     ]
-    return kept_rows(tracked(jobs, progress), _cross, path)
+    return kept_in_processes({str(job): job for job in jobs}, _cross, progress, path)
 
 
 def _cross(job: dict[str, Any]) -> dict[str, Any]:
@@ -167,6 +167,7 @@ def _cross(job: dict[str, Any]) -> dict[str, Any]:
         run = error.run
     x, y = run["q"][-1, :2]
     return {
+        **job,
         "through": run.ending == "completed" and float(np.hypot(x, y)) >= one.goal,
         "slip_mm_per_step": float(measure(run).slip_mm_per_step),
     }
