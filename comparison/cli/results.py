@@ -17,6 +17,7 @@ from comparison.campaign.exceptions import exceptions_table
 from comparison.campaign.summary import summary_tables
 from comparison.campaign.variants_table import variants_table
 from comparison.contacts import contact_tables
+from comparison.crossings import crossing_tables
 from comparison.delay import delay_tables
 from comparison.ice import ice_tables
 from comparison.limits import limit_tables
@@ -55,6 +56,7 @@ SOURCES: Mapping[str, tuple[str, Tables]] = {
     "limits": ("limits --out {folder}/limits.jsonl", _walks(limit_tables)),
     "delay": ("delay", _walks(delay_tables)),
     "ice": ("ice", _walks(ice_tables)),
+    "crossings": ("crossings --out {folder}/crossings.jsonl", _walks(crossing_tables)),
 }
 """For each source of a page the command that measures it, without ``--json``, and the tables of what it writes."""
 
