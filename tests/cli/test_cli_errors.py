@@ -64,7 +64,10 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--governor", "best"), "valid names: cone, filter, none"),
         (lambda p: ("walk", "--cone", "square"), "valid names"),
         (lambda p: ("walk", "--json", p), "is a folder"),
-        (lambda p: ("walk", "--gait", "trot"), "valid names: commanded, flying, hand, hovering, optimised, paper-curves"),
+        (
+            lambda p: ("walk", "--gait", "trot"),
+            "valid names: commanded, flying, hand, hovering, optimised, paper-curves",
+        ),
         (lambda p: ("walk", "--gait", "trot"), "'trot' is a schedule: --schedule trot, Walking(schedule='trot')"),
         (lambda p: ("walk", "--schedule", "crawl"), "Harpy has no schedules; give --robot"),
         (lambda p: ("walk", "--speed", 0.2, "--command", "0.3 0 0"), "give --speed or --command, not both"),
