@@ -25,6 +25,7 @@ from comparison.tables import Cell, Table, cell_text
 from harpy_pin import Disturbances, Drake, GaitParameters, Ground, Mujoco, Scenario, Straight, build, checks
 from harpy_pin.errors import ControlError
 from harpy_pin.log.run import Run
+from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.state import Vector
 from harpy_pin.scenario import Compliant, PlantPart
 from harpy_pin.simulation.drake import DrakePlant
@@ -123,7 +124,7 @@ def _cases(settings: ContactsSettings) -> Iterator[dict[str, Any]]:
     """What each walk is, but for the settings that all share."""
     names = ("robot", "contact", "friction", "walker", "start")
     contacts, starts = _installed(CONTACTS, settings.contacts), range(settings.starts)
-    landings = _installed(landing.LANDINGS, tuple(landing.LANDINGS))
+    landings = _installed(landing.LANDINGS, tuple(landing.LANDINGS)) if installed_data() is not None else []
     cases = {
         "harpy": product(["harpy"], contacts, settings.frictions, WALKERS, starts),
         "go2": product(["go2"], landings, landing.FRICTIONS, landing.WALKERS, [0]),

@@ -70,7 +70,8 @@ def results(
     """Make the tables of a page anew.
 
     Above each table of the page a comment says from which command it comes, and which rows and columns it shows. The
-    commands whose JSON file is not in the folder are run first. All of them take two hours.
+    commands whose JSON file is not in the folder are run first. Those of docs/results.md take most of an hour, and need
+    the extras compare, robots and drake.
     """
     try:
         text = page.read_text(encoding="utf-8")

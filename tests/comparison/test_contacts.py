@@ -66,6 +66,9 @@ def test_engines_that_are_not_installed_are_left_out(monkeypatch):
     monkeypatch.setattr(study, "installed_version", lambda: None)
     monkeypatch.setattr(study, "find_spec", lambda name: None)
     assert study._installed(study.CONTACTS, tuple(study.CONTACTS)) == ["ours"]
+    assert {case["robot"] for case in study._cases(ContactsSettings())} == {"harpy", "go2"}
+    monkeypatch.setattr(study, "installed_data", lambda: None)
+    assert {case["robot"] for case in study._cases(ContactsSettings())} == {"harpy"}
 
 
 def test_finished_walks_are_kept(tmp_path, monkeypatch):
