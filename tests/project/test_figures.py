@@ -51,6 +51,28 @@ SENTENCES = [
         f"{{wide/variants|{BEST}|median slip|2}}.",
     ),
     ("docs/limitations.md", "the condensed WBC falls in {damped/variants|condensed WBC|fell} of 48 walks."),
+    (
+        "docs/friction.md",
+        "at most {ice/ice_compliant_0.15|filter governor, exact, estimate on|worst on ice, mm|2} mm per step with "
+        "exact measurements.",
+    ),
+    (
+        "docs/results.md",
+        "At friction 0.15, on the contacts in the order of the table, it is "
+        "{contacts/contacts_0.15_brief|ours|condensed WBC|2}, "
+        "{contacts/contacts_0.15_brief|MuJoCo default|condensed WBC|2}, "
+        "{contacts/contacts_0.15_brief|menagerie, 20 mm|condensed WBC|2} and "
+        "{contacts/contacts_0.15_brief|Drake|condensed WBC|2} mm, and the shortest of the others "
+        "{contacts/contacts_0.15_brief|ours|contact-force filter|2}, "
+        "{contacts/contacts_0.15_brief|MuJoCo default|paper's best variant|3}, "
+        "{contacts/contacts_0.15_brief|menagerie, 20 mm|contact-force filter|3} and "
+        "{contacts/contacts_0.15_brief|Drake|contact-force filter|2}.",
+    ),
+    (
+        "docs/results.md",
+        "the gentle walk creeps {contacts/contacts_0.25_brief|MuJoCo default|gentle|1} mm instead of "
+        "{contacts/contacts_0.25_brief|MuJoCo default|condensed WBC|2} on the default contact.",
+    ),
 ]
 """Sentences by their page; ``{table|row|column}`` is a figure of the results page, a last number its digits."""
 
@@ -71,8 +93,8 @@ ZERO = [
 
 
 def figure(table: str, row: str, column: str, digits: str = "") -> str:
-    """A figure of the results page, without its interval."""
-    text = TABLES[table][row, column].partition(" (")[0]
+    """A figure of the results page, without its interval; of a pair the first."""
+    text = TABLES[table][row, column].partition(" (")[0].partition(" / ")[0]
     return number_text(float(text), int(digits)) if digits else text
 
 
