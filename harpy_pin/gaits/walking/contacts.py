@@ -16,8 +16,8 @@ __all__: list[str] = []
 
 EARLIEST = 0.6
 """Share of its swing from which on a foot that is loaded has landed."""
-LONGEST_WAIT = 0.5
-"""How long the next step waits for a foot that has not landed, as a share of a step."""
+LONGEST_WAIT, ON_TERRAIN = 0.5, 1.0
+"""How long the next step waits for a foot that has not landed, as a share of a step, and on ground that is not flat."""
 MOST_HASTE, HALVINGS = 2.0, 6
 """How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
 UNEVEN = 0.03
@@ -54,7 +54,8 @@ def go_on(p: WalkingRecord, span: float) -> None:
     p.phase += p.haste * span / p.step_duration
     done = (p.phase - p.double_support) / (1.0 - p.double_support)
     in_air = _notice_touchdowns(p, done)
-    if done > EARLIEST and (in_air == 0 or p.phase > 1.0 + LONGEST_WAIT):
+    wait = LONGEST_WAIT if p.terrain.level else ON_TERRAIN
+    if done > EARLIEST and (in_air == 0 or p.phase > 1.0 + wait):
         _begin_step(p)
     elif done >= 0.0 and done <= EARLIEST:
         for k in range(p.group.shape[0]):
