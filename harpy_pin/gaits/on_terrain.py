@@ -79,12 +79,7 @@ class OnTerrain(KeepsViews):
             friction = checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
             slope = terrain.record["slope"][0]
             self._record["offset"][0] = downhill(self.robot, self._with_offset, slope, friction)
-        if isinstance(self.gait, WalkingGait):
-            reach = float(self._record["reach"][0])
-            self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
-            self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
-        if isinstance(self.gait, CommandedGait):
-            self.gait.record["terrain"] = terrain.record
+        self.lay_over(terrain)
         know_footholds(self._record, self.gait)
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
@@ -92,6 +87,20 @@ class OnTerrain(KeepsViews):
 
     def __repr__(self) -> str:
         return f"OnTerrain({self.gait!r}, {self.terrain!r})"
+
+    def lay_over(self, terrain: Terrain) -> None:
+        """Other ground from the next update on; the body stays as far from its feet as it was.
+
+        Args:
+            terrain: from then on.
+        """
+        self.terrain, self._record["terrain"] = terrain, terrain.record
+        if isinstance(self.gait, WalkingGait):
+            reach = float(self._record["reach"][0])
+            self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
+            self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
+        if isinstance(self.gait, CommandedGait):
+            self.gait.record["terrain"] = terrain.record
 
     def observe(self, state: State) -> None:
         """Hand the measured state to the gait, if it takes one.

@@ -83,7 +83,7 @@ def fit_plane(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float
     if t.level:
         return 0.0, 0.0, 0.0
     height, along = _fit_profile(t, x, reach)
-    height += t.slope[0] * x + t.slope[1] * y
+    height += t.slope[0] * x + t.slope[1] * y + t.above
     along, across = along + t.slope[0], t.slope[1] + 0.0
     if t.cells[2] > 0:
         low, rise, tilt = _fit_grid(t, x, y, reach)
