@@ -96,14 +96,11 @@ def read_blocks(page: str) -> dict[str, dict[tuple[str, str], str]]:
     Args:
         page: its text.
     """
-    found = {}
+    found: dict[str, dict[tuple[str, str], str]] = {}
     for match in _BLOCK.finditer(page):
-        if not match[3]:
-            found[_settings(match[2])["table"]] = {}
-            continue
-        head, _, *lines = ([part.strip() for part in line.strip("|").split("|")] for line in match[3].splitlines())
+        lines = [[part.strip() for part in line.strip("|").split("|")] for line in match[3].splitlines()]
         found[_settings(match[2])["table"]] = {
-            (name, column): cell for name, *cells in lines for column, cell in zip(head[1:], cells, strict=True)
+            (name, column): cell for name, *cells in lines[2:] for column, cell in zip(lines[0][1:], cells, strict=True)
         }
     return found
 

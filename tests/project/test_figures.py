@@ -84,7 +84,7 @@ SENTENCES = {
         "{contacts/contacts_0.25_brief|MuJoCo default|condensed WBC|2} on the default contact.",
     ],
 }
-"""Sentences by their page; ``{table|row|column}`` is a figure of the page, ``/`` makes a ratio, a number says digits."""
+"""Sentences by their page; ``{table|row|column}`` is a figure, with ``/`` a ratio, with a digit rounded."""
 
 ZERO = [
     ("wide/variants", "condensed WBC, friction estimated", "fell"),
