@@ -16,6 +16,10 @@ FOUND = "paper's governor, tracked, PID, tuned"
 PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP"
 PID, SOLVE = "no governor, PID, tuned", "comparison/timing_low_friction"
 SLOW, FAST = "μ 0.02, 0.3 m/s, condensed WBC", "μ 0.02, 0.55 m/s, condensed WBC"
+ACTIVE = "WBC QP, active-set warm start"
+TICK_LAW, TICK_PRINTED = f"comparison/ticks|{LAW}|median", f"comparison/ticks|{PRINTED}|median"
+HARSH, DAMPED, EDGE = f"harsh/variants|{LAW}", "damped/variants", f"edge/edge_friction|{FAST}"
+EDGE_SLIP, SLIPPERY = f"{EDGE}|slip per step, off, mm", "steering/steering_slippery|condensed"
 ICE, CONTACT = "ice/ice_compliant_0.15", "contacts/contacts_0.15_brief"
 
 SENTENCES = {
@@ -111,6 +115,36 @@ ZERO = [
 ]
 """Figures that README and docs call none."""
 
+RATIOS = [
+    ("README.md", "at three times the computing time", f"comparison/ticks|{ACTIVE}|median", TICK_PRINTED, 3.0),
+    ("README.md", "same optimum in half the QP's time", TICK_LAW, f"comparison/ticks|{ACTIVE}|median", 1 / 2),
+    ("docs/results.md", "feet slip a third", f"{HARSH}, tuned|median slip", f"{HARSH}|median slip", 1 / 3),
+    ("docs/results.md", "They cost a fifth more thrust", f"{HARSH}, tuned|thrust, N", f"{HARSH}|thrust, N", 1.2),
+    (
+        "docs/limitations.md",
+        "slide six times as far",
+        f"{DAMPED}|{PID}|median slip",
+        f"{DAMPED}|{LAW}|median slip",
+        6.0,
+    ),
+    ("docs/condensed.md", "it removes a seventh of the slip", f"{EDGE}|slip per step, on, mm", EDGE_SLIP, 6 / 7),
+    ("docs/condensed.md", "a quarter of the speed", f"{EDGE}|speed kept, on", f"{EDGE}|speed kept, off", 3 / 4),
+    ("docs/steering.md", "for 3 % of the speed", f"{SLIPPERY}, on|speed, m/s", f"{SLIPPERY}, off|speed, m/s", 0.97),
+]
+"""What words say of two figures: the page, the words, the figures, and their ratio within a tenth."""
+
+DELAYED = "delay/delay_walks_0.25"
+FELL = [
+    *((DELAYED, f"PID, {who}", "2 ms, mm") for who in ("none", "paper", "filter")),
+    (ICE, "paper governor, exact, estimate on", "fell"),
+    *(("grounds/grounds_0.15_path", "paper's governor", f"{stiffness} kN/m") for stiffness in (4, 8, 80)),
+]
+STOOD = [
+    *((DELAYED, who, "30 ms, mm") for who in (LAW, "QP")),
+    *((DELAYED, f"feedforward, {who}", "3 ms, mm") for who in ("none", "paper", "filter")),
+]
+"""Walks of which docs say that they fell, or did not."""
+
 README_ROWS = {
     "slip, friction 0.15": ("comparison/campaign_friction_slip_mm_per_step", "μ 0.15, mm", 1.0),
     "slip, all walks": ("comparison/campaign", "slip per step, mm", 1.0),
@@ -164,6 +198,21 @@ def test_sentences_say_what_the_tables_show(page: str, sentence: str) -> None:
 @pytest.mark.parametrize("place", ZERO)
 def test_none_is_none(place: tuple[str, str, str]) -> None:
     assert figure(*place).partition(" of ")[0] == "0"
+
+
+@pytest.mark.parametrize(("page", "words", "above", "below", "ratio"), RATIOS)
+def test_words_say_what_the_tables_show(page: str, words: str, above: str, below: str, ratio: float) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert words in re.sub(r"\s+", " ", text)
+    shown = float(figure(*above.split("|"))) / float(figure(*below.split("|")))
+    assert shown == pytest.approx(ratio, rel=0.1)
+
+
+@pytest.mark.parametrize("place", [*FELL, *STOOD])
+def test_who_fell(place: tuple[str, str, str]) -> None:
+    text = figure(*place)
+    fell = not text.startswith("0 of") if " of " in text else text.startswith("fell")
+    assert fell == (place in FELL)
 
 
 def readme_cells() -> list[tuple[str, str, str]]:
