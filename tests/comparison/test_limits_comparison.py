@@ -25,7 +25,7 @@ def test_finished_walks_are_kept(tmp_path, monkeypatch):
     assert len(path.read_text().splitlines()) == len(first)
 
 
-def test_controllers_and_robot_get_what_the_walk_says(tmp_path):
+def test_controllers_and_robot_get_what_the_walk_says():
     walked = []
 
     def keep(scenario):
@@ -37,7 +37,7 @@ def test_controllers_and_robot_get_what_the_walk_says(tmp_path):
         patch.setattr(study, "walk_as_far_as_it_goes", keep)
         for job in study._jobs(settings):
             with pytest.raises(HarpyError, match="enough"):
-                study._walked(job, settings, tmp_path)
+                study._walked(job)
     assert len(walked) == 3 * len(WALKERS)
     for job, scenario in zip(study._jobs(settings), walked, strict=True):
         share = 0.5 if job["kind"] == "torque" else 1.0
