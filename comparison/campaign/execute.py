@@ -14,9 +14,8 @@ from comparison.campaign.plan import Task, code_digest
 from comparison.campaign.settings import ENGINES
 from comparison.campaign.store import Store
 from comparison.campaign.walks import walk_task
-from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.files import Shield, without_interrupts
+from harpy_pin.files import Shield, finite, without_interrupts
 from harpy_pin.scenario import Mujoco
 from harpy_pin.simulation.mujoco import installed_version
 

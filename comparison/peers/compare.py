@@ -13,7 +13,6 @@ from comparison.measure.controllers import make_whole_body
 from comparison.measure.interleave import TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, record_states, walk
-from comparison.measure.statistics import finite
 from comparison.peers.check import TOLERANCE
 from comparison.peers.environment import PEERS, Peer, default_folder
 from comparison.peers.growth_of_peers import ROBOTS, measure_growth
@@ -23,6 +22,7 @@ from comparison.peers.peer_problem import make_problem
 from comparison.peers.pinocchio_terms import compare_terms
 from comparison.peers.solvers import compare_solvers, record_programs
 from harpy_pin.controllers import CondensedController, WholeBodyController
+from harpy_pin.files import finite
 from harpy_pin.model.robot import Robot, load_harpy
 
 __all__ = ["compare_peers", "measure_peers"]

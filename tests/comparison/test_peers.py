@@ -15,7 +15,6 @@ import pytest
 
 from comparison.cli import app
 from comparison.measure.states import StateSequence, record_states, walk
-from comparison.measure.statistics import finite
 from comparison.peers.check import TOLERANCE, Answer, check, load_answers
 from comparison.peers.compare import measure_peers
 from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
@@ -29,6 +28,7 @@ from comparison.peers.solvers import record_programs
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
 from comparison.tables import from_csv, to_csv
 from harpy_pin import Robot
+from harpy_pin.files import finite
 from harpy_pin.model.dynamics import Dynamics
 
 FRICTION = 0.25
