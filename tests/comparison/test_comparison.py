@@ -27,10 +27,11 @@ from comparison.measure.tick_replay import (
     WholeBodyChain,
     replay,
 )
-from comparison.measure.verification import is_feasible, stationarity
+from comparison.measure.verification import is_feasible, one_sided, stationarity
 from comparison.sections.timing import time_contenders
 from harpy_pin import InputError, RunFileError, State, load_harpy
 from harpy_pin.files import finite, write_json
+from harpy_pin.wbc import QuadraticProgram
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -145,6 +146,21 @@ def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]
                 blocks.time_block(begin, begin + 70)
         assert np.isfinite(whole.commands).all()
         np.testing.assert_allclose(blocks.commands, whole.commands, atol=1e-6)
+
+
+def test_program_knows_objective_violation_and_one_sided_form() -> None:
+    """On the nearest point to (2, 3) on x + y = 1 with |x| ≤ 1 and y ≤ ∞: (0, 1)."""
+    program = QuadraticProgram(2, equalities=1, inequalities=0, bounded=2)
+    program.hessian[:], program.gradient[:] = np.eye(2), (-2.0, -3.0)
+    program.equality[:], program.equality_value[:] = 1.0, 1.0
+    program.lower[0], program.upper[0] = -1.0, 1.0
+    assert program.objective(np.array([0.0, 1.0])) == pytest.approx(-2.5)
+    assert program.violation(np.array([0.0, 1.0])) == 0.0
+    assert program.violation(np.array([0.0, 1.5])) == pytest.approx(0.5)
+    assert program.violation(np.array([-3.0, 4.0])) == pytest.approx(2.0)
+    g, h = one_sided(program)
+    np.testing.assert_array_equal(g, [[1.0, 0.0], [-1.0, 0.0]])
+    np.testing.assert_array_equal(h, [1.0, 1.0])
 
 
 def test_solutions_are_judged_without_the_solver(sequences: list[StateSequence]) -> None:

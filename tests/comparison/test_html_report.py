@@ -32,13 +32,7 @@ from harpy_pin import InputError, RunFileError
 @pytest.fixture(scope="module")
 def document(whole_document: dict[str, Any]) -> dict[str, Any]:
     """A whole result, with a section of peers in it that does not depend on what is installed beside the library."""
-    peers = {
-        "friction": 0.25,
-        "tolerance": {"force": 1e-3},
-        "contenders": {"tsid <1>": {"reason": "not installed"}},
-        "programs": 1,
-        "solvers": {"absent": {"reason": "not installed"}},
-    }
+    peers = {"friction": 0.25, "tolerance": {"force": 1e-3}, "contenders": {"tsid <1>": {"reason": "not installed"}}}
     return whole_document | {"peers": peers}
 
 
