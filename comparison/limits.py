@@ -101,9 +101,7 @@ def walk_limits(settings: LimitsSettings, progress: Progress | None, path: Path 
 
 def _jobs(s: LimitsSettings) -> Iterator[dict[str, Any]]:
     """What each walk is, but for the settings that all share."""
-    cases = [
-        (kind, value) for kind in ("damping", "torque", "bandwidth", "viscous", "coulomb") for value in getattr(s, kind)
-    ]
+    cases = [(kind, value) for kind in (*KNOWN, *UNKNOWN) for value in getattr(s, kind)]
     for start, gait, friction, (kind, value), walker in product(range(s.starts), s.gaits, s.frictions, cases, WALKERS):
         if gait == "commanded" and WALKERS[walker]["name"] == "governed":
             continue  # it cannot turn
@@ -146,6 +144,9 @@ def _controller(walker: str, share: float) -> dict[str, Any]:
     return part
 
 
+KNOWN = ("damping", "torque", "bandwidth")
+UNKNOWN = ("viscous", "coulomb")
+
 TITLES = {
     "damping": "damping {:g} N·m·s/rad",
     "torque": "torque limits × {:g}",
@@ -156,8 +157,8 @@ TITLES = {
 
 
 def limit_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
-    """Slip or falls: a table for each gait and friction."""
-    tables = []
+    """Falls and slip over all walks; then a table for each gait and friction."""
+    tables = [_summary(rows)]
     for (gait, friction), here in grouped(rows, "gait", "friction").items():
         cells = []
         for (kind, value, walker), same in grouped(here, "kind", "value", "walker").items():
@@ -166,6 +167,19 @@ def limit_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
         title = f"Slip per step, mm, or falls: {gait} gait, friction {friction:g}"
         tables.append(Table(f"limits_{gait}_{friction:g}", title, tuple(cells), NOTE))
     return tables
+
+
+def _summary(rows: Sequence[dict[str, Any]]) -> Table:
+    """Of everybody the falls and the largest slip, under limits and under joint friction that nobody told of."""
+    cells = []
+    for (walker,), same in grouped(rows, "walker").items():
+        for what, kinds in (("limits", KNOWN), ("joint friction", UNKNOWN)):
+            walks = [row for row in same if row["kind"] in kinds]
+            slips = [row["slip_mm_per_step"] for row in walks if not row["fell"]]
+            cells.append(Cell(walker, f"{what}: fell", f"{sum(row['fell'] for row in walks)} of {len(walks)}"))
+            cells.append(Cell(walker, f"{what}: worst slip", max(slips, default=None), "mm"))
+    note = "Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model."
+    return Table("limits", "Falls, and the worst slip of the walks that did not fall", tuple(cells), note)
 
 
 NOTE = (

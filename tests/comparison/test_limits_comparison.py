@@ -54,9 +54,9 @@ def test_controllers_and_robot_get_what_the_walk_says():
 def test_tables_show_falls_and_slip():
     row = {"gait": "straight", "friction": 0.8, "kind": "damping", "value": 50.0, "walker": "none"}
     rows = [{**row, "fell": fell, "slip_mm_per_step": 0.25} for fell in (True, False)]
-    (table,) = limit_tables(rows)
+    _, table = limit_tables(rows)
     assert table.get("damping 5 N·m·s/rad", "none").value == "fell 1/2"
-    (table,) = limit_tables(rows[1:])
+    _, table = limit_tables(rows[1:])
     assert table.get("damping 5 N·m·s/rad", "none").value == "0.25"
 
 
