@@ -166,7 +166,7 @@ NAMES = {
         "paper's governor": "Harpy, paper's governor",
         "contact-force filter": "Harpy, contact-force filter",
         LAW: "Harpy, condensed WBC",
-        "whole-body QP": "Harpy, whole-body QP",
+        "whole-body QP": "Harpy, WBC QP",
     },
 }
 """Rows of tables that are called otherwise than in README."""
