@@ -57,6 +57,7 @@ class SharedSnapshots:
         p["foot_position"], p["foot_velocity"] = state.foot_position, state.foot_velocity
         p["foot_force"] = state.foot_force
         p["thrust"] = 0.0 if tick is None else tick.command.thrust
+        p["power"] = session.power
         p["push"] = 0.0 if tick is None else tick.push
         p["target"], p["applied"] = session.body_reference, session.applied_reference
         p["heading"] = session.gait.target.heading[0]
@@ -96,6 +97,7 @@ def _layout(robot: Robot) -> np.dtype[Any]:
         "foot_velocity": (feet, 3),
         "foot_force": (feet, 3),
         "thrust": (thrusters, 3),
+        "power": (2,),
         "push": (3,),
         "target": (3,),
         "applied": (3,),
