@@ -31,7 +31,7 @@ SIDE = 0.82
 """Share of a free thruster's limit that whole-body controllers use upwards (``lateral_thrust``)."""
 TOUCHDOWN, ABOVE = 0.1, 0.03
 """Speed at which feet meet the ground, m/s, and height above it from which on they have it, m."""
-LED = 0.5
+LED = 0.35
 """Share of the thrusts' lag with which they follow the plan, where their commands lead as far as limits allow."""
 BEND = 2.5
 """Duration of a crouch, in √(height / g)."""
