@@ -12,9 +12,9 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 from comparison.campaign.plan import code_digest
-from comparison.measure.statistics import finite
 from comparison.measure.walking import Progress, Rows, one_by_one, tracked
 from harpy_pin.errors import RunFileError
+from harpy_pin.files import finite
 
 __all__ = ["Store", "kept_rows", "read_rows"]
 
