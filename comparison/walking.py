@@ -228,8 +228,8 @@ def walking_tables(rows: Rows) -> list[Table]:
     """Falls, path and slip of every robot, a table for each kind of walk."""
     tables = []
     note = (
-        "Slip: path of all feet (soles: of all corners) along the ground, per step. Power: of the joints, without "
-        "braking. Medians over the walks."
+        "Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of the "
+        "joints, without braking. Medians over the walks."
     )
     for (what, plant, controller), same in grouped(rows, "what", "plant", "controller").items():
         cells = []
@@ -238,7 +238,7 @@ def walking_tables(rows: Rows) -> list[Table]:
             cells.append(Cell(robot, "fell", f"{sum(row['fell'] for row in walks)} of {len(walks)}"))
             cells.append(Cell(robot, "slip", float(np.median(slips)), "mm"))
             cells.append(Cell(robot, "largest slip", max(slips), "mm"))
-            cells.append(Cell(robot, "off path, rms", float(np.median(paths)), "mm"))
+            cells.append(Cell(robot, "off path", float(np.median(paths)), "mm"))
             cells.append(Cell(robot, "power", float(np.median([row["joint_power_w"] for row in walks])), "W"))
             cells.append(Cell(robot, "speed", max(row["speed_m_s"] for row in walks), "m/s"))
         name = f"walking_{what}_{plant}_{controller}".replace(",", "").replace(" ", "_")
