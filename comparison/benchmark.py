@@ -18,7 +18,6 @@ from comparison.measure.controllers import CONTENDERS
 from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, pushed_walk, record_states
-from comparison.measure.statistics import finite
 from comparison.peers.compare import measure_peers
 from comparison.peers.environment import PEERS
 from comparison.peers.measure_peer import PeerSettings
@@ -31,6 +30,7 @@ from comparison.sections.simulator_speed import count_pieces, time_simulator
 from comparison.sections.tick_histograms import time_ticks
 from comparison.sections.timing import TimingResult, count_passes, time_contenders
 from harpy_pin import checks
+from harpy_pin.files import finite
 from harpy_pin.model.robot import Robot, load_harpy
 
 __all__ = ["LOW_FRICTION", "SECTIONS", "Progress", "Section", "SectionInputs", "Settings", "compare"]

@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from comparison import landing
-from comparison.campaign.store import kept_in_processes
+from comparison.campaign.store import kept_rows
 from comparison.contenders import BEST, controller_part, label
-from comparison.measure.walking import Progress, Rows, grouped
+from comparison.measure.starts import StartsSettings, start_velocity
+from comparison.measure.walking import Progress, Rows, as_far_as_it_goes, grouped
 from comparison.tables import Cell, Table, cell_text
 from harpy_pin import Disturbances, Drake, GaitParameters, Ground, Mujoco, Scenario, Straight, build, checks
-from harpy_pin.errors import ControlError
 from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.state import Vector
@@ -63,38 +63,30 @@ NOTE = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactsSettings:
+class ContactsSettings(StartsSettings):
     """What is walked.
 
     Attributes:
         robots: Harpy walks on all contacts, Go2 on those of :mod:`comparison.landing`.
         contacts: names of :data:`CONTACTS`.
         frictions: of the ground.
-        starts: how many starts each walk has.
-        jitter: standard deviation of the starting velocity along x and y, m/s.
-        duration: of a walk, s.
-        seed: of the starts.
     """
 
     robots: tuple[str, ...] = ("harpy", "go2")
     contacts: tuple[str, ...] = tuple(CONTACTS)
     frictions: tuple[float, ...] = (0.25, 0.15)
     starts: int = 3
-    jitter: float = 0.02
     duration: float = 4.0
     seed: int = 700
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in self.robots:
             checks.one_of("robot", name, ("harpy", "go2"))
         for name in self.contacts:
             checks.one_of("contact", name, CONTACTS)
         for friction in self.frictions:
             checks.number("frictions", friction, low=0.0, strict=True)
-        checks.whole("starts", self.starts, low=1)
-        checks.number("jitter", self.jitter, low=0.0)
-        checks.number("duration", self.duration, low=0.1)
-        checks.whole("seed", self.seed)
 
     @classmethod
     def quick(cls) -> ContactsSettings:
@@ -105,19 +97,13 @@ class ContactsSettings:
 def walk_contacts(settings: ContactsSettings, progress: Progress | None = None, path: Path | None = None) -> Rows:
     """Walk every controller on every contact that is installed.
 
-    Args:
-        settings: which.
-        progress: is told how many are done.
-        path: of a file that keeps every finished walk, so that the next call goes on; rows of other code are left
-            aside.
-
     Returns:
         A row for each walk: ``robot``, ``contact``, ``friction``, ``walker``, ``start``, ``ending``, and per step of
         the walk ``path_mm``, ``creep_mm``; of Harpy's ``end_time_s``, ``net_mm`` and ``sliding``, the share of the time
         on the ground; of Go2's see :func:`comparison.landing.landing_row`.
     """
     same = f"{settings.duration} {settings.jitter} {settings.seed}"
-    return kept_in_processes({f"{what} {same}": (what, settings) for what in _cases(settings)}, _walked, progress, path)
+    return kept_rows({f"{what} {same}": (what, settings) for what in _cases(settings)}, _walked, progress, path)
 
 
 def _cases(settings: ContactsSettings) -> Iterator[dict[str, Any]]:
@@ -145,8 +131,7 @@ def _walked(job: tuple[dict[str, Any], ContactsSettings]) -> dict[str, Any]:
         built = build(landing.landing_scenario(what["contact"], what["friction"], what["walker"], settings.duration))
         run = built.run()
         return what | landing.landing_row(run, _creep_speed(run, built.simulator))
-    rng = np.random.default_rng([settings.seed, what["start"]])
-    velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
+    velocity = start_velocity(settings.jitter, settings.seed, what["start"])
     friction, gentle = what["friction"], what["walker"] == GENTLE
     scenario = Scenario(
         gait=Straight(stiffness=_stiffness(what["contact"], friction)),
@@ -157,12 +142,7 @@ def _walked(job: tuple[dict[str, Any], ContactsSettings]) -> dict[str, Any]:
         duration=settings.duration,
     )
     built = build(scenario)
-    try:
-        run = built.run()
-    except ControlError as error:
-        if error.run is None or len(error.run) == 0:
-            raise
-        run = error.run
+    run = as_far_as_it_goes(built.run)
     return what | _measure(run, built.simulator)
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from comparison.campaign.store import kept_in_processes
-from comparison.measure.walking import Progress, Rows, grouped
+from comparison.campaign.store import kept_rows
+from comparison.measure.walking import Progress, Rows, as_far_as_it_goes, grouped
 from comparison.tables import Cell, Table
 from harpy_pin import (
     Condensed,
@@ -36,7 +37,6 @@ from harpy_pin import (
     make_gait,
     measure,
 )
-from harpy_pin.errors import ControlError
 from harpy_pin.gaits import OnFeltGround, OnTerrain
 from harpy_pin.scenario import build
 from harpy_pin.simulation.resting import walking_stiffness
@@ -141,30 +141,19 @@ class CrossingSettings:
 
 
 def cross(settings: CrossingSettings, progress: Progress | None = None, path: Path | None = None) -> Rows:
-    """A row for each try: whether the robot came through, and its slip.
-
-    Args:
-        settings: what is crossed.
-        progress: is told how many tries are done.
-        path: of a file that keeps every finished try, so that the next call goes on; rows of other code are left aside.
-    """
+    """A row for each try: whether the robot came through, and its slip."""
     jobs = [
         {"crossing": name, "plant": plant, "seed": seed}
         for name in settings.names
         for plant in settings.plants
         for seed in range(min(CROSSINGS[name].tries, settings.most_tries))
     ]
-    return kept_in_processes({str(job): job for job in jobs}, _cross, progress, path)
+    return kept_rows({str(job): job for job in jobs}, _cross, progress, path)
 
 
 def _cross(job: dict[str, Any]) -> dict[str, Any]:
     one = CROSSINGS[job["crossing"]]
-    try:
-        run = _run(one, job["plant"], job["seed"])
-    except ControlError as error:
-        if error.run is None or len(error.run) == 0:
-            raise
-        run = error.run
+    run = as_far_as_it_goes(partial(_run, one, job["plant"], job["seed"]))
     x, y = run["q"][-1, :2]
     return {
         **job,

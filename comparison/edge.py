@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from comparison.contenders import label
+from comparison.measure.starts import StartsSettings, start_velocity
 from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
 from harpy_pin import Disturbances, Ground, Scenario, Straight, checks, measure
@@ -28,25 +29,20 @@ DIRECTIONS = {"ahead": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "rig
 
 
 @dataclass(frozen=True, kw_only=True)
-class EdgeSettings:
+class EdgeSettings(StartsSettings):
     """What is walked.
 
     Attributes:
         frictions: of the ground, for walks without pushes.
         speeds: of these walks, m/s.
-        starts: how many starts each of them has.
-        jitter: standard deviation of the starting velocity along x and y, m/s.
-        duration: of these walks, s.
         pushes: impulses in mid-stance, N·s, in four directions each.
         push_frictions: of the ground of walks that are pushed.
         push_time: when they begin, s: in the middle of a single support.
-        seed: of the starts.
     """
 
     frictions: tuple[float, ...] = (0.25, 0.15, 0.08, 0.06, 0.04, 0.02)
     speeds: tuple[float, ...] = (0.3, 0.4, 0.55)
     starts: int = 2
-    jitter: float = 0.02
     duration: float = 12.0
     pushes: tuple[float, ...] = (6.0, 8.0, 11.0, 13.0, 15.0)
     push_frictions: tuple[float, ...] = (0.35,)
@@ -54,9 +50,7 @@ class EdgeSettings:
     seed: int = 200
 
     def __post_init__(self) -> None:
-        checks.whole("starts", self.starts)
-        checks.number("jitter", self.jitter, low=0.0)
-        checks.number("duration", self.duration, low=1.0)
+        super().__post_init__()
         checks.number("push_time", self.push_time, low=0.0)
         for name in ("frictions", "speeds", "pushes", "push_frictions"):
             for value in getattr(self, name):
@@ -81,8 +75,7 @@ def walk_edge(settings: EdgeSettings, progress: Progress | None = None) -> Rows:
 def _cases(settings: EdgeSettings) -> Iterator[dict[str, Any]]:
     """Walks without pushes, then with."""
     for friction, speed, start in product(settings.frictions, settings.speeds, range(settings.starts)):
-        rng = np.random.default_rng([settings.seed, start])
-        velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
+        velocity = start_velocity(settings.jitter, settings.seed, start)
         what = {"friction": friction, "speed": speed, "push": 0.0, "direction": ""}
         yield {**what, "disturbances": Disturbances(start_velocity=velocity), "duration": settings.duration}
     for friction, impulse, (direction, (x, y)) in product(settings.push_frictions, settings.pushes, DIRECTIONS.items()):

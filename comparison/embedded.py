@@ -46,9 +46,9 @@ LABELS = {
 }
 FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
-_COUNT = {"median": ("median", ""), "worst": ("worst", "")}
+_COUNT = {"median": ("median", ""), "worst": ("worst", ""), "bound": ("bound", "")}
 _MEMORY = {"flash": ("flash", "B"), "ram": ("RAM", "B")}
-_COUNTED = _COUNT | {"bound": ("bound", "")} | _MEMORY | {"stack": ("stack", "B")}
+_COUNTED = _COUNT | _MEMORY | {"stack": ("stack", "B")}
 _DIFFERENCE = {
     "median": ("median", "N"),
     "p99": ("p99", "N"),

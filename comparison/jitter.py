@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import platform
 import time
@@ -17,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from comparison.measure.machine import describe_machine
+from comparison.measure.tick_replay import without_gc
 from comparison.measure.walking import Progress, Rows
 from comparison.tables import Cell, Table
 from harpy_pin import Ground, InputError, checks
@@ -70,7 +70,7 @@ def measure_jitter(settings: JitterSettings, progress: Progress) -> Rows:
         motion = build(Scenario(controller=name, ground=Ground(mu_s=0.25), duration=MAX_SECONDS))
         _tick(motion)
         wait_for_all()
-        with _scheduled(settings.priority), _no_garbage():
+        with _scheduled(settings.priority), without_gc():
             kernel = _kernel()
             late, took, missed = _loop(motion, round(settings.seconds * 1e9 / PERIOD))
         numbers = {"late": _summary(late), "took": _summary(took)}
@@ -148,18 +148,6 @@ def _scheduled(priority: int) -> Iterator[None]:
         yield
     finally:
         os.sched_setscheduler(0, *before)
-
-
-@contextmanager
-def _no_garbage() -> Iterator[None]:
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-        gc.unfreeze()
 
 
 def _kernel() -> str:

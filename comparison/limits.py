@@ -8,26 +8,24 @@ begin with other velocities.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from comparison.campaign.settings import JOINT_DAMPING
 from comparison.campaign.store import kept_rows
-from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
+from comparison.campaign.walks import damped_harpy
+from comparison.measure.starts import StartsSettings, start_velocity
+from comparison.measure.walking import Progress, Rows, grouped, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, checks, measure
-from harpy_pin.model.robot import harpy_urdf
 
 __all__ = ["LimitsSettings", "limit_tables", "walk_limits"]
 
-DAMPING = 0.1
-"""Joint damping of the packaged URDF, N·m·s/rad."""
 RIGID = {"limits": {"give_way": 1.0}}
 WALKERS: dict[str, dict[str, Any]] = {
     "none": {"name": "governed", "governor": "none", "limits": True},
@@ -47,7 +45,7 @@ GAITS: dict[str, dict[str, Any]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class LimitsSettings:
+class LimitsSettings(StartsSettings):
     """What is walked.
 
     Attributes:
@@ -58,10 +56,6 @@ class LimitsSettings:
         coulomb: friction in the joints, N·m.
         frictions: of the ground.
         gaits: names of :data:`GAITS`.
-        starts: how many starts each walk has.
-        jitter: standard deviation of the starting velocity along x and y, m/s.
-        duration: of a walk, s.
-        seed: of the starts.
     """
 
     damping: tuple[float, ...] = (0.1, 1.0, 10.0, 30.0, 50.0)
@@ -71,21 +65,15 @@ class LimitsSettings:
     coulomb: tuple[float, ...] = (0.1, 0.3, 1.0)
     frictions: tuple[float, ...] = (0.8, 0.25, 0.15)
     gaits: tuple[str, ...] = ("straight", "commanded")
-    starts: int = 1
-    jitter: float = 0.02
-    duration: float = 6.0
     seed: int = 500
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("damping", "torque", "bandwidth", "viscous", "coulomb", "frictions"):
             for value in getattr(self, name):
                 checks.number(name, value, low=0.0, strict=name != "frictions")
         for gait in self.gaits:
             checks.one_of("gait", gait, GAITS)
-        checks.whole("starts", self.starts, low=1)
-        checks.number("jitter", self.jitter, low=0.0)
-        checks.number("duration", self.duration, low=0.1)
-        checks.whole("seed", self.seed)
 
     @classmethod
     def quick(cls) -> LimitsSettings:
@@ -98,7 +86,6 @@ class LimitsSettings:
             coulomb=(0.3,),
             frictions=(0.25,),
             gaits=("straight",),
-            starts=1,
             duration=1.5,
         )
 
@@ -106,25 +93,15 @@ class LimitsSettings:
 def walk_limits(settings: LimitsSettings, progress: Progress | None, path: Path | None = None) -> Rows:
     """All walks.
 
-    Args:
-        settings: which.
-        progress: is told how many are done.
-        path: of a file that keeps every finished walk, so that the next call goes on; rows of other code are left
-            aside.
-
     Returns:
         A row for each walk: what it was, and its measures.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        walked = partial(_walked, settings=settings, folder=Path(folder))
-        return kept_rows(tracked(list(_jobs(settings)), progress), walked, path)
+    return kept_rows({str(job): job for job in _jobs(settings)}, _walked, progress, path)
 
 
 def _jobs(s: LimitsSettings) -> Iterator[dict[str, Any]]:
     """What each walk is, but for the settings that all share."""
-    cases = [
-        (kind, value) for kind in ("damping", "torque", "bandwidth", "viscous", "coulomb") for value in getattr(s, kind)
-    ]
+    cases = [(kind, value) for kind in (*KNOWN, *UNKNOWN) for value in getattr(s, kind)]
     for start, gait, friction, (kind, value), walker in product(range(s.starts), s.gaits, s.frictions, cases, WALKERS):
         if gait == "commanded" and WALKERS[walker]["name"] == "governed":
             continue  # it cannot turn
@@ -132,25 +109,25 @@ def _jobs(s: LimitsSettings) -> Iterator[dict[str, Any]]:
         yield {**what, "start": start, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
 
 
-def _walked(job: dict[str, Any], settings: LimitsSettings, folder: Path) -> dict[str, Any]:
+def _walked(job: dict[str, Any]) -> dict[str, Any]:
     """Measures of one walk."""
     kind, value = job["kind"], job["value"]
     share = value if kind == "torque" else 1.0
     names = {"bandwidth": "bandwidth", "viscous": "viscous_friction", "coulomb": "coulomb_friction"}
     unknown = {names[kind]: value} if kind in names else {}
-    rng = np.random.default_rng([settings.seed, job["start"]])
-    velocity = (*(settings.jitter * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
+    velocity = start_velocity(job["jitter"], job["seed"], job["start"])
     scenario = Scenario(
         gait=GAITS[job["gait"]],
         controller=_controller(job["walker"], share),
         ground=Ground(mu_s=job["friction"]),
         disturbances=Disturbances(actuators=Actuators(torque_share=share, **unknown), start_velocity=velocity),
-        duration=settings.duration,
-        urdf=_urdf(folder, value) if kind == "damping" else None,
+        duration=job["duration"],
+        urdf=damped_harpy(value * JOINT_DAMPING) if kind == "damping" else None,
     )
     run = walk_as_far_as_it_goes(scenario)
     measures = measure(run)
     return {
+        **job,
         "fell": run.ending != "completed",
         "slip_mm_per_step": measures.slip_mm_per_step,
         "tracking_rms_mm": measures.tracking_rms_mm,
@@ -167,13 +144,8 @@ def _controller(walker: str, share: float) -> dict[str, Any]:
     return part
 
 
-def _urdf(folder: Path, factor: float) -> Path:
-    """The robot with other joint damping."""
-    path = folder / f"harpy_{factor:g}.urdf"
-    text = harpy_urdf().read_text()
-    path.write_text(text.replace(f'damping="{DAMPING:g}"', f'damping="{factor * DAMPING:g}"'))
-    return path
-
+KNOWN = ("damping", "torque", "bandwidth")
+UNKNOWN = ("viscous", "coulomb")
 
 TITLES = {
     "damping": "damping {:g} N·m·s/rad",
@@ -185,16 +157,29 @@ TITLES = {
 
 
 def limit_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
-    """Slip or falls: a table for each gait and friction."""
-    tables = []
+    """Falls and slip over all walks; then a table for each gait and friction."""
+    tables = [_summary(rows)]
     for (gait, friction), here in grouped(rows, "gait", "friction").items():
         cells = []
         for (kind, value, walker), same in grouped(here, "kind", "value", "walker").items():
-            place = TITLES[kind].format(value * DAMPING if kind == "damping" else value)
+            place = TITLES[kind].format(value * JOINT_DAMPING if kind == "damping" else value)
             cells.append(Cell(place, walker, _outcome(same)))
         title = f"Slip per step, mm, or falls: {gait} gait, friction {friction:g}"
         tables.append(Table(f"limits_{gait}_{friction:g}", title, tuple(cells), NOTE))
     return tables
+
+
+def _summary(rows: Sequence[dict[str, Any]]) -> Table:
+    """Of everybody the falls and the largest slip, under limits and under joint friction that nobody told of."""
+    cells = []
+    for (walker,), same in grouped(rows, "walker").items():
+        for what, kinds in (("limits", KNOWN), ("joint friction", UNKNOWN)):
+            walks = [row for row in same if row["kind"] in kinds]
+            slips = [row["slip_mm_per_step"] for row in walks if not row["fell"]]
+            cells.append(Cell(walker, f"{what}: fell", f"{sum(row['fell'] for row in walks)} of {len(walks)}"))
+            cells.append(Cell(walker, f"{what}: worst slip", max(slips, default=None), "mm"))
+    note = "Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model."
+    return Table("limits", "Falls, and the worst slip of the walks that did not fall", tuple(cells), note)
 
 
 NOTE = (

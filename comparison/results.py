@@ -40,12 +40,12 @@ def sources_of(page: str) -> list[str]:
     return list(dict.fromkeys(_settings(match[2])["table"].partition("/")[0] for match in _BLOCK.finditer(page)))
 
 
-def rewritten(page: str, table_of: Callable[[str, str], Table]) -> str:
+def rewritten(page: str, table_of: Callable[[str, str], Table | None]) -> str:
     """The page with every table made again.
 
     Args:
         page: its text.
-        table_of: gives the table of a source, by the two names.
+        table_of: gives the table of a source, by the two names; None leaves what is there.
 
     Raises:
         InputError: a comment is not what it should be, or names a table, row or column that does not exist.
@@ -54,7 +54,8 @@ def rewritten(page: str, table_of: Callable[[str, str], Table]) -> str:
     def block(match: re.Match[str]) -> str:
         settings = _settings(match[2])
         source, _, name = settings.pop("table").partition("/")
-        return match[1] + markdown(table_of(source, name), **settings)
+        table = table_of(source, name)
+        return match[0] if table is None else match[1] + markdown(table, **settings)
 
     return _BLOCK.sub(block, page)
 
@@ -95,11 +96,11 @@ def read_blocks(page: str) -> dict[str, dict[tuple[str, str], str]]:
     Args:
         page: its text.
     """
-    found = {}
+    found: dict[str, dict[tuple[str, str], str]] = {}
     for match in _BLOCK.finditer(page):
-        head, _, *lines = ([part.strip() for part in line.strip("|").split("|")] for line in match[3].splitlines())
+        lines = [[part.strip() for part in line.strip("|").split("|")] for line in match[3].splitlines()]
         found[_settings(match[2])["table"]] = {
-            (name, column): cell for name, *cells in lines for column, cell in zip(head[1:], cells, strict=True)
+            (name, column): cell for name, *cells in lines[2:] for column, cell in zip(lines[0][1:], cells, strict=True)
         }
     return found
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.store import kept_rows
-from comparison.measure.walking import Progress, Rows, grouped, tracked, walk_as_far_as_it_goes
+from comparison.measure.walking import Progress, Rows, grouped, walk_as_far_as_it_goes
 from comparison.statics import static_bound
 from comparison.tables import Cell, Table
 from harpy_pin import Ground, Scenario, Stand, Straight, checks, load_robot
@@ -65,18 +65,12 @@ class SlopeSettings:
 
 
 def stand_on_slopes(settings: SlopeSettings, progress: Progress | None = None, path: Path | None = None) -> Rows:
-    """A row for each angle, friction and controller: the bound, how it ended, slip and thrust.
-
-    Args:
-        settings: who stands where.
-        progress: is told how many rows are done.
-        path: of a file that keeps every finished row, so that the next call goes on; rows of other code are left aside.
-    """
+    """A row for each angle, friction and controller: the bound, how it ended, slip and thrust."""
     jobs = [
         {"walker": walker, "degrees": degrees, "friction": friction, "duration": settings.duration}
         for walker, degrees, friction in product(settings.walkers, settings.degrees, settings.frictions)
     ]
-    return kept_rows(tracked(jobs, progress), _stand, path)
+    return kept_rows({str(job): job for job in jobs}, _stand, progress, path)
 
 
 def _robot(walker: str) -> str:
@@ -98,6 +92,7 @@ def _stand(job: dict[str, Any]) -> dict[str, Any]:
     run = walk_as_far_as_it_goes(scenario)
     thrust = np.linalg.norm(run["thrust"], axis=2).sum(axis=1)
     return {
+        **job,
         "fell": run.ending != "completed",
         "slip_mm": 1e3 * float(run["slip_path"][-1].sum()) / points,  # of a sole the mean of its corners
         "thrust_n": float(thrust[len(thrust) // 2 :].mean()) if walker not in ROBOTS else 0.0,

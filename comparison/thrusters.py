@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.store import kept_rows
-from comparison.measure.walking import Progress, Rows, tracked, walk_as_far_as_it_goes
+from comparison.measure.starts import StartsSettings, start_velocity
+from comparison.measure.walking import Progress, Rows, walk_as_far_as_it_goes
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters, checks, measure
 from harpy_pin.log.power import PRESETS
 from harpy_pin.simulation.mujoco import installed_version
@@ -39,7 +40,7 @@ PLANTS = {"ours": {"name": "compliant"}, "MuJoCo": {"name": "mujoco", "preset": 
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThrusterSettings:
+class ThrusterSettings(StartsSettings):
     """What is walked.
 
     Attributes:
@@ -49,10 +50,6 @@ class ThrusterSettings:
         bandwidths: of the motors, Hz; None where they follow at once.
         frictions: of the ground.
         plants: names of :data:`PLANTS`.
-        starts: how many starts each walk has.
-        jitter: standard deviation of the starting velocity along x and y, m/s.
-        duration: of a walk, s.
-        seed: of the starts.
     """
 
     lags: tuple[float, ...] = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)
@@ -62,11 +59,10 @@ class ThrusterSettings:
     frictions: tuple[float, ...] = (0.25, 0.15)
     plants: tuple[str, ...] = ("ours", "MuJoCo")
     starts: int = 3
-    jitter: float = 0.02
-    duration: float = 6.0
     seed: int = 600
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for lag in self.lags:
             checks.number("lag", lag, low=0.0)
         for lag in self.turning_lags:
@@ -80,10 +76,6 @@ class ThrusterSettings:
             checks.number("friction", friction, low=0.0)
         for plant in self.plants:
             checks.one_of("plant", plant, PLANTS)
-        checks.whole("starts", self.starts, low=1)
-        checks.number("jitter", self.jitter, low=0.0)
-        checks.number("duration", self.duration, low=0.1)
-        checks.whole("seed", self.seed)
 
     @classmethod
     def quick(cls) -> ThrusterSettings:
@@ -103,16 +95,10 @@ class ThrusterSettings:
 def walk_with_lag(settings: ThrusterSettings, progress: Progress | None, path: Path | None = None) -> Rows:
     """All walks.
 
-    Args:
-        settings: which.
-        progress: is told how many are done.
-        path: of a file that keeps every finished walk, so that the next call goes on; rows of other code are left
-            aside.
-
     Returns:
         A row for each walk: what it was, and its measures.
     """
-    return kept_rows(tracked(list(_jobs(settings)), progress), _walked, path)
+    return kept_rows({str(job): job for job in _jobs(settings)}, _walked, progress, path)
 
 
 def _jobs(s: ThrusterSettings) -> Iterator[dict[str, Any]]:
@@ -138,8 +124,7 @@ def _jobs(s: ThrusterSettings) -> Iterator[dict[str, Any]]:
 
 def _walked(job: dict[str, Any]) -> dict[str, Any]:
     """Measures of one walk."""
-    rng = np.random.default_rng([job["seed"], job["start"]])
-    velocity = (*(job["jitter"] * rng.standard_normal(2)).tolist(), 0.0, 0.0, 0.0, 0.0)
+    velocity = start_velocity(job["jitter"], job["seed"], job["start"])
     failing = None if job["failing"] is None else (0, FAILS_AT, job["failing"])
     thrusters = Thrusters(lag=job["lag"], turning_lag=job["turning_lag"], failing=failing)
     actuators = Actuators(bandwidth=job["bandwidth"], torque_share=1.0, thrusters=thrusters)
@@ -157,6 +142,7 @@ def _walked(job: dict[str, Any]) -> dict[str, Any]:
     measures = measure(run)
     thrust = np.linalg.norm(run["applied_thrust" if "applied_thrust" in run else "thrust"], axis=2)
     return {
+        **job,
         "fell": run.ending != "completed",
         "slip_mm_per_step": measures.slip_mm_per_step,
         "thrust_n": float(thrust.sum(axis=1).mean()),

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.store import kept_in_processes
+from comparison.campaign.store import kept_rows
 from comparison.contenders import label
 from comparison.joint_pd.controller import JointPD, JointPDGains
 from comparison.joint_pd.search import found_gains
@@ -166,16 +166,10 @@ def _sequence(rng: np.random.Generator, fastest: float, duration: float) -> Iter
 def walk_robots(settings: WalkingSettings, progress: Progress | None = None, path: Path | None = None) -> Rows:
     """All walks, in processes of their own where there are many.
 
-    Args:
-        settings: which.
-        progress: is told how many are done.
-        path: of a file that keeps every finished walk, so that the next call goes on; rows of other code are left
-            aside.
-
     Returns:
         A row for each walk: what it was, and its measures.
     """
-    return kept_in_processes({str(job): job for job in _jobs(settings)}, walked, progress, path)
+    return kept_rows({str(job): job for job in _jobs(settings)}, walked, progress, path)
 
 
 def _jobs(s: WalkingSettings) -> list[WalkingWalk]:

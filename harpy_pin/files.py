@@ -23,6 +23,7 @@ __all__ = [
     "Shield",
     "check_outputs",
     "check_writable",
+    "finite",
     "journal_path",
     "replaceable",
     "replacing",
@@ -169,24 +170,25 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
+def finite(value: Any) -> Any:
+    """The same value, ready for JSON: NaN and infinity become null, numbers of NumPy Python's."""
+    if isinstance(value, Mapping):
+        return {str(key): finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(entry) for entry in value]
+    if getattr(value, "shape", None) == ():
+        value = value.item()
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
 def write_json(path: str | Path, data: Mapping[str, Any]) -> None:
     """Write JSON that every reader accepts: a number that is not finite becomes null.
 
     Raises:
         RunFileError: the file cannot be written.
     """
-
-    def clean(value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return {str(key): clean(entry) for key, entry in value.items()}
-        if isinstance(value, list | tuple):
-            return [clean(entry) for entry in value]
-        if isinstance(value, float) and not math.isfinite(value):
-            return None
-        return value
-
     with replacing(path) as file:
-        file.write((json.dumps(clean(data), indent=2, default=str) + "\n").encode())
+        file.write((json.dumps(finite(data), indent=2, default=str) + "\n").encode())
 
 
 class Shield:

@@ -25,7 +25,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
+from harpy_pin.governors.governor import GovernorStatus, check_update
 from harpy_pin.governors.reduced.feedback import finite
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, field, make_record, sized
@@ -172,26 +172,6 @@ class MarginGovernor(KeepsViews):
         s.least_violation = max(-float(s.h_w.min()), 0.0) if s.infeasible else 0.0
         return self.applied
 
-    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
-        """Advance N governors with these settings by one tick.
-
-        Args:
-            x: (N, 9) measured states [c; ċ; u], m and m/s.
-            x_r: (N, 6) target references.
-            applied: (N, 6) applied references of the last tick, overwritten by those of this one.
-            dt: time since the last update, s.
-
-        Returns:
-            (N,) by how much the dynamic safety margin is missed, zero where it is kept.
-
-        Raises:
-            InputError: shapes that do not match, entries that are not finite, or ``applied`` cannot be written to.
-        """
-        x, x_r = check_batch(x, x_r, applied, dt)
-        violation = np.zeros(len(x))
-        _margin_batch(x, x_r, applied, dt, self._record.copy(), violation)
-        return violation
-
 
 def _best_lyapunov(k_p: float, k_d: float) -> Vector:
     """(2, 2) P that lets the reference run furthest ahead under a bound on the acceleration: least (κᵀP⁻¹κ) P₁₁."""
@@ -250,18 +230,8 @@ def _margin(x: Vector, w: Vector, p: MarginRecord) -> tuple[float, float]:
 
 @kernel
 def _margin_update(x: Vector, x_r: Vector, dt: float, p: MarginRecord) -> float:
-    return margin_update(x, x_r, p.applied, dt, p)
-
-
-@kernel
-def _margin_batch(x: Vector, x_r: Vector, applied: Vector, dt: float, p: MarginRecord, violation: Vector) -> None:
-    for k in range(x.shape[0]):
-        violation[k] = max(-margin_update(x[k], x_r[k], applied[k], dt, p), 0.0)
-
-
-@kernel
-def margin_update(x: Vector, x_r: Vector, x_w: Vector, dt: float, p: MarginRecord) -> float:
     """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
+    x_w = p.applied
     if not finite(x, x_r, dt):
         p.rate[:] = 0.0
         return -np.inf  # a reading that is no number: the reference stays

@@ -12,7 +12,7 @@ from comparison.campaign.plan import code_digest, plan
 from comparison.campaign.settings import CampaignSettings
 from comparison.campaign.store import Store
 from comparison.campaign.summary import summarise_rows
-from comparison.measure.statistics import finite
+from harpy_pin.files import finite
 
 __all__ = ["run_campaign"]
 

@@ -14,9 +14,8 @@ from comparison.campaign.plan import Task, code_digest
 from comparison.campaign.settings import ENGINES
 from comparison.campaign.store import Store
 from comparison.campaign.walks import walk_task
-from comparison.measure.statistics import finite
 from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.files import Shield, without_interrupts
+from harpy_pin.files import Shield, finite, without_interrupts
 from harpy_pin.scenario import Mujoco
 from harpy_pin.simulation.mujoco import installed_version
 
@@ -34,13 +33,12 @@ def execute(
     store: Store,
     *,
     scheduler: str | None = None,
-    workers: int | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
     """Do every walk that the store does not have yet; each is stored as it arrives.
 
     The walks are done by the workers of a Dask scheduler at an address, which need this code, or by a cluster on this
-    machine with one worker per usable core by default. Progress is called with walks done and walks in all.
+    machine with one worker per usable core. Progress is called with walks done and walks in all.
 
     Raises:
         HarpyError: Dask, or MuJoCo where it is asked for, is not installed; the cluster cannot be reached or lacks this
@@ -56,7 +54,7 @@ def execute(
         return
     _require_engines(missing)
     dask = _dask()
-    with _client(dask, missing, scheduler, workers) as client:
+    with _client(dask, missing, scheduler) as client:
         futures = {
             client.submit(walk_task, task, code, key=f"walk-{key}", retries=RETRIES, pure=False): key
             for key, task in missing.items()
@@ -96,7 +94,7 @@ def _dask() -> Any:
 
 
 @contextmanager
-def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers: int | None) -> Iterator[Any]:
+def _client(dask: Any, missing: dict[str, Task], scheduler: str | None) -> Iterator[Any]:
     """A client of the cluster that is to do the walks."""
     if scheduler is not None:
         try:
@@ -116,7 +114,7 @@ def _client(dask: Any, missing: dict[str, Task], scheduler: str | None, workers:
         # Ctrl-C ends the workers by this process, which closes the cluster; a signal waits until it can be closed.
         with Shield(saving=True), without_interrupts():
             cluster = dask.LocalCluster(
-                n_workers=min(workers or cores, len(missing)),
+                n_workers=min(cores, len(missing)),
                 threads_per_worker=1,
                 processes=True,
                 dashboard_address=":0",

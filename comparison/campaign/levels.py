@@ -19,38 +19,21 @@ def _unless_zero(zero: str, pattern: str) -> Callable[[str], str]:
 
 FACTOR_TEXTS: dict[str, tuple[str, Callable[[str], str]]] = {
     "friction": ("friction of the ground", _number("μ {:g}")),
-    "push": ("lateral push", _number("{:g} N·s")),
-    "mass_error": ("error of the body's mass", _number("{:+.0f} %", 100.0)),
-    "friction_error": ("error of the assumed friction", _number("{:+.0f} %", 100.0)),
-    "noise": ("measurement noise", _number("{:g} × typical")),
-    "delay": ("delay of the measurements", _number("{:g} ms", 1e3)),
-    "stiffness": ("stiffness of the ground", _number("{:g} kN/m", 1e-3)),
-    "damping": ("damping of the ground", _number("{:g} × usual")),
-    "plant": ("engine", str),
-    "speed": ("speed", _number("{:g} m/s")),
-    "ice": ("strip of ice", lambda key: "none" if key == "0" else f"μ {key}"),
-    "joint_damping": ("damping of the joints", _number("{:g} N·m·s/rad")),
-    "torque_share": ("torque limits of the motors", _unless_zero("unclipped", "× {:g}")),
-    "bandwidth": ("bandwidth of the motors", _unless_zero("no lag", "{:g} Hz")),
+    "push": ("lateral push", _number("push {:g} N·s")),
+    "mass_error": ("error of the body's mass", _number("mass {:+.0f} %", 100.0)),
+    "friction_error": ("error of the assumed friction", _number("μ error {:+.0f} %", 100.0)),
+    "noise": ("measurement noise", _number("noise × {:g}")),
+    "delay": ("delay of the measurements", _number("delay {:g} ms", 1e3)),
+    "stiffness": ("stiffness of the ground", _number("ground {:g} kN/m", 1e-3)),
+    "damping": ("damping of the ground", _number("damping × {:g}")),
+    "plant": ("engine", lambda key: key.replace("mujoco", "MuJoCo") if "mujoco" in key else f"{key} engine"),
+    "speed": ("speed", _number("speed {:g} m/s")),
+    "ice": ("strip of ice", lambda key: "no ice" if key == "0" else f"ice, μ {key}"),
+    "joint_damping": ("damping of the joints", _number("joint damping {:g}")),
+    "torque_share": ("torque limits of the motors", _unless_zero("torque unclipped", "torque × {:g}")),
+    "bandwidth": ("bandwidth of the motors", _unless_zero("motors without lag", "motors {:g} Hz")),
 }
 """What a factor is called, and how one of its levels is written, from its key in the summary."""
-
-_SHORT: dict[str, Callable[[str], str]] = {
-    "friction": _number("μ {:g}"),
-    "push": _number("push {:g} N·s"),
-    "mass_error": _number("mass {:+.0f} %", 100.0),
-    "friction_error": _number("μ error {:+.0f} %", 100.0),
-    "noise": _number("noise × {:g}"),
-    "delay": _number("delay {:g} ms", 1e3),
-    "stiffness": _number("ground {:g} kN/m", 1e-3),
-    "damping": _number("damping × {:g}"),
-    "plant": lambda key: key.replace("mujoco", "MuJoCo") if "mujoco" in key else f"{key} engine",
-    "speed": _number("speed {:g} m/s"),
-    "ice": lambda key: "no ice" if key == "0" else f"ice, μ {key}",
-    "joint_damping": _number("joint damping {:g}"),
-    "torque_share": _unless_zero("torque unclipped", "torque × {:g}"),
-    "bandwidth": _unless_zero("motors without lag", "motors {:g} Hz"),
-}
 
 
 def level_key(level: float | str) -> str:
@@ -60,4 +43,4 @@ def level_key(level: float | str) -> str:
 
 def level_text(factor: str, key: str) -> str:
     """A level, from its key, with a word for its factor: ``push 2 N·s``."""
-    return _SHORT[factor](key)
+    return FACTOR_TEXTS[factor][1](key)

@@ -5,18 +5,18 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
 
 from comparison.campaign.plan import code_digest
-from comparison.measure.statistics import finite
 from comparison.measure.walking import Progress, Rows, one_by_one, tracked
 from harpy_pin.errors import RunFileError
+from harpy_pin.files import finite
 
-__all__ = ["Store", "kept_in_processes", "kept_rows", "read_rows", "store_at"]
+__all__ = ["Store", "kept_rows", "read_rows"]
 
 _Job = TypeVar("_Job")
 
@@ -43,26 +43,6 @@ def store_at(path: Path | None) -> Iterator[Store]:
 
 
 def kept_rows(
-    jobs: Iterable[dict[str, Any]], walked: Callable[[dict[str, Any]], dict[str, Any]], path: Path | None
-) -> list[dict[str, Any]]:
-    """A row for each walk: what it was, and its measures. Walks that the file has are not repeated.
-
-    Args:
-        jobs: what the walks are.
-        walked: gives the measures of one.
-        path: of the file, whose rows of other code are left aside; None keeps none.
-    """
-    code, rows = code_digest(), []
-    with store_at(path) as store:
-        for job in jobs:
-            key = f"{code} {job}"
-            if key not in store.rows:
-                store.append(key, {**job, **finite(walked(job))})
-            rows.append(store.rows[key])
-    return rows
-
-
-def kept_in_processes(
     jobs: Mapping[str, _Job], walked: Callable[[_Job], dict[str, Any]], progress: Progress | None, path: Path | None
 ) -> Rows:
     """A row for each walk, many of them in processes of their own. Walks that the file has are not repeated.

@@ -101,10 +101,10 @@ def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
     title = f"Campaign: {summary['done']} of {summary['planned']} walks; shares and medians"
     tables = [Table("campaign", title, tuple(whole), f"{_NOTE} A walk that fell counts up to its fall.")]
     for factor, levels in summary["factors"].items():
-        text, level_text = FACTOR_TEXTS[factor]
+        text, write = FACTOR_TEXTS[factor]
         for key, what, unit in (("falls", "share of falls", ""), ("slip_mm_per_step", "median slip per step", "mm")):
             cells = [
-                with_interval(label(name), level_text(level), entry[key], unit)
+                with_interval(label(name), write(level), entry[key], unit)
                 for level, row_of in levels.items()
                 for name, entry in row_of.items()
             ]

@@ -22,7 +22,7 @@ from harpy_pin.scenario import ControllerPart, Governed
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
 
-__all__ = ["MEASURES", "draw_push", "scenario", "walk_task"]
+__all__ = ["MEASURES", "damped_harpy", "draw_push", "scenario", "walk_task"]
 
 MEASURES = (
     "fell",
@@ -89,7 +89,7 @@ def scenario(task: Task) -> Scenario:
             actuators=Actuators(torque_share=task.torque_share or None, bandwidth=task.bandwidth or None),
         ),
         duration=task.duration,
-        urdf=None if task.joint_damping == JOINT_DAMPING else _damped(task.joint_damping).name,
+        urdf=None if task.joint_damping == JOINT_DAMPING else damped_harpy(task.joint_damping),
     )
 
 
@@ -104,10 +104,14 @@ def _controller(task: Task) -> ControllerPart:
     return replace(part, parameters={**part.parameters, "limits": limits})
 
 
+def damped_harpy(joint_damping: float) -> str:
+    """Path of Harpy's URDF with this damping in every joint, N·m·s/rad; the file is deleted when the process ends."""
+    return str(_damped(joint_damping).name)
+
+
 @cache
 def _damped(joint_damping: float) -> Any:
-    """A file with Harpy's URDF in which every joint has this damping; it is deleted when the process ends."""
-    text = re.sub(r'damping="[^"]*"', f'damping="{joint_damping!r}"', harpy_urdf().read_text(encoding="utf-8"))
+    text = re.sub(r'damping="[^"]*"', f'damping="{joint_damping:g}"', harpy_urdf().read_text(encoding="utf-8"))
     file = NamedTemporaryFile("w", suffix=".urdf", encoding="utf-8")  # noqa: SIM115
     file.write(text)
     file.flush()

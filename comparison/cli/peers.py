@@ -39,9 +39,9 @@ def peers(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Shorter walks, fewer repetitions, one robot.")] = False,
     json: NumbersFile = None,
-    friction: Annotated[float, typer.Option(help="Friction coefficient of walks and programs.")] = LOW_FRICTION,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of the walks.")] = LOW_FRICTION,
 ) -> None:
-    """Time other libraries' controllers and QP solvers.
+    """Time other libraries' controllers.
 
     They get the same states as our whole-body controllers. placo and TSID need other versions of Pinocchio than this
     library: each runs in a virtual environment of its own, which --install makes once. Each is given our program and

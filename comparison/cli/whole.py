@@ -14,8 +14,7 @@ from comparison.cli.output import stages
 from comparison.report.answer import answer_of, passed
 from comparison.report.contents import tables_of
 from comparison.report.diff import changes_text, read_document
-from comparison.report.html import figures_of
-from comparison.report.report_files import write_report
+from comparison.report.html import figures_of, write_report
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, write_json
 

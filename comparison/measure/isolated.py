@@ -8,7 +8,6 @@ from time import perf_counter_ns
 import numpy as np
 
 from comparison.measure.statistics import Laps
-from comparison.measure.tick_replay import Clock
 from harpy_pin.governors import Governor
 from harpy_pin.model.record import Record
 from harpy_pin.model.state import Vector
@@ -47,8 +46,8 @@ class IsolatedGovernor:
         active: (ticks,) whether a row was violated at x_r.
     """
 
-    def __init__(self, governor: Governor, dt: float, *, clock: Clock = perf_counter_ns) -> None:
-        self.governor, self.dt, self.clock = governor, dt, clock
+    def __init__(self, governor: Governor, dt: float) -> None:
+        self.governor, self.dt = governor, dt
         self.laps: Laps = np.zeros(0, dtype=np.int64)
         self.difference = 0.0
 
@@ -61,7 +60,7 @@ class IsolatedGovernor:
 
     def time_block(self, begin: int, end: int) -> None:
         """Time the updates from ``begin`` to before ``end``."""
-        trace, dt, clock, update = self.trace, self.dt, self.clock, self.governor.update
+        trace, dt, clock, update = self.trace, self.dt, perf_counter_ns, self.governor.update
         for i in range(begin, min(end, len(self.laps))):
             x, x_r = trace.measured[i], trace.references[i]
             t0 = clock()
@@ -84,10 +83,8 @@ class IsolatedSolver:
         failures: programs of the present sequence that were not solved.
     """
 
-    def __init__(
-        self, program: QuadraticProgram, solver: str, *, reuse: bool = False, clock: Clock = perf_counter_ns
-    ) -> None:
-        self.program, self.clock = program, clock
+    def __init__(self, program: QuadraticProgram, solver: str, *, reuse: bool = False) -> None:
+        self.program = program
         self.solver = make_solver(solver, program, reuse=reuse)
         self.laps: Laps = np.zeros(0, dtype=np.int64)
         self.gaps: Vector = np.zeros(0)
@@ -107,7 +104,7 @@ class IsolatedSolver:
 
     def time_block(self, begin: int, end: int) -> None:
         """Time the solves from ``begin`` to before ``end``."""
-        program, clock = self.program, self.clock
+        program, clock = self.program, perf_counter_ns
         for i in range(begin, min(end, len(self.laps))):
             program.record[0] = self.programs[i]
             t0 = clock()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Laps", "finite", "ratio_of_medians", "summarise", "summarise_repetitions"]
+__all__ = ["Laps", "ratio_of_medians", "summarise", "summarise_repetitions"]
 
 Laps = NDArray[np.int64]
 """Times in nanoseconds."""
@@ -55,18 +55,3 @@ def ratio_of_medians(slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: fl
     each = [median(a) / median(b) for a, b in zip(slow, fast, strict=True)]
     whole = median(np.concatenate(slow)) / median(np.concatenate(fast))
     return {"p50": float(np.median(each)), "min": min(each), "max": max(each), "pooled": whole, "repetitions": each}
-
-
-def finite(value: Any) -> Any:
-    """The same value, ready for JSON: NaN and infinity become null."""
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [finite(item) for item in value]
-    if isinstance(value, (bool, np.bool_)):
-        return bool(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return value

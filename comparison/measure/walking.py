@@ -6,6 +6,7 @@ import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from typing import Any, TypeVar
 
 from harpy_pin.errors import ControlError
@@ -14,7 +15,16 @@ from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
 from harpy_pin.simulation.controller import Controller
 
-__all__ = ["Progress", "Rows", "grouped", "in_processes", "one_by_one", "tracked", "walk_as_far_as_it_goes"]
+__all__ = [
+    "Progress",
+    "Rows",
+    "as_far_as_it_goes",
+    "grouped",
+    "in_processes",
+    "one_by_one",
+    "tracked",
+    "walk_as_far_as_it_goes",
+]
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
@@ -79,8 +89,13 @@ def walk_as_far_as_it_goes(scenario: Scenario, controller: Callable[..., Control
     Raises:
         ControlError: the controller failed before the first tick was logged.
     """
+    return as_far_as_it_goes(partial(walk, scenario, controller=controller))
+
+
+def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
+    """The log of a walk that is ready to begin; likewise."""
     try:
-        return walk(scenario, controller=controller)
+        return walked()
     except ControlError as error:
         if error.run is None or len(error.run) == 0:
             raise

@@ -1,1 +1,1 @@
-"""Whole-body controllers and QP solvers of others, on the same recorded states and programs."""
+"""Whole-body controllers of others, on the same recorded states."""

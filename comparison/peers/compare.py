@@ -13,7 +13,6 @@ from comparison.measure.controllers import make_whole_body
 from comparison.measure.interleave import TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, record_states, walk
-from comparison.measure.statistics import finite
 from comparison.peers.check import TOLERANCE
 from comparison.peers.environment import PEERS, Peer, default_folder
 from comparison.peers.growth_of_peers import ROBOTS, measure_growth
@@ -21,8 +20,8 @@ from comparison.peers.measure_peer import PeerSettings, measure_peer, summarise_
 from comparison.peers.ours import OURS, Ours, the_peers_program, time_inside_c
 from comparison.peers.peer_problem import make_problem
 from comparison.peers.pinocchio_terms import compare_terms
-from comparison.peers.solvers import compare_solvers, record_programs
 from harpy_pin.controllers import CondensedController, WholeBodyController
+from harpy_pin.files import finite
 from harpy_pin.model.robot import Robot, load_harpy
 
 __all__ = ["compare_peers", "measure_peers"]
@@ -43,14 +42,13 @@ def measure_peers(
 ) -> dict[str, Any]:
     """Check and time every peer and our own controller.
 
-    Environments lie in the default folder if none is given. ``on_step`` is called ``len(peers) + 4`` times, never while
+    Environments lie in the default folder if none is given. ``on_step`` is called ``len(peers) + 3`` times, never while
     a clock runs.
 
     Returns:
         Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the
         differences from our solutions and the times of ``tick`` and ``solve`` in single and double support;
-        ``solvers``: see :func:`~comparison.peers.solvers.compare_solvers`; ``terms``: see
-        :func:`~comparison.peers.pinocchio_terms.compare_terms`.
+        ``terms``: see :func:`~comparison.peers.pinocchio_terms.compare_terms`.
     """
     folder = default_folder() if folder is None else folder
     problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.most)
@@ -81,9 +79,6 @@ def measure_peers(
         repetitions=settings.repetitions,
     )
     on_step()
-    programs = record_programs(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.programs)
-    solvers = compare_solvers(programs)
-    on_step()
     return {
         "friction": friction,
         "ticks": len(problem),
@@ -91,8 +86,6 @@ def measure_peers(
         "repetitions": settings.repetitions,
         "tolerance": dict(TOLERANCE),
         "contenders": {OURS: {"reason": "", "times": times}, **contenders},
-        "programs": len(programs),
-        "solvers": solvers,
         "terms": terms,
     }
 
@@ -121,7 +114,7 @@ def compare_peers(
         run = walk(name, friction=friction, duration=duration)
         sequences.append(record_states(name, run, least=timing.warm_up + 50))
     progress("walking", len(RECORDED), len(RECORDED))
-    total = len(PEERS) + 5
+    total = len(PEERS) + 4
     progress("peers", 0, total)
     steps = count(1)
     peers = measure_peers(

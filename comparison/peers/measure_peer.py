@@ -28,13 +28,11 @@ class PeerSettings:
         most: ticks of each sequence, from its start.
         warm_up: ticks of each sequence that are not counted.
         repetitions: of every replay.
-        programs: programs for the QP solvers.
     """
 
     most: int = 4000
     warm_up: int = 50
     repetitions: int = 5
-    programs: int = 300
 
     @classmethod
     def of(cls, timing: TimingSettings) -> PeerSettings:
@@ -43,7 +41,6 @@ class PeerSettings:
             most=max(2 * timing.programs, 2 * timing.warm_up),
             warm_up=timing.warm_up,
             repetitions=min(timing.repetitions, 5),
-            programs=3 * timing.samples,
         )
 
 

@@ -7,21 +7,13 @@ from typing import Any
 
 from comparison.peers.check import UNITS
 from comparison.peers.pinocchio_terms import SOURCES
-from comparison.tables import Cell, Table, in_columns, percentiles
+from comparison.tables import Cell, Table, percentiles
 
 __all__ = ["peer_tables"]
 
 _WHICH = {"max": "largest", "median": "median"}
 _WHAT = {"tick": "complete tick", "solve": "solver's call only"}
 _PARTS = {"terms": "terms", "condensed": "condensed WBC's tick", "qp": "WBC QP's tick"}
-_SOLVER = {
-    "version": ("version", ""),
-    "solved": ("solved", ""),
-    "violation_max": ("violation, largest", ""),
-    "excess_max": ("objective excess, largest", ""),
-    "p50_us": ("p50", "µs"),
-    "p99_us": ("p99", "µs"),
-}
 _NOTES = {
     "tick": "Each peer runs in its own process, called from Python (TSID-C++: without Python), on the same states in "
     "the order of time; tasks and given thrusts are made outside its clock, and it holds neither a range of the normal "
@@ -33,9 +25,9 @@ _NOTES = {
 
 
 def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
-    """Times, growth, terms, differences and solvers."""
+    """Times, growth, terms, differences and versions."""
     tables = [*(_times(peers, what) for what in _WHAT), _growth(peers), _terms(peers)]
-    tables += [_differences(peers), _versions(peers), _solvers(peers)]
+    tables += [_differences(peers), _versions(peers)]
     return [table for table in tables if table.cells]
 
 
@@ -128,18 +120,3 @@ def _versions(peers: Mapping[str, Any]) -> Table:
         for package, number in entry.get("versions", {}).items()
     ]
     return Table("peers_versions", "Peers: versions", tuple(cells))
-
-
-def _solvers(peers: Mapping[str, Any]) -> Table:
-    cells: list[Cell] = []
-    for name, entry in peers["solvers"].items():
-        if "reason" in entry:
-            cells.append(Cell(name, "no result", entry["reason"]))
-            continue
-        cells += in_columns(name, entry, _SOLVER)
-    note = (
-        "Each from scratch, tolerance 1e-6 where a solver has one; times include what qpsolvers adds. The excess is "
-        "relative to the best objective of a solution that violates nothing by more than 1e-6."
-    )
-    title = f"QP solvers through qpsolvers on {peers['programs']} of our programs, friction {peers['friction']:g}"
-    return Table("peers_solvers", title, tuple(cells), note)

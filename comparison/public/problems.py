@@ -93,13 +93,13 @@ def is_convex(p: Problem) -> bool:
     return bool((np.linalg.eigvals(p.P) > 0.0).all())
 
 
-def npz_problems(folder: Path, prefixes: tuple[str, ...] = MPC_DENSE) -> Iterator[Problem]:
-    """Programs in files of NumPy, as qpsolvers saves them.
+def npz_problems(folder: Path) -> Iterator[Problem]:
+    """The dense programs of mpc_qpbenchmark in a folder, in files of NumPy as qpsolvers saves them.
 
     What a program lacks is a pickled None there: it is recognised and never unpickled.
     """
     for path in sorted(folder.glob("*.npz")):
-        if path.name.startswith(prefixes):
+        if path.name.startswith(MPC_DENSE):
             with reading(path, "program"), np.load(path, allow_pickle=False) as file:
                 arrays: dict[str, Any] = {key: _array(file, key) for key in KEYS}
             yield Problem(path.stem, **arrays)

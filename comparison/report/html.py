@@ -1,4 +1,4 @@
-"""The report as one HTML page that needs nothing beside it: the answer, tables, figures, setup, limitations."""
+"""The report: one HTML page that needs nothing beside it, and all its numbers as JSON and CSV."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from comparison.report.answer import COLUMNS, answer_of, passed
 from comparison.report.contents import tables_of
 from comparison.report.growth_figure import growth_figure
 from comparison.report.pareto_figure import latency_figure, pareto_figure
-from comparison.tables import Table
+from comparison.tables import Table, to_csv
+from harpy_pin.files import replacing, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["figures_of", "render"]
+__all__ = ["figures_of", "render", "write_report"]
 
 _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "overview": ("Cost and quality", ("pareto",)),
@@ -54,6 +55,18 @@ def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
     if "growth_faces" in tables:
         figures["growth"] = growth_figure(tables)
     return figures
+
+
+def write_report(folder: Path, document: Mapping[str, Any]) -> None:
+    """Write ``report.html``, ``results.json`` and ``results.csv``; the CSV holds every number of the page.
+
+    Raises:
+        RunFileError: one of them cannot be written.
+    """
+    write_json(folder / "results.json", document)
+    for name, text in (("results.csv", to_csv(tables_of(document))), ("report.html", render(document))):
+        with replacing(folder / name) as file:
+            file.write(text.encode())
 
 
 def render(document: Mapping[str, Any]) -> str:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, distribution
-from pathlib import Path
 from time import perf_counter_ns
 from typing import Any
 
@@ -21,6 +19,7 @@ from comparison.measure.tick_replay import timer_overhead, without_gc
 from comparison.tables import Cell, Table
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
+from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.model.state import Command, State
@@ -35,15 +34,12 @@ STATES = 200
 WARM_UP = 50
 MU = 0.5
 
-_DATA = "cmeel.prefix/share/example-robot-data/robots"
-_QUADRUPED = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
-ROBOTS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "Bolt": ("bolt_description/robots/bolt.urdf", ("FL_FOOT", "FR_FOOT")),
-    "Solo12": ("solo_description/robots/solo12.urdf", _QUADRUPED),
-    "G1": ("g1_description/urdf/g1_29dof_rev_1_0.urdf", ("left_ankle_roll_link", "right_ankle_roll_link")),
+ROBOTS: dict[str, tuple[str, ...]] = {
+    "Bolt": ("FL_FOOT", "FR_FOOT"),
+    "Solo12": ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT"),
+    "G1": ("left_ankle_roll_link", "right_ankle_roll_link"),
 }
-"""File within example-robot-data, and the frames taken as point feet."""
-
+"""The frames taken as point feet, by the robot's name in the catalogue, in lower case there."""
 PARTS = {
     "terms": "rigid-body terms",
     "full": "whole-body QP, full",
@@ -73,13 +69,8 @@ class Case:
 
 def find_robot(name: str) -> Robot | str:
     """A robot of :data:`ROBOTS`, or why there is none."""
-    file, feet = ROBOTS[name]
     try:
-        root = Path(str(distribution("example-robot-data").locate_file(_DATA)))
-    except PackageNotFoundError:
-        return "example-robot-data is not installed: pip install -e '.[robots]'"
-    try:
-        return load_robot(root / file, feet=feet)
+        return load_robot(CATALOGUE[name.lower()].path(), feet=ROBOTS[name])
     except HarpyError as error:
         return str(error).splitlines()[0]
 
@@ -196,7 +187,7 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
                     t0 = perf_counter_ns()
                     law.solve(dynamics, state.v, rotation, target)
                     laps["condensed"][repetition, k] = perf_counter_ns() - t0
-                _gravity_torque(dynamics, command)
+                command.torque[:], command.thrust[:] = dynamics.bias[6:], 0.0  # loads the feet: the filter has work
                 t0 = perf_counter_ns()
                 governor.update(state, command)
                 laps["filter"][repetition, k] = perf_counter_ns() - t0
@@ -214,12 +205,6 @@ def _law(robot: Robot, limits: WholeBodyLimits) -> CondensedSolver | None:
         return CondensedSolver(robot, limits=limits)
     except InputError:
         return None
-
-
-def _gravity_torque(dynamics: Dynamics, command: Command) -> None:
-    """A command that loads the feet, so that the governor has something to do."""
-    command.torque[:] = dynamics.bias[6:]
-    command.thrust[:] = 0.0
 
 
 def exponent_of(points: list[tuple[float, float]]) -> float | None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from harpy_pin import checks
-from harpy_pin.cli.output import console, walking_bar
+from harpy_pin.cli.output import FELL, ScheduleOption, console, walking_bar
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs
 from harpy_pin.model.catalogue import check_robot_name, known_name
@@ -26,12 +26,7 @@ def film(
     command: Annotated[
         str | None, typer.Option(help='Velocity command, as in harpy walk: "0.5 0 0; 3s 0 0 0.5".', show_default=False)
     ] = None,
-    schedule: Annotated[
-        str | None,
-        typer.Option(
-            help="trot, crawl, pace or bound on four feet; walk or step on two. Not for Harpy.", show_default=False
-        ),
-    ] = None,
+    schedule: ScheduleOption = None,
     jump: Annotated[bool, typer.Option("--jump", help="It jumps 0.3 m high. Harpy alone does.")] = False,
     friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.6,
     duration: Annotated[float, typer.Option(help="Length of the walk, s.")] = 3.0,
@@ -54,7 +49,6 @@ def film(
     checks.number("duration", duration, low=BEGIN, strict=True)
     robot = known_name(robot)
     check_robot_name(robot)
-    from harpy_pin.cli.output import FELL
     from harpy_pin.cli.view import read_pair
     from harpy_pin.cli.walk_options import read_command
     from harpy_pin.model.robot import load_robot

@@ -13,7 +13,7 @@ from typing import Annotated
 import typer
 
 from harpy_pin import checks
-from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, UrdfOption, console
+from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, ScheduleOption, UrdfOption, console
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_outputs, journal_path, write_json
 from harpy_pin.model.catalogue import check_robot_name, known_name
@@ -33,12 +33,7 @@ def live(
     ] = "condensed",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
-    schedule: Annotated[
-        str | None,
-        typer.Option(
-            help="trot, crawl, pace or bound on four feet; walk or step on two. Not for Harpy.", show_default=False
-        ),
-    ] = None,
+    schedule: ScheduleOption = None,
     stiffness: Annotated[
         float | None,
         typer.Option(

@@ -24,6 +24,7 @@ __all__ = [
     "INTERRUPTED",
     "TERMINATED",
     "JsonOption",
+    "ScheduleOption",
     "UrdfOption",
     "check_figure",
     "console",
@@ -48,6 +49,12 @@ UrdfOption = Annotated[
 ]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
+ScheduleOption = Annotated[
+    str | None,
+    typer.Option(
+        help="trot, crawl, pace or bound on four feet; walk or step on two. Not for Harpy.", show_default=False
+    ),
+]
 console = Console(markup=False)  # names and messages may hold brackets
 stderr = Console(stderr=True, markup=False)
 

@@ -10,13 +10,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.controllers.condensed_with_lag import tick_with_lag
 from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.gait_controller import GaitController, make_command
 from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import CondensedTasksRecord, Tasks, governed_gait, task_terms
-from harpy_pin.controllers.thrust_lag import advance_thrusts, thrust_lag_record
+from harpy_pin.controllers.thrust_lag import (
+    ThrustLagRecord,
+    add_kept,
+    advance_thrusts,
+    bound_thrusts,
+    command_thrusts,
+    count_from_kept,
+    keep_thrusts,
+    thrust_lag_record,
+)
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTargetRecord
@@ -66,7 +74,7 @@ class CondensedController(GaitController):
             _tick.prepare(*given)
         else:
             advance_thrusts.prepare(self._lag)
-            tick_with_lag.prepare(self._lag, *given)
+            _tick_with_lag.prepare(self._lag, *given)
 
     def reset(self) -> None:
         """Forget the active sets, and the changes of the gait."""
@@ -133,7 +141,7 @@ class CondensedController(GaitController):
             target = self._plan(state)
             samples = (state.q, state.v, state.foot_force)
             given = (self.tasks._record_, target._record_, *samples, self._gap, self._command.thrust)
-            verdict = _tick(*given) if self._lag is None else tick_with_lag(self._lag, *given)
+            verdict = _tick(*given) if self._lag is None else _tick_with_lag(self._lag, *given)
         if verdict == GOOD:
             self._bad_in_a_row = 0
         else:
@@ -170,17 +178,53 @@ def _tick(
     gap: Vector,
     thrust: Vector,
 ) -> int:
-    """Terms, tasks, optimum, and the acceleration that it leaves undone; returns what the state is."""
+    """Terms, tasks and optimum; returns what the state is."""
     verdict = task_terms(r, gait, q, v, foot_force)
     if verdict == GOOD:
         d, p = r.dynamics, r.condensed
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
-        forces_in_world(r.targets, p.force)
-        note_gap(p.desired, p.root.acceleration, d.tree.rotation, gap)
-        hold_last(p)
-        note_inputs(r.joint_friction, p.inputs)
+        _finish(r, gap)
         write_thrusts(d, p.inputs, thrust)
     return verdict
+
+
+@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
+def _tick_with_lag(
+    lag: ThrustLagRecord,
+    r: CondensedTasksRecord,
+    gait: GaitTargetRecord,
+    q: Vector,
+    v: Vector,
+    foot_force: Vector,
+    gap: Vector,
+    thrust: Vector,
+) -> int:
+    """Terms, tasks, and the optimum twice: for the command, and for the thrusts that there are."""
+    d, p = r.dynamics, r.condensed
+    verdict = task_terms(r, gait, q, v, foot_force)
+    if verdict == GOOD:
+        keep_thrusts(lag, d.tree.rotation)
+        bound_thrusts(lag, False, p.thrust_lower, p.thrust_upper)
+        count_from_kept(lag, d, 1.0)
+        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        command_thrusts(lag, d, p.inputs, thrust)
+        bound_thrusts(lag, True, p.thrust_lower, p.thrust_upper)
+        p.inputs[:] = p.last_inputs
+        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        add_kept(lag, p.inputs)
+        count_from_kept(lag, d, -1.0)
+        _finish(r, gap)
+    return verdict
+
+
+@kernel
+def _finish(r: CondensedTasksRecord, gap: Vector) -> None:
+    """Forces in world axes, the acceleration that the optimum leaves undone, and what the next tick needs."""
+    p = r.condensed
+    forces_in_world(r.targets, p.force)
+    note_gap(p.desired, p.root.acceleration, r.dynamics.tree.rotation, gap)
+    hold_last(p)
+    note_inputs(r.joint_friction, p.inputs)
 
 
 @kernel

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.contacts import turn_feet_of
@@ -27,8 +26,8 @@ from harpy_pin.controllers.thrust_lag import (
     keep_thrusts,
     thrust_lag_record,
 )
+from harpy_pin.controllers.tick_solver import TickSolver
 from harpy_pin.controllers.whole_body_tick import AT_A_LIMIT, TICKS
-from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.foothold_governor import GovernedGait, note_gap
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.model.entry import BAD, GOOD, as_state
@@ -47,8 +46,6 @@ from harpy_pin.wbc import (
     make_solver,
 )
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, WarmStartedActiveSet
-from harpy_pin.wbc.dual import DualActiveSet
-from harpy_pin.wbc.giving_way import at_a_limit
 from harpy_pin.wbc.problem import desired_acceleration
 
 if TYPE_CHECKING:
@@ -102,8 +99,10 @@ class WholeBodyController(GaitController):
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
         self.failures = 0
         self.added: AddedTasks | None = None
-        self._make_solver = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
-        self._prepare_solver(self.problem.program)
+        make = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
+        self._solving = TickSolver(self.problem, make)
+        self._solver = self._solving.solver
+        self.solution: QPSolution = self._solver.solution
         self._posture = self.gait.initial_state()[0][7:]
         self._reference = np.zeros(6)
         self._inputs = np.zeros(self.problem.n_thrust + self.problem.joints)
@@ -112,7 +111,7 @@ class WholeBodyController(GaitController):
         self._command = make_command(self.dynamics, self._inputs, apart=self._lag is not None)
         self._rotors = bool(self.robot.rotors)
         self._held_for = 0
-        self._verdict, self._beyond = BAD, False
+        self._verdict = BAD
         self._violation = self.problem.record["violation"]
         self._make_anew()
         self._prepare_tick()
@@ -161,20 +160,6 @@ class WholeBodyController(GaitController):
 
         return tick
 
-    def _prepare_solver(self, program: QuadraticProgram) -> None:
-        """Solvers for programs of this size."""
-        self._program = program
-        checks.function("solver", self._make_solver, 1)
-        self._solver = made = self._make_solver(program)
-        if not (hasattr(made, "solve") and hasattr(made, "solution")):
-            raise InputError(f"solver must return a QPSolver, got {shown(made)}", name="solver", value=made)
-        self._other_active = np.zeros(len(program.lower), np.int64)
-        self._second = None if isinstance(self._solver, WarmStartedActiveSet) else DualActiveSet(program)
-        for solver in (self._solver, self._second):
-            if isinstance(solver, QPSolver):
-                solver.prepare(program)
-        self.solution: QPSolution = self._solver.solution
-
     def add(
         self,
         task: Task,
@@ -209,21 +194,22 @@ class WholeBodyController(GaitController):
         result = added.add(task, State(0.0, q, v, feet, feet, feet), weight=weight, lower=lower, upper=upper)
         self.added = added
         self._tick = None
-        if added.program is not self._program:
-            self._prepare_solver(added.program)
+        self._solving.add(added)
+        if self._solver is not self._solving.solver:
+            self._solver = self._solving.solver
+            self.solution = self._solver.solution
         return result
 
     def reset(self) -> None:
         """Forget the warm start, the last command, and the changes of the gait."""
         super().reset()
-        self._solver.reset()
+        self._solving.reset()
         self.tasks.reset()
         self._inputs[:] = 0.0
         self._held_for = 0
         self.failures = 0
         if self._lag is not None:
             self._lag["settled"] = 0
-            self._other_active[:] = 0
         if self._governor is not None:
             self._governor.reset()
 
@@ -234,7 +220,7 @@ class WholeBodyController(GaitController):
             self.prepare(state)
             gave_way = self._lag is None or self._choose_thrusts(self._lag, state)
             self.build(state)
-            self.solve() if gave_way else self._solve_as_it_is()
+            self._solve(gives_way=gave_way)
             command = self.finish(state)
             if self._lag is not None and self._verdict == GOOD:
                 count_from_kept(self._lag, self.dynamics.record, -1.0)
@@ -248,13 +234,12 @@ class WholeBodyController(GaitController):
         Returns:
             Whether torques are beyond their limits in its solution without limits, which both programs share.
         """
-        bounds, solver = self.problem.thrust_bounds, self._solver
+        bounds = self.problem.thrust_bounds
         advance_thrusts(lag)
         if self._verdict == GOOD:
             keep_thrusts(lag, self.dynamics.rotation)
             count_from_kept(lag, self.dynamics.record, 1.0)
-        if isinstance(solver, WarmStartedActiveSet):
-            solver.swap_active(self._other_active)
+        self._solving.swap_active()
         for bound in bounds:
             bound_thrusts(lag, False, *bound)
         self.build(state)
@@ -263,14 +248,8 @@ class WholeBodyController(GaitController):
             command_thrusts(lag, self.dynamics.record, self._wanted, self._command.thrust)
         for bound in bounds:
             bound_thrusts(lag, True, *bound)
-        if isinstance(solver, WarmStartedActiveSet):
-            solver.swap_active(self._other_active)
-        return self._beyond
-
-    def _solve_as_it_is(self) -> None:
-        """Solve the problem where no task has to give way."""
-        if self._verdict == GOOD:
-            self.solution = self._solve_program()
+        self._solving.swap_active()
+        return self._solving.beyond
 
     def _at_once(self, tick: Callable[[State], int], solver: WarmStartedActiveSet, state: State) -> Command:
         """All phases in one call; where the search does not end, the last two apart."""
@@ -290,8 +269,8 @@ class WholeBodyController(GaitController):
             if told == AT_A_LIMIT:
                 solution.iterations, solution.status = 1, QPStatus.SOLVED
             else:
-                self.solution = solver.search(self.problem.program)
-            self._give_way()
+                solution = solver.search(self.problem.program)
+            self.solution = self._solving.give_way(solution, self.dynamics, self.targets)
             return self.finish(state)
         solution.status = QPStatus.SOLVED
         self._held_for = 0
@@ -346,67 +325,14 @@ class WholeBodyController(GaitController):
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
-        if self._verdict != GOOD:
-            return self.solution
-        self.solution = self._solve_program()
-        self._give_way()
+        return self._solve(gives_way=True)
+
+    def _solve(self, *, gives_way: bool) -> QPSolution:
+        """Solve it, and again where tasks give way, if they may."""
+        if self._verdict == GOOD:
+            solution = self._solving.solve()
+            self.solution = self._solving.give_way(solution, self.dynamics, self.targets) if gives_way else solution
         return self.solution
-
-    def _solve_program(self, *, further: bool = False) -> QPSolution:
-        """Solution of the program as it is: the first of this tick, or a further one."""
-        solver = self._solver
-        if further and isinstance(solver, WarmStartedActiveSet):
-            solution = solver.solve_further(self._program)
-        else:
-            solution = solver.solve(self._program)
-        if solution.status is not QPStatus.SOLVED and self._second is not None:
-            second = self._second.solve(self._program)
-            return second if second.usable else solution
-        return solution
-
-    def _give_way(self) -> None:
-        """Where thrusts or torques are at their limits, or these leave no solution: let tasks give way, and solve anew.
-
-        The solution with limits stays where torques are within them in the one without, or nothing else is found.
-        """
-        problem, limited = self.problem, self.solution
-        self._beyond = False
-        if not problem.gives_way:
-            return
-        if limited.usable:
-            problem.inputs(limited.z, self._wanted)
-            if not at_a_limit(self._wanted, problem.record):
-                return
-        kept = replace(limited, z=limited.z.copy())
-        self._beyond = self._torques_beyond()
-        if self._beyond:
-            self.solution = self._solve_program(further=True)
-            if self.solution.usable:
-                return
-        limited.z[:], limited.status = kept.z, kept.status
-        limited.iterations, limited.violation = kept.iterations, kept.violation
-        self.solution = limited
-
-    def _torques_beyond(self) -> bool:
-        """Whether torques are beyond their limits in the solution without limits; if so, tasks have given way."""
-        problem, first = self.problem, self.problem.n_thrust
-        problem._put_limits(False)
-        self._copy_added()
-        free = self._solve_program(further=True)
-        beyond = False
-        if free.usable:
-            problem.inputs(free.z, self._wanted)
-            beyond = bool((np.abs(self._wanted[first:]) > problem.record["torque_limit"][0]).any())
-        problem._put_limits(True)
-        if beyond:
-            problem._let_give_way(self.dynamics, self.targets, free.z)
-        self._copy_added()
-        return beyond
-
-    def _copy_added(self) -> None:
-        """Bring a change of the problem's program into that with added tasks."""
-        if self.added is not None:
-            self.added.copy()
 
     def finish(self, state: State) -> Command:
         """Torques and thrusts of the solution, or the fallback.

@@ -6,7 +6,6 @@ from harpy_pin.governors.reduced.cone import ConeGovernor
 from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.reduced.erg_parameters import PaperGovernorParameters
 from harpy_pin.governors.reduced.polar import PolarAngleRow, PolarRows
-from harpy_pin.governors.reduced.projection import project_batch
 from harpy_pin.governors.reduced.rows import AngleRow, ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governors.shield import Shield, ShieldReport
 from harpy_pin.governors.shield_batch import ShieldBatch, ShieldBatchReport
@@ -29,5 +28,4 @@ __all__ = [
     "ShieldBatchReport",
     "ShieldReport",
     "StackedRows",
-    "project_batch",
 ]

@@ -13,29 +13,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, field
 from harpy_pin.model.state import Vector
 
-__all__ = ["Governor", "GovernorStatus", "check_batch", "check_update"]
-
-
-def check_batch(x: Vector, x_r: Vector, applied: Vector, dt: float) -> tuple[Vector, Vector]:
-    """Check the arguments of an ``update_batch``; returns x and x_r as float64 arrays.
-
-    Args:
-        x: (N, 9) measured states [c; ċ; u].
-        x_r: (N, 6) targets.
-        applied: (N, 6) applied references of the last tick, overwritten by those of this one. What ``update_batch``
-            returns is (N,) the least violation of each, N.
-        dt: time since the last update, s.
-
-    Raises:
-        InputError: shapes that do not match, entries that are not finite, or applied references that are no float64
-            array to write to.
-    """
-    count = checks.array("x", x, None).shape[:1]
-    checks.number("dt", dt, low=0.0)
-    checks.vector("applied", applied, (*count, 6))
-    if not (isinstance(applied, np.ndarray) and applied.dtype == np.float64 and applied.flags.carray):
-        raise InputError("applied must be a float64 array in C order: it is overwritten", name="applied", value=applied)
-    return checks.vector("x", x, (*count, 9)), checks.vector("x_r", x_r, (*count, 6))
+__all__ = ["Governor", "GovernorStatus", "check_update"]
 
 
 def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:

@@ -9,7 +9,6 @@ imported::
 
 The last one is many robots in one compiled loop. Actions, observations and rewards of Harpy:
 :mod:`harpy_pin.gym.batched_env`; of other robots: :mod:`harpy_pin.gym.robot_env`.
-``python -m harpy_pin.gym`` measures how fast they are.
 """
 
 from typing import TYPE_CHECKING, Any

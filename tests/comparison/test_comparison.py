@@ -14,10 +14,11 @@ import pytest
 from typer.testing import CliRunner
 
 from comparison.cli import app, main
+from comparison.measure import tick_replay
 from comparison.measure.controllers import CONTENDERS, make_contender, make_governed, make_whole_body
 from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.states import StateSequence, draw_push, record_states, walk
-from comparison.measure.statistics import finite, ratio_of_medians, summarise
+from comparison.measure.statistics import ratio_of_medians, summarise
 from comparison.measure.tick_replay import (
     GOVERNED_PHASES,
     WBC_PHASES,
@@ -26,10 +27,11 @@ from comparison.measure.tick_replay import (
     WholeBodyChain,
     replay,
 )
-from comparison.measure.verification import is_feasible, stationarity
+from comparison.measure.verification import is_feasible, one_sided, stationarity
 from comparison.sections.timing import time_contenders
 from harpy_pin import InputError, RunFileError, State, load_harpy
-from harpy_pin.files import write_json
+from harpy_pin.files import finite, write_json
+from harpy_pin.wbc import QuadraticProgram
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -37,14 +39,14 @@ FRICTION = 0.8
 
 
 class CountingClock:
-    """Advances by 1 ns at its first evaluate_at, 2 ns at its second, ..."""
+    """Advances by 1 ns at its first reading, 2 ns at its second, ..."""
 
     def __init__(self) -> None:
-        self.evaluate_at, self.now = 0, 0
+        self.readings, self.now = 0, 0
 
     def __call__(self) -> int:
-        self.evaluate_at += 1
-        self.now += self.evaluate_at
+        self.readings += 1
+        self.now += self.readings
         return self.now
 
 
@@ -116,14 +118,15 @@ def test_every_contender_is_shown_identical_states(sequences: list[StateSequence
     [(make_governed, GovernedChain, GOVERNED_PHASES), (make_whole_body, WholeBodyChain, WBC_PHASES)],
 )
 def test_phases_are_exclusive_and_sum_to_the_tick(
-    sequences: list[StateSequence], make: Any, timer: Any, phases: Sequence[str]
+    sequences: list[StateSequence], make: Any, timer: Any, phases: Sequence[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot, states = load_harpy(), sequences[1].states[:40]
     clock = CountingClock()
-    chain = replay(timer(make(robot, FRICTION), clock), states)
+    monkeypatch.setattr(tick_replay, "perf_counter_ns", clock)
+    chain = replay(timer(make(robot, FRICTION)), states)
     n = len(phases)
     # One reading more than there are phases: each phase begins where the one before ends.
-    assert clock.evaluate_at == len(states) * (n + 1)
+    assert clock.readings == len(states) * (n + 1)
     for i, laps in enumerate(chain.laps):
         first = i * (n + 1) + 1
         assert laps.tolist() == [first + k for k in range(1, n + 1)]
@@ -143,6 +146,21 @@ def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]
                 blocks.time_block(begin, begin + 70)
         assert np.isfinite(whole.commands).all()
         np.testing.assert_allclose(blocks.commands, whole.commands, atol=1e-6)
+
+
+def test_program_knows_objective_violation_and_one_sided_form() -> None:
+    """On the nearest point to (2, 3) on x + y = 1 with |x| ≤ 1 and y ≤ ∞: (0, 1)."""
+    program = QuadraticProgram(2, equalities=1, inequalities=0, bounded=2)
+    program.hessian[:], program.gradient[:] = np.eye(2), (-2.0, -3.0)
+    program.equality[:], program.equality_value[:] = 1.0, 1.0
+    program.lower[0], program.upper[0] = -1.0, 1.0
+    assert program.objective(np.array([0.0, 1.0])) == pytest.approx(-2.5)
+    assert program.violation(np.array([0.0, 1.0])) == 0.0
+    assert program.violation(np.array([0.0, 1.5])) == pytest.approx(0.5)
+    assert program.violation(np.array([-3.0, 4.0])) == pytest.approx(2.0)
+    g, h = one_sided(program)
+    np.testing.assert_array_equal(g, [[1.0, 0.0], [-1.0, 0.0]])
+    np.testing.assert_array_equal(h, [1.0, 1.0])
 
 
 def test_solutions_are_judged_without_the_solver(sequences: list[StateSequence]) -> None:

@@ -22,9 +22,8 @@ from comparison.cli import app
 from comparison.contenders import CONTENDERS
 from comparison.report.contents import latency_table, pareto_table, tables_of
 from comparison.report.diff import changes, changes_text, read_document
-from comparison.report.html import figures_of, render
+from comparison.report.html import figures_of, render, write_report
 from comparison.report.pareto_figure import pareto_figure, pareto_front
-from comparison.report.report_files import write_report
 from comparison.sections.tick_histograms import histogram
 from comparison.tables import Cell, Table, from_csv, to_csv
 from harpy_pin import InputError, RunFileError
@@ -33,13 +32,7 @@ from harpy_pin import InputError, RunFileError
 @pytest.fixture(scope="module")
 def document(whole_document: dict[str, Any]) -> dict[str, Any]:
     """A whole result, with a section of peers in it that does not depend on what is installed beside the library."""
-    peers = {
-        "friction": 0.25,
-        "tolerance": {"force": 1e-3},
-        "contenders": {"tsid <1>": {"reason": "not installed"}},
-        "programs": 1,
-        "solvers": {"absent": {"reason": "not installed"}},
-    }
+    peers = {"friction": 0.25, "tolerance": {"force": 1e-3}, "contenders": {"tsid <1>": {"reason": "not installed"}}}
     return whole_document | {"peers": peers}
 
 

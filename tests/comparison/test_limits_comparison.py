@@ -25,7 +25,7 @@ def test_finished_walks_are_kept(tmp_path, monkeypatch):
     assert len(path.read_text().splitlines()) == len(first)
 
 
-def test_controllers_and_robot_get_what_the_walk_says(tmp_path):
+def test_controllers_and_robot_get_what_the_walk_says():
     walked = []
 
     def keep(scenario):
@@ -37,7 +37,7 @@ def test_controllers_and_robot_get_what_the_walk_says(tmp_path):
         patch.setattr(study, "walk_as_far_as_it_goes", keep)
         for job in study._jobs(settings):
             with pytest.raises(HarpyError, match="enough"):
-                study._walked(job, settings, tmp_path)
+                study._walked(job)
     assert len(walked) == 3 * len(WALKERS)
     for job, scenario in zip(study._jobs(settings), walked, strict=True):
         share = 0.5 if job["kind"] == "torque" else 1.0
@@ -54,9 +54,9 @@ def test_controllers_and_robot_get_what_the_walk_says(tmp_path):
 def test_tables_show_falls_and_slip():
     row = {"gait": "straight", "friction": 0.8, "kind": "damping", "value": 50.0, "walker": "none"}
     rows = [{**row, "fell": fell, "slip_mm_per_step": 0.25} for fell in (True, False)]
-    (table,) = limit_tables(rows)
+    _, table = limit_tables(rows)
     assert table.get("damping 5 N·m·s/rad", "none").value == "fell 1/2"
-    (table,) = limit_tables(rows[1:])
+    _, table = limit_tables(rows[1:])
     assert table.get("damping 5 N·m·s/rad", "none").value == "0.25"
 
 

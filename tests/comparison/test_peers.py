@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import stat
-import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -17,28 +15,24 @@ import pytest
 
 from comparison.cli import app
 from comparison.measure.states import StateSequence, record_states, walk
-from comparison.measure.statistics import finite
-from comparison.measure.verification import one_sided
-from comparison.peers import environment, replaying
 from comparison.peers.check import TOLERANCE, Answer, check, load_answers
 from comparison.peers.compare import measure_peers
-from comparison.peers.environment import PEERS, Peer, default_folder, install, interpreter
+from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
 from comparison.peers.growth_of_peers import standing_problem
 from comparison.peers.measure_peer import PeerSettings
 from comparison.peers.ours import OURS
 from comparison.peers.peer_problem import VARIANTS, PeerProblem, make_problem
 from comparison.peers.peer_tables import peer_tables
 from comparison.peers.pinocchio_terms import PinocchioTerms
-from comparison.peers.solvers import compare_solvers, record_programs
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
 from comparison.tables import from_csv, to_csv
 from harpy_pin import Robot
+from harpy_pin.files import finite
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.wbc import QuadraticProgram
 
 FRICTION = 0.25
 Measure = Callable[..., dict[str, Any]]
-SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2, programs=12)
+SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2)
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +209,6 @@ def test_absent_peers_are_reported_and_stop_nothing(measure: Measure, tmp_path: 
     same = contenders[f"{OURS}, the peers' program, WBC QP"]
     assert same["times"]
     assert same["difference_max"]["torque"] < 1e-6  # the same program, in other variables
-    assert result["solvers"]["daqp"]["solved"] == 1.0
     tables = peer_tables(finite(result))
     read = from_csv(to_csv(tables))
     for table in tables:
@@ -262,7 +255,7 @@ BROKEN = (
 
 def test_a_worker_that_breaks_is_reported(measure: Measure, tmp_path: Path) -> None:
     peers = {f"fake{i}": fake_peer(tmp_path, script, f"fake{i}") for i, (script, _) in enumerate(BROKEN)}
-    result = measure(replace(SETTINGS, most=20, programs=2), tmp_path, peers)
+    result = measure(replace(SETTINGS, most=20), tmp_path, peers)
     for i, (_, reason) in enumerate(BROKEN):
         for variant in VARIANTS:
             assert result["contenders"][f"fake{i}, thrusts {variant}"]["reason"].startswith(reason)
@@ -297,146 +290,6 @@ def test_an_interpreter_that_is_none_is_reported(tmp_path: Path) -> None:
     python.chmod(0o644)
     with pytest.raises(WorkerError, match="cannot be started"):
         run_worker(python, peer.worker, tmp_path / "a", tmp_path / "b")
-
-
-# ------------------------------------------------------------------------------------------- workers, installation
-
-
-@pytest.mark.parametrize("script", [*(peer.worker for peer in PEERS.values()), Path(replaying.__file__)], ids=str)
-def test_workers_import_nothing_of_ours(script: Path) -> None:
-    allowed = {"numpy", "placo", "pinocchio", "tsid"} | set(sys.stdlib_module_names)
-    for node in ast.walk(ast.parse(script.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            assert {alias.name.split(".")[0] for alias in node.names} <= allowed
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0
-            assert (node.module or "").split(".")[0] in allowed
-
-
-def test_default_folder_is_in_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert default_folder() == tmp_path / "harpy_pin" / "peers"
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    assert default_folder() == tmp_path / "home" / ".cache" / "harpy_pin" / "peers"
-
-
-def test_failed_installation_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    asked = []
-
-    def run(command: list[str], **options: Any) -> Any:
-        asked.append(command)
-        text = "ERROR: No matching distribution found\n\n[notice] a new release of pip\n"
-        raise subprocess.CalledProcessError(1, command, "", text)
-
-    monkeypatch.setattr(environment.subprocess, "run", run)
-    monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
-    for name, peer in PEERS.items():
-        assert install(tmp_path, name) == "ERROR: No matching distribution found"
-        assert {"--only-binary=:all:", *peer.requirements} <= set(asked[-1])
-        pinned = {*peer.requirements, *peer.libraries} - {"numpy"}
-        assert all("==" in requirement for requirement in pinned)
-
-
-def test_installation_ends_and_goes_on(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def run(command: list[str], **options: Any) -> Any:
-        if any("placo" in word for word in command):
-            raise subprocess.TimeoutExpired(command, options["timeout"])
-        return subprocess.CompletedProcess(command, 0, str(tmp_path), "")
-
-    monkeypatch.setattr(environment.subprocess, "run", run)
-    monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
-    with pytest.raises(SystemExit) as ended:
-        app(["peers", "--install", "--folder", str(tmp_path)])
-    assert ended.value.code == 1
-    assert capsys.readouterr().out.splitlines() == [
-        "placo: cannot be installed: not installed after 600 s",
-        "TSID: installed",
-        "TSID-C++: installed",
-    ]
-
-
-def test_installation_leaves_foreign_folders_alone(tmp_path: Path) -> None:
-    for name in PEERS:
-        (tmp_path / name.lower()).mkdir()
-        (tmp_path / name.lower() / "thesis.tex").write_text("precious")
-        assert "no virtual environment" in install(tmp_path, name)
-        assert (tmp_path / name.lower() / "thesis.tex").read_text() == "precious"
-
-
-# ----------------------------------------------------------------------------------------------------- QP solvers
-
-
-def known_program() -> QuadraticProgram:
-    """Nearest point to (2, 3) on x + y = 1 with |x| ≤ 1 and y ≤ ∞: (0, 1)."""
-    program = QuadraticProgram(2, equalities=1, inequalities=0, bounded=2)
-    program.hessian[:], program.gradient[:] = np.eye(2), (-2.0, -3.0)
-    program.equality[:], program.equality_value[:] = 1.0, 1.0
-    program.lower[0], program.upper[0] = -1.0, 1.0
-    return program
-
-
-def test_program_knows_objective_violation_and_one_sided_form() -> None:
-    program = known_program()
-    assert program.objective(np.array([0.0, 1.0])) == pytest.approx(-2.5)
-    assert program.violation(np.array([0.0, 1.0])) == 0.0
-    assert program.violation(np.array([0.0, 1.5])) == pytest.approx(0.5)
-    assert program.violation(np.array([-3.0, 4.0])) == pytest.approx(2.0)
-    g, h = one_sided(program)
-    np.testing.assert_array_equal(g, [[1.0, 0.0], [-1.0, 0.0]])
-    np.testing.assert_array_equal(h, [1.0, 1.0])
-
-
-def test_solvers_on_a_known_program() -> None:
-    pytest.importorskip("qpsolvers")
-    result = compare_solvers([known_program()] * 3)
-    ran = {name: entry for name, entry in result.items() if "reason" not in entry}
-    assert {"proxqp", "daqp", "quadprog", "osqp", "piqp", "clarabel"} == set(ran)
-    for entry in ran.values():
-        assert entry["solved"] == 1.0
-        assert entry["violation_max"] < 1e-5
-        assert abs(entry["excess_max"]) < 1e-5
-        assert entry["samples"] == 6
-
-
-def test_a_solver_that_is_wrong_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    qpsolvers = pytest.importorskip("qpsolvers")
-    inner = qpsolvers.solve_problem
-    points = {"proxqp": [0.25, 0.75], "osqp": [0.5, 1.0], "piqp": None}
-
-    def solve(problem: Any, solver: str, **settings: Any) -> Any:
-        solution = inner(problem, solver="daqp")
-        if solver in points:
-            solution.x = None if points[solver] is None else np.array(points[solver])
-            solution.found = points[solver] is not None
-        if solver == "clarabel":
-            raise RuntimeError("first line\nlast line")
-        return solution
-
-    monkeypatch.setattr(qpsolvers, "solve_problem", solve)
-    result = compare_solvers([known_program()], {name: {} for name in ("daqp", *points, "clarabel", "absent")})
-    assert result["proxqp"]["excess_max"] == pytest.approx(0.0625 / 2.5)
-    assert result["osqp"]["violation_max"] == pytest.approx(0.5)
-    assert result["daqp"]["excess_max"] == pytest.approx(0.0, abs=1e-9), "an infeasible point is no best objective"
-    assert result["piqp"]["solved"] == 0.0
-    assert result["piqp"]["violation_max"] is None
-    assert result["clarabel"]["reason"] == "RuntimeError: last line"
-    assert result["absent"]["reason"] == "not installed"
-
-
-def test_solvers_without_qpsolvers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("comparison.peers.solvers.find_spec", lambda name: None)
-    result = compare_solvers([known_program()], {"daqp": {}})
-    assert result == {"daqp": {"reason": "not installed: qpsolvers"}}
-
-
-def test_recorded_programs_are_copies_spread_over_the_walk(robot: Robot, sequences: list[StateSequence]) -> None:
-    programs = record_programs(robot, sequences, friction=FRICTION, warm_up=10, most=10)
-    assert len(programs) == 10
-    assert not np.array_equal(programs[0].hessian, programs[4].hessian)
-    assert len({id(program.hessian) for program in programs}) == 10
 
 
 # -------------------------------------------------------------------------------------------- command line, peers

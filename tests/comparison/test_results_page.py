@@ -130,17 +130,36 @@ def test_only_what_the_folder_lacks_is_measured(tmp_path, monkeypatch):
     assert read_blocks(page.read_text())["grounds/grounds_0.25_net"] == {("whole-body QP", "8 kN/m"): "0.25"}
 
 
-def test_pages_and_commands_that_fail_leave_the_page(tmp_path, monkeypatch):
+def test_a_command_that_fails_leaves_its_tables(tmp_path, monkeypatch):
+    """The tables of the others are made, and the error comes last."""
+    rows = [
+        {"speed": 0.3, "friction": 0.25, "push": push, "controller": "wbc", "governed": False} for push in (0.0, 4.0)
+    ]
+    found = {"fell": False, "stumbled": False, "direction": "left", "speed_share": 0.75, "slip_mm_per_step": 0.5}
+    (tmp_path / "edge.json").write_text(json.dumps({"walks": [row | found for row in rows]}))
+
     class Ended:
         returncode = 3
 
     monkeypatch.setattr(command.subprocess, "run", lambda *_, **__: Ended())
-    for table, message in (("grounds/x", "the command of 'grounds' ended with 3"), ("moon/x", "source of a table")):
-        page = page_at(tmp_path, table)
-        before = page.read_text()
-        with pytest.raises(HarpyError, match=message):
-            command.results(page, tmp_path)
-        assert page.read_text() == before
+    page = tmp_path / "page.md"
+    old = '<!-- figures\ntable = "grounds/x"\n-->\n| | slip |\n|---|---:|\n| walk | 1 |\n\n'
+    page.write_text(old + '<!-- figures\ntable = "edge/edge_friction"\n-->\n')
+    with pytest.raises(HarpyError, match="failed, and their tables are as before: grounds"):
+        command.results(page, tmp_path)
+    assert page.read_text().startswith(old)
+    assert (
+        read_blocks(page.read_text())["edge/edge_friction"]["μ 0.25, 0.3 m/s, whole-body QP", "speed kept, off"]
+        == "0.75"
+    )
+
+
+def test_pages_that_are_wrong_stay(tmp_path):
+    page = page_at(tmp_path, "moon/x")
+    before = page.read_text()
+    with pytest.raises(HarpyError, match="source of a table"):
+        command.results(page, tmp_path)
+    assert page.read_text() == before
     with pytest.raises(HarpyError, match="cannot read"):
         command.results(tmp_path / "none.md", tmp_path)
 

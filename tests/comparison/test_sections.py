@@ -15,6 +15,7 @@ from comparison.measure.states import pushed_walk, record_states
 from comparison.sections import growth
 from comparison.sections.formulation_times import formulations_table
 from comparison.sections.tick_histograms import make_all
+from harpy_pin.model import catalogue
 from harpy_pin.wbc import FORMULATIONS, installed_solvers
 
 
@@ -89,7 +90,7 @@ def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> Any:
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(growth, "distribution", missing)
+    monkeypatch.setattr(catalogue, "distribution", missing)
     robot = hp.load_harpy()
     calls: list[None] = []
     entry = growth.time_growth(robot, repetitions=1, seed=0, faces=(4, 8), on_case=lambda: calls.append(None))
@@ -99,7 +100,7 @@ def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
     assert entry["faces"]["exponents"]["full"] is not None
     assert all(row["unsolved"] == 0.0 for kind in ("faces", "contacts") for row in entry[kind]["cases"].values())
     notes = [table.note for table in growth.growth_tables(entry)]
-    assert "Solo12 (example-robot-data is not installed" in notes[1]
+    assert "Solo12 ('solo_description/robots/solo12.urdf' is in example-robot-data: pip install" in notes[1]
 
 
 def test_exponent_of_a_power() -> None:

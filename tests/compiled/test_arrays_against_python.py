@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from oracle import same
+from oracle import four, same
 
 from harpy_pin.compiled import BACKEND, kernel
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
 SCALE = 2.5
-
-
-def four(*numbers):
-    return np.array(numbers if numbers else (1.0, 2.0, 3.0, 4.0))
 
 
 @kernel

@@ -1,15 +1,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 import quadprog
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import linprog
 
-from harpy_pin.errors import InputError
-from harpy_pin.governors import project_batch
 from harpy_pin.governors.reduced.projection import project
 
 COUNT = 20_000
@@ -121,26 +118,3 @@ def test_zero_row_that_cannot_hold():
     assert violation == 2.0
     assert out[2] >= -1.0
     np.testing.assert_array_equal(out, 0.0)  # relaxed by two, the other row holds at the point itself
-
-
-def test_batch_is_the_single_call():
-    rng = np.random.default_rng(1)
-    rows, bounds, points = rng.normal(size=(50, 6, 3)), rng.normal(size=(50, 6)), rng.normal(size=(50, 3))
-    out, violation = project_batch(rows, bounds, points)
-    for k in range(50):
-        single, least = solve(rows[k], bounds[k], points[k])
-        np.testing.assert_array_equal(out[k], single)
-        assert violation[k] == least
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        lambda: project_batch(np.zeros((2, 3)), np.zeros(2), np.zeros((2, 3))),
-        lambda: project_batch(np.zeros((2, 4, 3)), np.zeros((2, 5)), np.zeros((2, 3))),
-        lambda: project_batch(np.full((2, 4, 3), np.nan), np.zeros((2, 4)), np.zeros((2, 3))),
-    ],
-)
-def test_bad_input(bad):
-    with pytest.raises(InputError):
-        bad()

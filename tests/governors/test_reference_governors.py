@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 from reduced_states import references, states
 
 from harpy_pin.errors import InputError
-from harpy_pin.governors import ConeGovernor, ExplicitReferenceGovernor, ForceRows
+from harpy_pin.governors import ConeGovernor
 from harpy_pin.governors.reduced.cone import ROWS, cone_record, cone_rows
 from harpy_pin.governors.reduced.feedback import acceleration, direction, feedback, feedback_record, lift
 from harpy_pin.governors.reduced.point_mass import Law, leg_force
@@ -345,33 +345,6 @@ def test_target_velocity_is_fed_forward():
     governor.update(x, target, 1e-3)
     target = target + np.array([2e-4, 0, 0, 0, 0, 0])
     np.testing.assert_allclose(governor.update(x, target, 1e-3)[3:], [0.2, 0.0, 0.0], atol=1e-9)
-
-
-def test_batches_are_single_updates():
-    """Of every reference governor, bit for bit; a second tick starts from the first one's references."""
-    rng = np.random.default_rng(0)
-    n = 40
-    x = np.array([np.concatenate((cartesian(0.4, a, 0.5), rng.normal(size=3), np.zeros(3))) for a in range(n)])
-    x_r = x[:, :6] + 0.1 * rng.normal(size=(n, 6))
-    for make in (
-        lambda: ExplicitReferenceGovernor(ForceRows(mass=MASS, mu=MU, gains=GAINS)),
-        lambda: ConeGovernor(mass=MASS, mu=MU, gains=GAINS),
-        lambda: MarginGovernor(mass=MASS, mu=MU, k_p=300.0, k_d=30.0),
-    ):
-        applied = x[:, :6].copy()
-        governor = make()
-        if isinstance(governor, MarginGovernor):
-            applied[:, 3:] = 0.0
-        singles = [make() for _ in range(n)]
-        for k, single in enumerate(singles):
-            single.reset(x[k, :6])
-        for _ in range(2):
-            violation = governor.update_batch(x, x_r, applied, 1e-3)
-            for k, single in enumerate(singles):
-                np.testing.assert_array_equal(applied[k], single.update(x[k], x_r[k], 1e-3))
-                assert single.status.infeasible == (violation[k] > 0.0)
-        with pytest.raises(InputError):
-            governor.update_batch(x, x_r[:3], applied, 1e-3)
 
 
 @pytest.mark.parametrize(

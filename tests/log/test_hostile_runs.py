@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from entrances import again, page, use_figure
+from entrances import again, page, use_figure, use_run
 from hostile import outcome, spoil_mapping, spoil_signals, write_log
 
 import harpy_pin as hp
@@ -33,22 +33,6 @@ def runs():
     return [(log.signals, {**log.metadata, "format": 1}) for log in logs]
 
 
-def use(path, k):
-    """What ``harpy view``, ``harpy walk --again`` and scripts do with a log."""
-    run, _ = outcome(hp.Run.load, path)
-    if run is None:
-        return False
-    outcome(hp.measure, run)
-    robot, _ = outcome(robot_of, run)
-    if robot is not None:
-        outcome(page, run, robot)
-    if k % 5 == 0:
-        outcome(again, run)
-    if k % 10 == 0:
-        use_figure(path)
-    return True
-
-
 @pytest.mark.filterwarnings("ignore::RuntimeWarning", "ignore::UserWarning", "ignore::DeprecationWarning")
 def test_hostile_files(runs, tmp_path, fuzz):
     rng = np.random.default_rng(1)
@@ -59,7 +43,10 @@ def test_hostile_files(runs, tmp_path, fuzz):
             signals = spoil_signals(rng, signals)
         if k % 3 != 2:
             metadata = spoil_mapping(rng, metadata)
-        read += use(write_log(tmp_path / "run.npz", signals, metadata), k)
+        path = write_log(tmp_path / "run.npz", signals, metadata)
+        read += use_run(path, walk=k % 5 == 0)
+        if k % 10 == 0:
+            use_figure(path)
     assert 0.5 * FILES * fuzz < read < 0.99 * FILES * fuzz  # most of them come past the first check
 
 

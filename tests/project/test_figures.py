@@ -1,4 +1,4 @@
-"""What README and docs say in sentences is what the tables of the results page show."""
+"""What README and docs say is what the tables of the results page show."""
 
 from __future__ import annotations
 
@@ -14,100 +14,232 @@ ROOT = Path(__file__).parents[2]
 TABLES = read_blocks((ROOT / "docs" / "results.md").read_text(encoding="utf-8"))
 FOUND = "paper's governor, tracked, PID, tuned"
 PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP"
+PID, SOLVE = "no governor, PID, tuned", "comparison/timing_low_friction"
+SLOW, FAST = "μ 0.02, 0.3 m/s, condensed WBC", "μ 0.02, 0.55 m/s, condensed WBC"
+ACTIVE = "WBC QP, active-set warm start"
+TICK_LAW, TICK_PRINTED = f"comparison/ticks|{LAW}|median", f"comparison/ticks|{PRINTED}|median"
+HARSH, DAMPED, EDGE = f"harsh/variants|{LAW}", "damped/variants", f"edge/edge_friction|{FAST}"
+EDGE_SLIP, SLIPPERY = f"{EDGE}|slip per step, off, mm", "steering/steering_slippery|condensed"
+ICE, CONTACT = "ice/ice_compliant_0.15", "contacts/contacts_0.15_brief"
 
-SENTENCES = [
-    (
-        "README.md",
+SENTENCES = {
+    "README.md": [
         f"{{wide/variants|{PRINTED}|fell}} of 210 walks fall with the paper's governor as printed, "
         f"{{wide/variants|{BEST}|fell}} in its best variant, {{wide/variants|{LAW}|fell}} with the condensed WBC and "
         f"{{wide/variants|{QP}|fell}} with the QP",
-    ),
-    (
-        "README.md",
         "Without a governor {wide/variants|no governor|fell} fall, and {wide/variants|contact-force filter|fell} with "
         "the filter",
-    ),
-    (
-        "README.md",
-        "{harsh/variants|condensed WBC|fell} of 210 walks fall with the condensed WBC, "
+        f"{{harsh/variants|{LAW}|fell}} of 210 walks fall with the condensed WBC, "
         f"{{harsh/variants|whole-body QP|fell}} with the QP, {{harsh/variants|{FOUND}|fell}} with the paper's best "
-        "variant, none with tuned gains and no governor. Feet slip {harsh/variants|condensed WBC|median slip|2}, "
+        f"variant, none with tuned gains and no governor. Feet slip {{harsh/variants|{LAW}|median slip|2}}, "
         f"{{harsh/variants|whole-body QP|median slip|2}}, {{harsh/variants|{FOUND}|median slip|2}} and "
-        "{harsh/variants|no governor, PID, tuned|median slip|2} mm per step.",
-    ),
-    (
-        "README.md",
-        "both WBCs fall in {harsh/variants|condensed WBC, tuned|fell} walk, and slip "
+        f"{{harsh/variants|{PID}|median slip|2}} mm per step.",
+        f"both WBCs fall in {{harsh/variants|{LAW}, tuned|fell}} walk, and slip "
         "{harsh/variants|whole-body QP, tuned|median slip|1} mm.",
-    ),
-    ("README.md", "in all walks the condensed WBC falls in {damped/variants|condensed WBC|fell} of 48."),
-    (
-        "docs/governors.md",
+        f"in all walks the condensed WBC falls in {{damped/variants|{LAW}|fell}} of 48.",
+    ],
+    "docs/governors.md": [
         f"It falls in {{wide/variants|{BEST}|fell}} of the [wide campaign](results.md#wide-campaign)'s 210 walks.",
-    ),
-    (
-        "docs/governors.md",
-        "feet slip {variants/variants|no governor, PID, tuned|median slip|2} mm per step at the median, against "
+        f"feet slip {{variants/variants|{PID}|median slip|2}} mm per step at the median, against "
         f"{{wide/variants|{BEST}|median slip|2}}.",
-    ),
-    ("docs/limitations.md", "the condensed WBC falls in {damped/variants|condensed WBC|fell} of 48 walks."),
-    (
-        "docs/friction.md",
-        "at most {ice/ice_compliant_0.15|filter governor, exact, estimate on|worst on ice, mm|2} mm per step with "
-        "exact measurements.",
-    ),
-    (
-        "docs/results.md",
+        f"the condensed WBC then falls in {{harsh/variants|{LAW}, tuned|fell}} of 210 walks instead of "
+        f"{{harsh/variants|{LAW}|fell}}.",
+    ],
+    "docs/limitations.md": [
+        f"the condensed WBC falls in {{damped/variants|{LAW}|fell}} of 48 walks.",
+        "they fall where an ungoverned walk stands: in {limits/limits|condensed WBC|joint friction: fell} walks.",
+    ],
+    "docs/friction.md": [
+        f"at most {{{ICE}|filter governor, exact, estimate on|worst on ice, mm|2}} mm per step with exact "
+        "measurements.",
+        "slip is at most {limits/limits|condensed WBC, joint friction estimated|joint friction: worst slip, mm} mm "
+        "per step.",
+    ],
+    "docs/condensed.md": [
+        "Ungoverned walks stand there, too; they slip up to {limits/limits|no governor|limits: worst slip, mm} mm per "
+        "step, the condensed WBC {limits/limits|condensed WBC|limits: worst slip, mm|2}."
+    ],
+    "docs/performance.md": [
+        f"and {{comparison/ticks|{LAW}|median / comparison/ticks|{PRINTED}|median|2}} times that of the paper's "
+        "governed controller",
+        f"The update of the paper's governor takes {{{SOLVE}|update of the paper's governor|median|2}} µs. The solve "
+        f"of the WBC QP takes {{{SOLVE}|solve, active-set warm start|median|2}} with an active-set warm start, "
+        f"{{{SOLVE}|solve, DAQP from scratch|median|2}} with DAQP from scratch and "
+        f"{{{SOLVE}|solve, ProxQP, warm|median|2}} with warm ProxQP: "
+        + " and ".join(
+            f"{{{SOLVE}|solve, {how}|median / {SOLVE}|update of the paper's governor|median|{digits}}}"
+            for how, digits in (("active-set warm start", 1), ("DAQP from scratch", 2), ("ProxQP, warm", 2))
+        ).replace(" and ", ", ", 1)
+        + " times as much.",
+        "{comparison/campaign|condensed WBC|off target, rms, mm|2} mm rms in the campaign, against the filter's "
+        "{comparison/campaign|contact-force filter|off target, rms, mm|2}.",
+    ],
+    "docs/steering.md": [
+        "with 10 N·s {steering/steering_pushes|10 N·s, default gains, condensed|fell} walks fall, with 12 N·s "
+        "{steering/steering_pushes|12 N·s, default gains, condensed|fell}."
+    ],
+    "docs/results.md": [
         "At friction 0.15, on the contacts in the order of the table, it is "
-        "{contacts/contacts_0.15_brief|ours|condensed WBC|2}, "
-        "{contacts/contacts_0.15_brief|MuJoCo default|condensed WBC|2}, "
-        "{contacts/contacts_0.15_brief|menagerie, 20 mm|condensed WBC|2} and "
-        "{contacts/contacts_0.15_brief|Drake|condensed WBC|2} mm, and the shortest of the others "
-        "{contacts/contacts_0.15_brief|ours|contact-force filter|2}, "
-        "{contacts/contacts_0.15_brief|MuJoCo default|paper's best variant|3}, "
-        "{contacts/contacts_0.15_brief|menagerie, 20 mm|contact-force filter|3} and "
-        "{contacts/contacts_0.15_brief|Drake|contact-force filter|2}.",
-    ),
-    (
-        "docs/results.md",
+        f"{{{CONTACT}|ours|condensed WBC|2}}, {{{CONTACT}|MuJoCo default|condensed WBC|2}}, "
+        f"{{{CONTACT}|menagerie, 20 mm|condensed WBC|2}} and {{{CONTACT}|Drake|condensed WBC|2}} mm, and the shortest "
+        f"of the others {{{CONTACT}|ours|contact-force filter|2}}, {{{CONTACT}|MuJoCo default|{BEST}|3}}, "
+        f"{{{CONTACT}|menagerie, 20 mm|contact-force filter|3}} and {{{CONTACT}|Drake|contact-force filter|2}}.",
         "the gentle walk creeps {contacts/contacts_0.25_brief|MuJoCo default|gentle|1} mm instead of "
         "{contacts/contacts_0.25_brief|MuJoCo default|condensed WBC|2} on the default contact.",
-    ),
-]
-"""Sentences by their page; ``{table|row|column}`` is a figure of the results page, a last number its digits."""
+    ],
+}
+"""Sentences by their page; ``{table|row|column}`` is a figure, with ``/`` a ratio, with a digit rounded."""
 
 ZERO = [
     ("wide/variants", "condensed WBC, friction estimated", "fell"),
     ("wide/variants", "WBC QP, friction estimated", "fell"),
-    ("variants/variants", "no governor, PID, tuned", "fell of 210"),
+    ("variants/variants", PID, "fell of 210"),
     ("damped/variants", FOUND, "fell"),
-    ("harsh/variants", "no governor, PID, tuned", "fell"),
-    ("damped/variants", "no governor, PID, tuned", "fell"),
+    ("harsh/variants", PID, "fell"),
+    ("damped/variants", PID, "fell"),
     *(
         ("wide/variants", row, delay)
         for row in ("no governor", "contact-force filter")
         for delay in ("at 0 ms", "1 ms")
     ),
+    *(("limits/limits", row, "limits: fell") for row in ("no governor", LAW, QP)),
+    ("limits/limits", "condensed WBC, joint friction estimated", "joint friction: fell"),
+    *((ICE, f"{who}, {what}, estimate on", "fell") for who in (LAW,) for what in ("exact", "noise, 2 ms")),
+    (ICE, "paper governor, exact, estimate off", "fell"),
+    *(
+        ("steering/steering_commands", f"{what}, compliant, {who}", "fell")
+        for what in ("course", "random", "absurd")
+        for who in ("condensed", "QP")
+    ),
+    *(("edge/edge_friction", row, f"fell, {on}") for row in (SLOW, FAST) for on in ("off", "on")),
 ]
 """Figures that README and docs call none."""
 
+RATIOS = [
+    ("README.md", "at three times the computing time", f"comparison/ticks|{ACTIVE}|median", TICK_PRINTED, 3.0),
+    ("README.md", "same optimum in half the QP's time", TICK_LAW, f"comparison/ticks|{ACTIVE}|median", 1 / 2),
+    ("docs/results.md", "feet slip a third", f"{HARSH}, tuned|median slip", f"{HARSH}|median slip", 1 / 3),
+    ("docs/results.md", "They cost a fifth more thrust", f"{HARSH}, tuned|thrust, N", f"{HARSH}|thrust, N", 1.2),
+    (
+        "docs/limitations.md",
+        "slide six times as far",
+        f"{DAMPED}|{PID}|median slip",
+        f"{DAMPED}|{LAW}|median slip",
+        6.0,
+    ),
+    ("docs/condensed.md", "it removes a seventh of the slip", f"{EDGE}|slip per step, on, mm", EDGE_SLIP, 6 / 7),
+    ("docs/condensed.md", "a quarter of the speed", f"{EDGE}|speed kept, on", f"{EDGE}|speed kept, off", 3 / 4),
+    ("docs/steering.md", "for 3 % of the speed", f"{SLIPPERY}, on|speed, m/s", f"{SLIPPERY}, off|speed, m/s", 0.97),
+]
+"""What words say of two figures: the page, the words, the figures, and their ratio within a tenth."""
 
-def figure(table: str, row: str, column: str, digits: str = "") -> str:
+DELAYED = "delay/delay_walks_0.25"
+FELL = [
+    *((DELAYED, f"PID, {who}", "2 ms, mm") for who in ("none", "paper", "filter")),
+    (ICE, "paper governor, exact, estimate on", "fell"),
+    *(("grounds/grounds_0.15_path", "paper's governor", f"{stiffness} kN/m") for stiffness in (4, 8, 80)),
+]
+STOOD = [
+    *((DELAYED, who, "30 ms, mm") for who in (LAW, "QP")),
+    *((DELAYED, f"feedforward, {who}", "3 ms, mm") for who in ("none", "paper", "filter")),
+]
+"""Walks of which docs say that they fell, or did not."""
+
+README_ROWS = {
+    "slip, friction 0.15": ("comparison/campaign_friction_slip_mm_per_step", "μ 0.15, mm", 1.0),
+    "slip, all walks": ("comparison/campaign", "slip per step, mm", 1.0),
+    "walks that fall": ("comparison/campaign", "falls", 100.0),
+    "tick, median": ("comparison/ticks", "median", 1.0),
+    "tick, 99 %": ("comparison/ticks", "99 %", 1.0),
+    "instructions on a microcontroller, median": ("embedded/embedded", "median", 1.0),
+    "off target, rms": ("comparison/campaign", "off target, rms, mm", 1.0),
+}
+"""Rows of README's table: the table and column that they come from, and what one unit of it is in README."""
+
+NAMES = {
+    "comparison/ticks": {
+        "paper's governor": PRINTED,
+        BEST: "paper's governor, best variant",
+        "whole-body QP": "WBC QP, active-set warm start",
+    },
+    "embedded/embedded": {
+        "paper's governor": "Harpy, paper's governor",
+        "contact-force filter": "Harpy, contact-force filter",
+        LAW: "Harpy, condensed WBC",
+        "whole-body QP": "Harpy, WBC QP",
+    },
+}
+"""Rows of tables that are called otherwise than in README."""
+
+
+def figure(table: str, row: str, column: str) -> str:
     """A figure of the results page, without its interval; of a pair the first."""
-    text = TABLES[table][row, column].partition(" (")[0].partition(" / ")[0]
-    return number_text(float(text), int(digits)) if digits else text
+    return TABLES[table][row, column].partition(" (")[0].partition(" / ")[0]
 
 
-@pytest.mark.parametrize(("page", "sentence"), SENTENCES)
+def said(place: str) -> str:
+    """The text of a figure, or of the ratio of two."""
+    digits = re.search(r"\|(\d)$", place)
+    parts = (place[: digits.start()] if digits else place).split(" / ")
+    texts = [figure(*part.split("|")) for part in parts]
+    if not digits:
+        return texts[0]
+    value = float(texts[0]) / (float(texts[1]) if len(texts) > 1 else 1.0)
+    return number_text(value, int(digits[1]))
+
+
+@pytest.mark.parametrize(("page", "sentence"), [(page, text) for page, texts in SENTENCES.items() for text in texts])
 def test_sentences_say_what_the_tables_show(page: str, sentence: str) -> None:
-    said = re.sub(r"\{([^}]*)\}", lambda match: figure(*match[1].split("|")), sentence)
+    filled = re.sub(r"\{([^}]*)\}", lambda match: said(match[1]), sentence)
     text = (ROOT / page).read_text(encoding="utf-8").replace("*", "")
-    assert said in re.sub(r"\s+", " ", text)
+    assert filled in re.sub(r"\s+", " ", text)
 
 
 @pytest.mark.parametrize("place", ZERO)
 def test_none_is_none(place: tuple[str, str, str]) -> None:
-    assert figure(*place) == "0"
+    assert figure(*place).partition(" of ")[0] == "0"
+
+
+@pytest.mark.parametrize(("page", "words", "above", "below", "ratio"), RATIOS)
+def test_words_say_what_the_tables_show(page: str, words: str, above: str, below: str, ratio: float) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    assert words in re.sub(r"\s+", " ", text)
+    shown = float(figure(*above.split("|"))) / float(figure(*below.split("|")))
+    assert shown == pytest.approx(ratio, rel=0.1)
+
+
+@pytest.mark.parametrize("place", [*FELL, *STOOD])
+def test_who_fell(place: tuple[str, str, str]) -> None:
+    text = figure(*place)
+    fell = not text.startswith("0 of") if " of " in text else text.startswith("fell")
+    assert fell == (place in FELL)
+
+
+def readme_cells() -> list[tuple[str, str, str]]:
+    """Row, column and text of every cell of README's table that comes from a table of the results page."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Results")[2].replace("*", "")
+    head, _, *lines = ([c.strip() for c in line.strip("|").split("|")] for line in re.findall(r"^\|.*", text, re.M))
+    columns = [column.replace(", as printed", "") for column in head[1:]]
+    return [
+        (row, column, cell)
+        for row, *cells in lines
+        if row in README_ROWS
+        for column, cell in zip(columns, cells, strict=True)
+        if cell
+    ]
+
+
+@pytest.mark.parametrize(("row", "column", "cell"), readme_cells())
+def test_cells_of_readme_are_those_of_the_page_but_for_their_digits(row: str, column: str, cell: str) -> None:
+    table, place, factor = README_ROWS[row]
+    exact = factor * float(figure(table, NAMES.get(table, {}).get(column, column), place).replace(",", ""))
+    number = "0" if cell == "none" else cell.split()[0].replace(",", "")
+    unit = 10.0 ** -len(number.partition(".")[2])
+    assert float(number) == pytest.approx(exact, abs=0.5 * unit + 1e-9)
+
+
+def test_every_row_of_readme_was_found() -> None:
+    assert {row for row, _, _ in readme_cells()} == set(README_ROWS)
 
 
 def test_every_table_that_a_comment_names_is_there() -> None:

@@ -122,27 +122,6 @@ def test_wrong_references_are_refused(name, robot):
     assert governor.status.bad_samples == 0
 
 
-@pytest.mark.parametrize("name", ["paper", "cone", "margin"])
-def test_batches_write_only_into_their_references(name, robot):
-    governor = governor_of(name, robot)
-    x, x_r = np.tile(X, (3, 1)), np.tile(X_R, (3, 1))
-    applied, intact = guarded(x_r)
-    governor.update_batch(x, x_r, applied, 1e-3)
-    expected = applied.copy()
-    applied[:] = x_r
-    governor.update_batch(x.tolist(), np.asfortranarray(x_r), applied, 1e-3)
-    np.testing.assert_array_equal(applied, expected)
-    for wrong in (x_r.astype(int), x_r.tolist(), np.tile(x_r, (1, 2))[:, ::2], x_r[:2].copy()):
-        with pytest.raises(hp.InputError, match="applied"):
-            governor.update_batch(x, x_r, wrong, 1e-3)
-    for bad in (np.full((3, 9), np.nan), x[:, :8]):
-        with pytest.raises(hp.InputError, match="x must"):
-            governor.update_batch(bad, x_r, applied, 1e-3)
-    with pytest.raises(hp.InputError, match="dt"):
-        governor.update_batch(x, x_r, applied, np.nan)
-    assert intact()
-
-
 @pytest.mark.parametrize("rows", [ForceRows(mass=4.6, mu=0.25), AngleRow()])
 def test_rows_fill_only_what_is_theirs(rows, fuzz):
     rng = np.random.default_rng(3)

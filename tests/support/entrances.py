@@ -37,16 +37,18 @@ def few_ticks(path: Path, controller: str) -> hp.Run:
     return build(Scenario(urdf=path, controller=controller, duration=0.003)).run()
 
 
-def use_run(path: Path) -> None:
-    """Read, measure and view a log, and walk the first ticks of its scenario again."""
+def use_run(path: Path, walk: bool = True) -> bool:
+    """Read, measure and view a log, and walk the first ticks of its scenario again; whether it was read."""
     run, _ = outcome(hp.Run.load, path)
     if run is None:
-        return
+        return False
     outcome(hp.measure, run)
     robot, _ = outcome(robot_of, run)
     if robot is not None:
         outcome(page, run, robot)
-    outcome(again, run)
+    if walk:
+        outcome(again, run)
+    return True
 
 
 def use_figure(path: Path) -> None:

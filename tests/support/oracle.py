@@ -20,15 +20,23 @@ from types import FunctionType
 from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 
 from harpy_pin.compiled import Kernel
 from harpy_pin.compiled.expressions import MATHEMATICS, OF_TWO
 from harpy_pin.compiled.source import _globals
 
+REALS = st.floats(-1e6, 1e6) | st.sampled_from([0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e-300, 1e300])
+"""Numbers of all kinds."""
 LIBRARY = ctypes.CDLL(ctypes.util.find_library("m"))
 LONGEST = 20
 """Ticks of a call that is repeated in Python at most."""
 POWERS = {2: lambda x: x * x, 3: lambda x: x * (x * x), 4: lambda x: (x * x) * (x * x)}
+
+
+def four(*numbers: float) -> Any:
+    """An array of four numbers."""
+    return np.array(numbers or (1.0, 2.0, 3.0, 4.0))
 
 
 def of_library(name: str, count: int) -> Callable[..., np.float64]:

@@ -109,8 +109,6 @@ def values() -> dict[str, Any]:
         "gaits.bezier.points": np.zeros((5, 3)),
         **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
         "gaits.bezier.s": 0.5,
-        "governors.project_batch.rows": np.ones((1, 2, 3)),
-        "governors.project_batch.bounds": np.zeros((1, 2)),
         "simulation.normal_force.height": 0.0,
         "simulation.normal_force.velocity": 0.0,
         "simulation.normal_force.ground": hp.Ground().record,
@@ -153,10 +151,6 @@ def values() -> dict[str, Any]:
         "gaits.PlanarModel.planar": model.planar,
         "leg_inverse_kinematics.foot": np.array([0.0, 0.1, -0.5]),
         "solve_ik.targets": {"left_foot": np.array([0.0, 0.1, 0.0])},
-        **{
-            f"{name}.applied": np.zeros((9, 6))
-            for name in ("ConeGovernor.update_batch", "ExplicitReferenceGovernor.update_batch")
-        },
         "Standing.robot": solo,
         "Stepping.robot": bolt,
         "WalkingGait.robot": solo,

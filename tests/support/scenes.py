@@ -23,7 +23,6 @@ from harpy_pin.gaits.planar.planar_walk import PlanarWalk
 from harpy_pin.governors import ForceRows
 from harpy_pin.governors.reduced.feedback import acceleration, direction, feedback_record
 from harpy_pin.governors.reduced.point_mass import Law, axial_force, leg_force, model_record, multiplier
-from harpy_pin.governors.reduced.projection import project_batch
 from harpy_pin.governors.reduced.rows import AngleRow, StackedRows
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.contact_map import ContactForceMap
@@ -261,14 +260,13 @@ def batches() -> None:
 
 @scene
 def reduced() -> None:
-    """Governors of the reduced-order model, alone and many at once, and its simulation."""
+    """Governors of the reduced-order model, and its simulation."""
     x = np.concatenate((cartesian(0.1, 0.3, 0.5), (0.1, 0.0, 0.05), np.zeros(3)))
     for name in VLIP_GOVERNORS:
         setting = replace(vlip_setting(name), duration=0.02)
         simulate_vlip(vlip_governor(setting, name=name), setting)
     rows = ForceRows(mass=4.0, mu=0.45, min_normal_force=20.0, gains=GAINS)
     erg = hp.ExplicitReferenceGovernor(StackedRows([rows, AngleRow()]), alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
-    many = np.tile(x, (4, 1))
     for governor in (
         hp.ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0),
         hp.ConeGovernor(mass=4.0, mu=0.45, gains=GAINS),
@@ -277,10 +275,8 @@ def reduced() -> None:
         governor.reset(x[:6])
         for _ in range(3):
             governor.update(x, x[:6] + 0.1, 1e-3)
-        governor.update_batch(many, many[:, :6] + 0.1, many[:, :6].copy(), 1e-3)
     erg.reset(x[:6])
     erg.update(x, x[:6] + 0.1, 1e-3)
-    project_batch(np.random.default_rng(0).normal(size=(5, 4, 3)), -np.ones((5, 4)), np.ones((5, 3)))
 
 
 @scene

@@ -26,7 +26,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
+from harpy_pin.governors.governor import GovernorStatus, check_update
 from harpy_pin.governors.reduced.feedback import FeedbackRecord, direction, feedback, feedback_record, finite, lift
 from harpy_pin.governors.reduced.point_mass import Law
 from harpy_pin.governors.reduced.projection import project
@@ -198,30 +198,6 @@ class ConeGovernor(KeepsViews):
         status.outside = bool(self._inside[0] < 0.0)
         return self.applied
 
-    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
-        """Advance N governors with these settings by one tick.
-
-        The target's velocity is not fed forward.
-
-        Args:
-            x: (N, 9) measured states [c; ċ; u], m and m/s.
-            x_r: (N, 6) target references.
-            applied: (N, 6) applied references of the last tick, overwritten by those of this one.
-            dt: time since the last update, s.
-
-        Returns:
-            (N,) the least violation that could be achieved, N; zero where the rows hold.
-
-        Raises:
-            InputError: shapes that do not match, entries that are not finite, or ``applied`` cannot be written to.
-        """
-        x, x_r = check_batch(x, x_r, applied, dt)
-        violation = np.zeros(len(x))
-        record = self._record.copy()
-        record["feed_forward"] = False
-        _cone_batch(x, x_r, applied, dt, record, violation)
-        return violation
-
 
 def cone_record(**settings: Any) -> Records[ConeRecord]:
     """The record of a new governor, for its kernels; see :class:`ConeGovernor`."""
@@ -327,18 +303,8 @@ def _row_margins(rows: Vector, bounds: Vector, force: Vector, h: Vector) -> None
 
 @kernel
 def _cone_update(x: Vector, x_r: Vector, dt: float, p: ConeRecord) -> float:
-    return cone_update(x, x_r, p.applied, dt, p)
-
-
-@kernel
-def _cone_batch(x: Vector, x_r: Vector, applied: Vector, dt: float, p: ConeRecord, violation: Vector) -> None:
-    for k in range(x.shape[0]):
-        violation[k] = cone_update(x[k], x_r[k], applied[k], dt, p)
-
-
-@kernel
-def cone_update(x: Vector, x_r: Vector, x_w: Vector, dt: float, p: ConeRecord) -> float:
-    """One tick of the applied reference x_w, for an element of :func:`cone_record`; returns the least violation, N."""
+    """One tick of the applied reference; returns the least violation, N."""
+    x_w = p.applied
     if not finite(x, x_r, dt):
         p.rate[:] = 0.0
         return np.inf  # not finite: the reference stays as it is

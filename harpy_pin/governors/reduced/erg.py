@@ -16,7 +16,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.governors.governor import GovernorStatus, check_batch, check_update
+from harpy_pin.governors.governor import GovernorStatus, check_update
 from harpy_pin.governors.reduced.erg_parameters import CONDITIONS
 from harpy_pin.governors.reduced.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
 from harpy_pin.model.entry import all_possible
@@ -152,30 +152,6 @@ class ExplicitReferenceGovernor(KeepsViews):
                 row = self.rows.names[broken]
                 raise InputError(f"row '{row}' of the governor is no number at {w.tolist()}", name=row, value=h.copy())
 
-    def update_batch(self, x: Vector, x_r: Vector, applied: Vector, dt: float) -> Vector:
-        """Advance N governors with these settings by one tick.
-
-        Args:
-            x: (N, 9) measured states [c; ċ; u], m and m/s.
-            x_r: (N, 6) target references.
-            applied: (N, 6) applied references of the last tick, overwritten by those of this one.
-            dt: time since the last update, s.
-
-        Returns:
-            (N,) one where both references violate a row, else zero.
-
-        Raises:
-            InputError: shapes that do not match, entries that are not finite, ``applied`` cannot be written to, or rows
-                other than :class:`~harpy_pin.governors.reduced.rows.ForceRows`: these alone are one kernel.
-        """
-        rows = self.rows
-        if not isinstance(rows, ForceRows):
-            raise InputError("a batch of updates needs force rows alone", name="rows", value=rows)
-        x, x_r = check_batch(x, x_r, applied, dt)
-        infeasible = np.zeros(len(x))
-        _force_batch(x, x_r, applied, dt, self._record.copy(), rows.record, infeasible)
-        return infeasible
-
 
 class ErgRecord(RecordOf):
     """What :func:`explicit_update` knows, is given and works in.
@@ -267,7 +243,9 @@ def _force_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRo
 @kernel
 def force_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
     """One tick with the force rows, on elements of the records and arguments that fit; what it came to."""
-    return _verdict(_update_by_force(x, x_r, p.applied, dt, p, rows), dt, p)
+    force_rows(x, x_r, rows, p.h_r, p.jacobian_r)
+    force_rows(x, p.applied, rows, p.h_w, p.jacobian_w)
+    return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
 
 
 @kernel
@@ -277,22 +255,6 @@ def _verdict(infeasible: bool, dt: float, p: ErgRecord) -> int:
     if not infeasible:
         return FEASIBLE
     return STUCK if p.repairing > STUCK_AFTER else INFEASIBLE
-
-
-@kernel
-def _force_batch(
-    x: Vector, x_r: Vector, applied: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord, infeasible: Vector
-) -> None:
-    for k in range(x.shape[0]):
-        infeasible[k] = _update_by_force(x[k], x_r[k], applied[k], dt, p, rows)
-
-
-@kernel
-def _update_by_force(x: Vector, x_r: Vector, x_w: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> bool:
-    """Force rows at both references, then :func:`explicit_update`."""
-    force_rows(x, x_r, rows, p.h_r, p.jacobian_r)
-    force_rows(x, x_w, rows, p.h_w, p.jacobian_w)
-    return explicit_update(x_r, x_w, dt, p)
 
 
 @kernel(x_r="p.rate", x_w="p.rate")

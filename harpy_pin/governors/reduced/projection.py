@@ -11,50 +11,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin import checks
-from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
 
-__all__ = ["project", "project_batch"]
+__all__ = ["project"]
 
 FEASIBLE = 1e-10
 """Violation, relative to the numbers in a row, that counts as rounding."""
 PARALLEL = 1e-22
 """Squared sine under which rows count as parallel, or as lying in one plane."""
-
-
-@checked
-def project_batch(rows: Vector, bounds: Vector, points: Vector) -> tuple[Vector, Vector]:
-    """Project N points, each on its own set.
-
-    Args:
-        rows: (N, n, 3) aₖ.
-        bounds: (N, n) bₖ.
-        points: (N, 3) y₀.
-
-    Returns:
-        (N, 3) projections and (N,) least violations; see :func:`project`.
-
-    Raises:
-        InputError: shapes that do not match, or entries that are not finite.
-    """
-    rows = checks.array("rows", rows, None)
-    if rows.ndim != 3 or rows.shape[2] != 3:
-        raise InputError(f"rows must have shape (N, n, 3), got {rows.shape}", name="rows")
-    checks.vector("rows", rows, rows.shape)
-    bounds = checks.vector("bounds", bounds, rows.shape[:2])
-    points = checks.vector("points", points, (rows.shape[0], 3))
-    out, violation = np.zeros(points.shape), np.zeros(len(points))
-    _project_all(rows, bounds, points, out, violation, np.empty((3, rows.shape[1])))
-    return out, violation
-
-
-@kernel
-def _project_all(rows: Vector, bounds: Vector, points: Vector, out: Vector, violation: Vector, work: Vector) -> None:
-    for k in range(points.shape[0]):
-        violation[k] = project(rows[k], bounds[k], points[k], out[k], work)
 
 
 @kernel(rows=("n", 3), bounds=("n",), point=(3,), out=(3,), work=(3, "n"))

@@ -30,9 +30,7 @@ class OSQPSolver(QPSolver):
         n, n_eq, rows = program.shape
         self._rows = np.zeros((rows + n_eq, n))
         self._lower, self._upper = np.zeros(rows + n_eq), np.zeros(rows + n_eq)
-        columns, entries = np.triu_indices(n)[1], np.triu_indices(n)[0]
-        order = np.lexsort((entries, columns))
-        self._triangle = (entries[order], columns[order])
+        self._triangle = np.tril_indices(n)[::-1]  # the upper one, column by column
         self._solver: osqp.OSQP | None = None
 
     def reset(self) -> None:
