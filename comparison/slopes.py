@@ -1,11 +1,13 @@
 """Where robots stand on slopes: pitch by friction, beside what statics allows (:mod:`comparison.statics`).
 
-Harpy under every kind of controller, and Go2 and G1, which have no thrusters, under the condensed one.
+Harpy under every kind of controller, and walking under the condensed one; Go2 and G1, which have no thrusters, under
+that one, too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -16,25 +18,53 @@ from comparison.campaign.store import kept_rows
 from comparison.measure.walking import Progress, Rows, grouped, walk_as_far_as_it_goes
 from comparison.statics import static_bound
 from comparison.tables import Cell, Table
-from harpy_pin import Ground, Scenario, Stand, Straight, checks, load_robot
+from harpy_pin import Ground, Plane, Scenario, Stand, Straight, checks, load_robot, measure
 from harpy_pin.simulation.resting import walking_stiffness
 
-__all__ = ["ROBOTS", "SlopeSettings", "how_it_stands", "slope_tables", "stand_on_slopes"]
+__all__ = ["SlopeSettings", "how_it_stands", "slope_tables", "stand_on_slopes"]
 
-WALKERS: dict[str, tuple[str, dict[str, Any]]] = {
-    "no_thrust": ("joint PID, no thrust", {"name": "governed", "governor": "none", "thrust": False, "limits": True}),
-    "paper": ("paper's governor", {"name": "governed", "governor": "paper", "limits": True}),
-    "filter": ("contact-force filter", {"name": "governed", "governor": "filter", "limits": True}),
-    "condensed": ("condensed WBC", {"name": "condensed"}),
-    "wbc": ("whole-body QP", {"name": "wbc"}),
-    "go2": ("Go2", {"name": "condensed"}),
-    "g1": ("G1", {"name": "condensed"}),
+
+@dataclass(frozen=True)
+class Walker:
+    """Who is on the slope.
+
+    Attributes:
+        name: in tables.
+        controller: of the scenario.
+        robot: of the catalogue, or Harpy.
+        speed: along x, m/s; zero stands.
+        heading: direction in which the ground rises, rad.
+    """
+
+    name: str
+    controller: dict[str, Any] = field(default_factory=lambda: {"name": "condensed"})
+    robot: str = "harpy"
+    speed: float = 0.0
+    heading: float = 0.0
+
+
+def _governed(governor: str, **more: bool) -> dict[str, Any]:
+    return {"name": "governed", "governor": governor, "limits": True, **more}
+
+
+SPEED = 0.3
+WALKERS: dict[str, Walker] = {
+    "no_thrust": Walker("joint PID, no thrust", _governed("none", thrust=False)),
+    "paper": Walker("paper's governor", _governed("paper")),
+    "filter": Walker("contact-force filter", _governed("filter")),
+    "condensed": Walker("condensed WBC"),
+    "wbc": Walker("whole-body QP", {"name": "wbc"}),
+    "up": Walker("walking uphill", speed=SPEED),
+    "down": Walker("walking downhill", speed=SPEED, heading=math.pi),
+    "across": Walker("walking across", speed=SPEED, heading=0.5 * math.pi),
+    "go2": Walker("Go2", robot="go2"),
+    "g1": Walker("G1", robot="g1"),
 }
-"""Name in tables and controller of a scenario."""
-ROBOTS = ("go2", "g1")
-"""Walkers that are robots of the catalogue; the others are Harpy."""
+"""By short name; those that walk do so at 0.3 m/s under the condensed controller."""
 HELD = 5.0
-"""Slip of all feet together up to which a robot stands, mm."""
+"""Slip up to which a robot stands or walks, mm: of all feet together, and of one that walks in a step."""
+USUAL = 30.0
+"""Angle up to which a robot should stand wherever statics allow it, degrees."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,29 +103,25 @@ def stand_on_slopes(settings: SlopeSettings, progress: Progress | None = None, p
     return kept_rows({str(job): job for job in jobs}, _stand, progress, path)
 
 
-def _robot(walker: str) -> str:
-    return walker if walker in ROBOTS else "harpy"
-
-
 def _stand(job: dict[str, Any]) -> dict[str, Any]:
-    degrees, friction, walker, duration = (job[name] for name in ("degrees", "friction", "walker", "duration"))
-    without_thrust, least_thrust = static_bound(degrees, friction, _robot(walker))
-    controller, ground = WALKERS[walker][1], Ground(mu_s=friction, slope=np.radians(degrees))
-    points = 1
-    if walker in ROBOTS:
-        robot = load_robot(walker)
-        points = len(robot.feet) // len(robot.corners)
-        ground = Ground(mu_s=friction, slope=np.radians(degrees), stiffness=walking_stiffness(robot))
-        scenario = Scenario(robot=walker, controller=controller, gait=Stand(), ground=ground, duration=duration)
-    else:
-        scenario = Scenario(controller=controller, gait=Straight(speed=0.0), ground=ground, duration=duration)
-    run = walk_as_far_as_it_goes(scenario)
+    degrees, friction, duration = (job[name] for name in ("degrees", "friction", "duration"))
+    who = WALKERS[job["walker"]]
+    without_thrust, least_thrust = static_bound(degrees, friction, who.robot)
+    given: dict[str, Any] = {"gait": Straight(speed=who.speed)}
+    points, stiffness = 1, Ground.stiffness
+    if who.robot != "harpy":
+        robot = load_robot(who.robot)
+        points, stiffness = len(robot.feet) // len(robot.corners), walking_stiffness(robot)
+        given = {"robot": who.robot, "gait": Stand()}
+    ground = Ground(mu_s=friction, terrain=Plane(slope=np.radians(degrees), heading=who.heading), stiffness=stiffness)
+    run = walk_as_far_as_it_goes(Scenario(**given, controller=who.controller, ground=ground, duration=duration))
     thrust = np.linalg.norm(run["thrust"], axis=2).sum(axis=1)
+    slip = 1e3 * float(run["slip_path"][-1].sum()) / points  # of a sole the mean of its corners
     return {
         **job,
         "fell": run.ending != "completed",
-        "slip_mm": 1e3 * float(run["slip_path"][-1].sum()) / points,  # of a sole the mean of its corners
-        "thrust_n": float(thrust[len(thrust) // 2 :].mean()) if walker not in ROBOTS else 0.0,
+        "slip_mm": float(measure(run).slip_mm_per_step) if who.speed else slip,
+        "thrust_n": float(thrust[len(thrust) // 2 :].mean()) if who.robot == "harpy" else 0.0,
         "without_thrust": without_thrust,
         "least_thrust": least_thrust,
     }
@@ -104,26 +130,29 @@ def _stand(job: dict[str, Any]) -> dict[str, Any]:
 def slope_tables(rows: Rows) -> list[Table]:
     """A map of each walker: its slip, mm, or that it fell; those of statics; and how many places each stands."""
     tables = []
-    for robot in dict.fromkeys(_robot(row["walker"]) for row in rows):
-        first = {(row["degrees"], row["friction"]): row for row in rows if _robot(row["walker"]) == robot}
+    for robot in dict.fromkeys(WALKERS[row["walker"]].robot for row in rows):
+        first = {(row["degrees"], row["friction"]): row for row in rows if WALKERS[row["walker"]].robot == robot}
         cells = [
             Cell(f"{degrees:g}°", f"{friction:g}", _whole(row["least_thrust"]))
             for (degrees, friction), row in first.items()
         ]
         note = "Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient."
-        name = "Harpy" if robot == "harpy" else WALKERS[robot][0]
+        name = "Harpy" if robot == "harpy" else WALKERS[robot].name
         tables.append(Table(f"slopes_statics_{robot}", f"What statics allows: {name}", tuple(cells), note))
     sums: list[Cell] = []
     for (walker,), here in grouped(rows, "walker").items():
-        name = WALKERS[walker][0]
+        name = WALKERS[walker].name
         cells = [Cell(f"{row['degrees']:g}°", f"{row['friction']:g}", _how(row)) for row in here]
-        note = f"Slip of all feet, mm, by angle and friction coefficient; up to {HELD:g} mm it stands."
-        tables.append(Table(f"slopes_{walker}", f"Standing on slopes: {name}", tuple(cells), note))
+        slip = "Slip in a step" if WALKERS[walker].speed else "Slip of all feet"
+        note = f"{slip}, mm, by angle and friction coefficient; up to {HELD:g} mm it stands."
+        tables.append(Table(f"slopes_{walker}", f"On slopes: {name}", tuple(cells), note))
         stood = [row for row in here if how_it_stands(row) == "stands"]
         possible = sum(row["least_thrust"] is not None for row in here)
         alone = sum(row["without_thrust"] for row in here)
         thrust = [row["thrust_n"] for row in stood]
         sums.append(Cell(name, "stands", f"{len(stood)} of {len(here)}"))
+        usual = [row for row in here if row["degrees"] <= USUAL]
+        sums.append(Cell(name, f"up to {USUAL:g}°", f"{sum(row in stood for row in usual)} of {len(usual)}"))
         sums.append(Cell(name, "statics allow", possible))
         sums.append(Cell(name, "without thrust", alone))
         sums.append(Cell(name, "mean thrust", float(np.mean(thrust)) if thrust else None, "N"))

@@ -22,7 +22,7 @@ __all__ = ["static_bound"]
 
 FACES = 32
 """Of the pyramid inside Coulomb's cone: its cone is half a per cent narrower."""
-REACH, PLACES = 0.2, 21
+REACH, PLACES = 0.4, 41
 """How far ahead of the feet or behind them the body may be, m, and how many places are looked at."""
 STEPS, DAMPING, FOUND = 50, 1e-8, 1e-3
 """Of the iteration that brings feet to their places, and how far they may be away, m."""

@@ -18,7 +18,7 @@ __all__ = ["slopes_figure"]
 
 COLOURS = {"stands": CONTACT, "slides": THRUST, "falls": SLIDING, "not possible": "#d9dee4"}
 """Of what happens; the last one where statics do not allow to stand, and it does not."""
-COLUMNS = 4
+COLUMNS = 5
 """Panels in a row."""
 
 
@@ -48,7 +48,7 @@ def slopes_figure(rows: Rows) -> Figure:
             cells[place] = names.index(what_happens(row))
         colours = ListedColormap(list(COLOURS.values()))
         panel.pcolormesh(frictions, degrees, cells, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5, edgecolor="white")
-        panel.set_title(WALKERS[walker][0], fontsize=9)
+        panel.set_title(WALKERS[walker].name, fontsize=9)
     for panel in panels[:, 0]:
         panel.set_ylabel("angle, degrees")
     for panel in panels[-1]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 from harpy_pin import checks
 from harpy_pin.cli.output import FELL, ScheduleOption, console, walking_bar
+from harpy_pin.cli.terrain_option import TerrainOption, terrain_of
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs
 from harpy_pin.model.catalogue import check_robot_name, known_name
@@ -29,6 +31,7 @@ def film(
     schedule: ScheduleOption = None,
     jump: Annotated[bool, typer.Option("--jump", help="It jumps 0.3 m high. Harpy alone does.")] = False,
     friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.6,
+    terrain: TerrainOption = None,
     duration: Annotated[float, typer.Option(help="Length of the walk, s.")] = 3.0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "420x280",
 ) -> None:
@@ -42,6 +45,7 @@ def film(
     harpy film anymal.gif --robot anymal_c --schedule crawl
     harpy film turn.gif --robot g1 --command "0.2 0 0.2" --duration 6
     harpy film jump.gif --robot harpy --jump
+    harpy film stairs.gif --terrain stairs:rise=0.08
     """
     if path.suffix.lower() not in KINDS:
         raise InputError(f"a film's name must end in {' or '.join(KINDS)}, got '{path}'", name="path", value=path)
@@ -64,10 +68,10 @@ def film(
         options["schedule"] = schedule
     if jump and (robot != "harpy" or options):
         raise InputError("only Harpy jumps, and without a command or a schedule: give --robot harpy", name="jump")
-    ground = Ground(mu_s=friction)
+    ground = Ground(mu_s=friction, terrain=terrain_of(terrain))
     gait: dict[str, Any] = {"name": "flying" if jump else "commanded", **options}
     if robot != "harpy":
-        ground = Ground(mu_s=friction, stiffness=walking_stiffness(load_robot(robot)))
+        ground = replace(ground, stiffness=walking_stiffness(load_robot(robot)), damping=None)
         gait["name"] = "walking"
     scenario = Scenario(robot=robot, gait=gait, ground=ground, duration=duration)
     with walking_bar(duration) as on_piece:

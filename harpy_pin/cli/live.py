@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import webbrowser
 from importlib.util import find_spec
+from math import radians
 from pathlib import Path
 from signal import SIGTERM
 from threading import Thread
@@ -32,6 +33,9 @@ def live(
         str, typer.Option(help="condensed, wbc, or joint PIDs with a governor: none, paper, filter.")
     ] = "condensed",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
+    slope: Annotated[
+        float, typer.Option(metavar="DEGREES", help="Angle by which the ground rises along x at the start, degrees.")
+    ] = 0.0,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
     schedule: ScheduleOption = None,
     stiffness: Annotated[
@@ -57,9 +61,9 @@ def live(
 ) -> None:
     """Drive a robot in the browser, in real time.
 
-    The page has its speed, turns, friction, ice, controllers and pushes. It is served to this machine only. Ctrl-C ends
-    it (exit code 130; 143 on SIGTERM). With --save the log is written to disk while it is driven; if the process dies,
-    harpy view reads FILE.npz.part.
+    The page has its speed, turns, friction, ice, slope, controllers and pushes. It is served to this machine only.
+    Ctrl-C ends it (exit code 130; 143 on SIGTERM). With --save the log is written to disk while it is driven; if the
+    process dies, harpy view reads FILE.npz.part.
 
     \b
     harpy live
@@ -90,7 +94,7 @@ def live(
     ranges = DriveRanges.of(driven_robot)
     checks.number("speed", speed, low=-ranges.forward, high=ranges.forward)
     given = {name: value for name, value in (("schedule", schedule), ("stiffness", stiffness)) if value is not None}
-    changes = {"controller": controller, "friction": friction, "forward": speed, **given}
+    changes = {"controller": controller, "friction": friction, "slope": radians(slope), "forward": speed, **given}
     settings = LiveSettings(**usual_settings(driven_robot)).changed(changes)
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # the line below says it
 

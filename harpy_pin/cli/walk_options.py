@@ -12,6 +12,7 @@ import typer
 
 from harpy_pin import checks
 from harpy_pin.cli.output import JsonOption, UrdfOption
+from harpy_pin.cli.terrain_option import TerrainOption, terrain_of
 from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError
 
@@ -33,7 +34,18 @@ __all__ = [
 ]
 
 ORDER = (
-    *("robot", "controller", "governor", "evaluate_at", "legs", "friction", "ice", "slope", "assumed_friction"),
+    *(
+        "robot",
+        "controller",
+        "governor",
+        "evaluate_at",
+        "legs",
+        "friction",
+        "ice",
+        "slope",
+        "terrain",
+        "assumed_friction",
+    ),
     *("gait", "speed", "command", "schedule", "duration", "dt", "limits", "thrust"),
     *("govern_command", "estimate_friction", "cone", "stiffness", "assumed_stiffness", "plant", "plant_preset"),
     *("push", "mass_error", "noise", "delay", "perturbation", "seed", "urdf", "again", "save", "json", "profile"),
@@ -237,6 +249,7 @@ class GroundOptions:
             metavar="DEGREES", help="Angle by which the ground rises along x, degrees; it falls where negative."
         ),
     ] = 0.0
+    terrain: TerrainOption = None
     cone: Annotated[str, typer.Option(help="Friction cone: circular, or per_axis as in the paper.")] = "circular"
     stiffness: Annotated[
         float | None,
@@ -267,6 +280,7 @@ class GroundOptions:
             cone="per_axis" if self.cone == "per_axis" else "circular",
             friction_strips=tuple(sorted(_read_strip(text) for text in self.ice or ())),
             slope=math.radians(slope),
+            terrain=terrain_of(self.terrain),
         )
 
 

@@ -14,6 +14,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.deprecated import start_of
 from harpy_pin.gaits.commanded import CommandedGait
+from harpy_pin.gaits.downhill import downhill
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, own_target
 from harpy_pin.gaits.terrain_footholds import know_footholds, note_time
 from harpy_pin.gaits.terrain_record import OnTerrainRecord, fit_plane, lay_over
@@ -22,7 +23,7 @@ from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.state import State, Vector
-from harpy_pin.simulation.terrain import Terrain
+from harpy_pin.simulation.terrain import Plane, Terrain
 from harpy_pin.simulation.ticks import CompiledTick, observe_nothing
 
 __all__ = ["OnTerrain"]
@@ -47,6 +48,8 @@ class OnTerrain(KeepsViews):
         gait: of flat ground.
         terrain: that it is laid over.
         normal_error: angle by which the normals that it tells are wrong, about y, rad.
+        friction: static coefficient. On a plane that is too steep for it a robot with thrusters is downhill of its feet
+            (:mod:`harpy_pin.gaits.downhill`). Where it is not given, it is enough.
 
     Attributes:
         gait: of flat ground.
@@ -54,7 +57,9 @@ class OnTerrain(KeepsViews):
     """
 
     @checked
-    def __init__(self, gait: Gait, terrain: Terrain, *, normal_error: float = 0.0) -> None:
+    def __init__(
+        self, gait: Gait, terrain: Terrain, *, normal_error: float = 0.0, friction: float | None = None
+    ) -> None:
         self.gait: FullGait = own_target(gait)
         self.robot, self.terrain = gait.robot, terrain
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
@@ -70,12 +75,11 @@ class OnTerrain(KeepsViews):
             leans=np.int64(len(self.robot.corners) >= LEANING),
             normal_error=checks.number("normal_error", normal_error, low=-1.0, high=1.0),
         )
-        if isinstance(self.gait, WalkingGait):
-            reach = float(self._record["reach"][0])
-            self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
-            self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
-        if isinstance(self.gait, CommandedGait):
-            self.gait.record["terrain"] = terrain.record
+        if friction is not None and isinstance(terrain, Plane):
+            friction = checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
+            slope = terrain.record["slope"][0]
+            self._record["offset"][0] = downhill(self.robot, self._with_offset, slope, friction)
+        self.lay_over(terrain)
         know_footholds(self._record, self.gait)
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
@@ -83,6 +87,20 @@ class OnTerrain(KeepsViews):
 
     def __repr__(self) -> str:
         return f"OnTerrain({self.gait!r}, {self.terrain!r})"
+
+    def lay_over(self, terrain: Terrain) -> None:
+        """Other ground from the next update on; the body stays as far from its feet as it was.
+
+        Args:
+            terrain: from then on.
+        """
+        self.terrain, self._record["terrain"] = terrain, terrain.record
+        if isinstance(self.gait, WalkingGait):
+            reach = float(self._record["reach"][0])
+            self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
+            self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
+        if isinstance(self.gait, CommandedGait):
+            self.gait.record["terrain"] = terrain.record
 
     def observe(self, state: State) -> None:
         """Hand the measured state to the gait, if it takes one.
@@ -124,6 +142,7 @@ class OnTerrain(KeepsViews):
         height, along, across = _fit(self._record, float(q[0]), float(q[1]))
         q = q.copy()
         q[2] += height
+        q[:3] += self._record["offset"][0]
         if self._record["leans"][0]:
             turn = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), np.array((-along, -across, 1.0)))
             q[3:7] = (turn * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
@@ -141,6 +160,11 @@ class OnTerrain(KeepsViews):
             v[6:] += np.linalg.lstsq(legs[:, 6:], speed - legs @ v, rcond=1e-6)[0]
         return q, v
 
+    def _with_offset(self, offset: Vector) -> Vector:
+        """Take an offset of the body; returns the configuration at the start."""
+        self._record["offset"][0] = offset
+        return self.initial_state()[0]
+
     def _feet(self, q: Vector) -> tuple[Vector, Vector]:
         """Places of the feet, and their Jacobian, world axes."""
         model, data = self.robot.model, self.robot.model.createData()
@@ -153,8 +177,8 @@ class OnTerrain(KeepsViews):
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters of the gait, and the terrain."""
-        own = {"terrain": self.terrain.to_dict(), "normal_error": float(self._record["normal_error"][0])}
-        return {**self.gait.describe(), "on_terrain": own}
+        numbers = {name: self._record[name][0].tolist() for name in ("normal_error", "offset")}
+        return {**self.gait.describe(), "on_terrain": {"terrain": self.terrain.to_dict(), **numbers}}
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """The gait's signals."""

@@ -45,6 +45,7 @@ class OnTerrainRecord(RecordOf):
         own_swings: 1 where the gait says the world heights of feet in the air.
         leans: 1 where the body leans with the ground.
         normal_error: angle by which the normals told are wrong, about y, rad.
+        offset: (3,) how far the body is from where the gait has it, world axes, m.
         time: of the last update, s.
         swing_time: duration of a swing, s; zero where it is not known where feet land.
         landing: (feet, 2) where the swing of each foot ends: ahead of the body, and beside the path, m.
@@ -58,6 +59,7 @@ class OnTerrainRecord(RecordOf):
     own_swings: int
     leans: int
     normal_error: float
+    offset: Vector = sized(3)
     time: float = 0.0
     swing_time: float = 0.0
     landing: Vector = sized("feet", 2)
@@ -81,7 +83,7 @@ def fit_plane(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float
     if t.level:
         return 0.0, 0.0, 0.0
     height, along = _fit_profile(t, x, reach)
-    height += t.slope[0] * x + t.slope[1] * y
+    height += t.slope[0] * x + t.slope[1] * y + t.above
     along, across = along + t.slope[0], t.slope[1] + 0.0
     if t.cells[2] > 0:
         low, rise, tilt = _fit_grid(t, x, y, reach)
@@ -181,6 +183,10 @@ def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> No
         o.up[0], o.up[1], o.up[2] = -along / size, -across / size, 1.0 / size
     for k in range(g.stance.shape[0]):
         _lay_foot(p, g, o, k)
+        for i in range(3):
+            o.foot_position[k, i] -= p.offset[i]
+    for i in range(3):
+        o.body[i] += p.offset[i]
 
 
 @kernel

@@ -13,7 +13,7 @@
 
 | entries | what | unit |
 |---|---|---|
-| 1 | height of the body, less that of standing | 0.1 m |
+| 1 | height of the body above the ground, less that of standing | 0.1 m |
 | 3 | the vertical in the body's axes | |
 | 3 | velocity of the body, body axes | m/s |
 | 3 | angular velocity, body axes | 3 rad/s |
@@ -39,6 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import ControlError, InputError, reason
+from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.gym.rewards import Reward, Step, make_reward
 from harpy_pin.model.robot import Robot, heavier, load_robot
@@ -121,10 +122,11 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         self.simulator = s.plant.make(heavy, s.ground, dt=s.dt)
         self._substeps = checks.multiple("period", s.period, "physics step", s.dt)
         self._delay = checks.multiple("delay", s.disturbances.delay, "period", s.period, low=0)
-        self._q, self._v = self.gait.initial_state(penetration=self.simulator.static_penetration)
-        load = self.robot.mass * GRAVITY * float(self._q[2])
-        self._spring = np.minimum(self.robot.torque_limit, load) / ANGLE
-        self._fall_height = 0.6 * float(self._q[2])
+        self._surface = s.ground.surface
+        self._laid = self.gait if self._surface is None else OnTerrain(self.gait, self._surface)
+        self._q, self._v = self._laid.initial_state(penetration=self.simulator.static_penetration)
+        self._height = float(self._q[2]) - self._below(self._q)
+        self._spring = np.minimum(self.robot.torque_limit, self.robot.mass * GRAVITY * self._height) / ANGLE
         joints = len(self.robot.joints)
         size = 3 if self._drives else joints
         observations = 13 + 2 * joints + len(self.robot.feet) + size
@@ -217,7 +219,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
                 self._follow_joints(measured, action)
             s.advance(self._command, self.scenario.disturbances.pushes, steps=self._substeps)
             self._tick += 1
-            ending = verdict(s.q, s.v, self._fall_height)
+            ending = verdict(s.q, s.v, 0.6 * self._height + self._below(s.q))
             if ending != "completed":
                 break
         s.t = self._time
@@ -238,16 +240,20 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             q[7:] += self.np_random.uniform(-SPREAD, SPREAD, len(q) - 7)
             data = self.robot.model.createData()
             pin.framesForwardKinematics(self.robot.model, data, q)
-            lowest = min(data.oMf[self.robot.frame_id(foot)].translation[2] for foot in self.robot.feet)
-            q[2] -= lowest + self.simulator.static_penetration
+            feet = [data.oMf[self.robot.frame_id(foot)].translation for foot in self.robot.feet]
+            q[2] -= min(foot[2] - self._below(foot) for foot in feet) + self.simulator.static_penetration
         return q, v
+
+    def _below(self, place: Vector) -> float:
+        """Height of the ground below a place, m."""
+        return 0.0 if self._surface is None else float(self._surface.height(place[0], place[1]))
 
     def _make_controller(self) -> None:
         """A controller without a memory, at rest."""
         s = self.scenario
         self.gait.command[:] = 0.0
         fitting = self.gait.parameters
-        self._controller = s.controller.make(self.gait, mu=s.mu, period=s.period, fitting=fitting)
+        self._controller = s.controller.make(self._laid, mu=s.mu, period=s.period, fitting=fitting)
 
     def _measured(self) -> State:
         state = self.simulator.state
@@ -264,7 +270,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             last_action=self._last_action.copy(),
             velocity=_heading_velocity(state),
             wanted=self.wanted,
-            standing_height=float(self._q[2]),
+            standing_height=self._height + self._below(state.q),
             slip=slip,
             fell=fell,
         )
@@ -274,7 +280,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         vertical = _rotation(state)[2]
         weight = self.robot.mass * GRAVITY
         entries = (
-            [(state.q[2] - self._q[2]) / 0.1],
+            [(state.q[2] - self._below(state.q) - self._height) / 0.1],
             vertical,
             state.v[:3],
             state.v[3:6] / 3.0,
@@ -317,8 +323,6 @@ def _checked_scenario(scenario: Scenario, robot: str | Robot) -> Scenario:
         raise InputError(message, name="scenario", value=scenario)
     if isinstance(scenario.controller, Governed):
         raise InputError("the governed controller is for Harpy: take 'condensed' or 'wbc'", name="scenario")
-    if scenario.ground.surface is not None:
-        raise InputError("an environment has flat ground, the scenario's has a terrain", name="scenario")
     return scenario
 
 

@@ -156,7 +156,7 @@ def _on_ground(gait: Gait, scenario: Scenario) -> Gait:
         return gait
     if isinstance(gait, FlyingGait):
         return gait.over(surface, normal_error=error)
-    return OnTerrain(gait, surface, normal_error=error)
+    return OnTerrain(gait, surface, normal_error=error, friction=scenario.mu)
 
 
 @checks.explained_arguments(

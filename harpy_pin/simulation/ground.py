@@ -3,7 +3,8 @@
 Friction at rest is set-valued (any force inside the cone), so that an explicit evaluation regularises it, and creeps.
 The simulator therefore takes the implicit step of :mod:`harpy_pin.simulation.implicit_contact`.
 
-Friction may change along x, on strips such as ice. A foot feels that of its place at the beginning of a step.
+Friction and stiffness may change along x, on strips such as ice or foam. A foot feels those of its place at the
+beginning of a step.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ __all__ = ["Ground", "friction_force", "normal_force"]
 CONES = ("circular", "per_axis")
 MAX_STIFFNESS = 1e9
 """N/m: a robot of 4 kg sinks by 40 nm."""
-MAX_FRICTION_STRIPS = 16
-"""Of one ground: its record has room for so many, so that kernels are compiled once for all grounds."""
+MAX_STRIPS = 16
+"""Of friction or of stiffness: the record has room for so many, so that kernels are compiled once for all grounds."""
 _RATIO = 0.9
 """The paper's μ_c / μ_s."""
 _STIFFNESS, _DAMPING = 8000.0, 268.3
@@ -45,6 +46,8 @@ class GroundRecord(RecordOf):
         per_axis: 1 for that cone.
         strips: how many strips there are.
         strip: (16, 4) from and to, m, static and sliding coefficient of each.
+        soft_strips: how many strips of another stiffness there are.
+        soft_strip: (16, 3) from and to, m, and stiffness relative to the ground's.
         terrain: its surface.
     """
 
@@ -57,6 +60,8 @@ class GroundRecord(RecordOf):
     per_axis: int
     strips: int
     strip: Vector
+    soft_strips: int
+    soft_strip: Vector
     terrain: TerrainRecord
 
 
@@ -85,6 +90,8 @@ class Ground:
         friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and
             apart from each other, at most 16. A strip holds its first x and not its last. Its sliding coefficient has
             the ground's ratio mu_c / mu_s (0.9 where mu_s is zero).
+        stiffness_strips: (from x, to x, stiffness) of strips with another stiffness, N/m, likewise; they have the
+            ground's damping ratio.
         slope: angle by which the ground rises along x, rad, at most 1.2: short for ``terrain=Plane(slope=...)``.
         terrain: its surface: one of :data:`harpy_pin.simulation.terrain.TERRAINS`; flat where there is none.
     """
@@ -97,6 +104,7 @@ class Ground:
     stribeck_velocity: float = 0.01
     cone: Literal["circular", "per_axis"] = "circular"
     friction_strips: tuple[tuple[float, float, float], ...] = ()
+    stiffness_strips: tuple[tuple[float, float, float], ...] = ()
     slope: float = 0.0
     terrain: Terrain | None = None
 
@@ -115,7 +123,9 @@ class Ground:
             stribeck_velocity=checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True),
         )
         checks.one_of("friction cone", self.cone, CONES)
-        checks.keep(self, friction_strips=_checked_strips(self.friction_strips), slope=Plane(slope=self.slope).slope)
+        checks.keep(self, slope=Plane(slope=self.slope).slope)
+        for name, most in (("friction", checks.MAX_FRICTION), ("stiffness", MAX_STIFFNESS)):
+            checks.keep(self, **{f"{name}_strips": _checked_strips(name, getattr(self, f"{name}_strips"), most)})
         if self.terrain is not None:
             checks.keep(self, terrain=read_terrain(self.terrain))
             if self.slope != 0.0:
@@ -135,23 +145,27 @@ class Ground:
         surface = self.surface
         assert self.mu_c is not None
         ratio = self.mu_c / self.mu_s if self.mu_s > 0.0 else _RATIO
-        strip = np.zeros((MAX_FRICTION_STRIPS, 4))
+        strip, soft = np.zeros((MAX_STRIPS, 4)), np.zeros((MAX_STRIPS, 3))
         for row, (begin, end, mu) in zip(strip, self.friction_strips, strict=False):
             row[:] = begin, end, mu, ratio * mu
-        count = np.int64(len(self.friction_strips))
+        for row, (begin, end, stiffness) in zip(soft, self.stiffness_strips, strict=False):
+            row[:] = begin, end, stiffness / self.stiffness
         return make_record(
             GroundRecord,
             **numbers,
             per_axis=self.cone == "per_axis",
-            strips=count,
+            strips=np.int64(len(self.friction_strips)),
             strip=strip,
+            soft_strips=np.int64(len(self.stiffness_strips)),
+            soft_strip=soft,
             terrain=flat_terrain() if surface is None else surface.record,
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Names and values, the terrain's inside it, ready for JSON and exact."""
         values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
-        values["friction_strips"] = [list(strip) for strip in self.friction_strips]
+        for name in ("friction_strips", "stiffness_strips"):
+            values[name] = [list(strip) for strip in values[name]]
         if self.terrain is not None:
             values["terrain"] = self.terrain.to_dict()
         return values
@@ -166,35 +180,52 @@ class Ground:
         Returns:
             The coefficients, in that shape.
         """
-        places = np.asarray(x, dtype=np.float64)
-        mu = np.full(places.shape, self.mu_s)
-        for begin, end, value in self.friction_strips:
-            mu[(begin <= places) & (places < end)] = value
-        return mu
+        return _at_places(x, self.mu_s, self.friction_strips)
+
+    @checked
+    def stiffness_at(self, x: ArrayLike) -> Vector:
+        """Stiffness of places on the ground, N/m.
+
+        Args:
+            x: of the places, m, of any shape.
+
+        Returns:
+            The stiffnesses, in that shape.
+        """
+        return _at_places(x, self.stiffness, self.stiffness_strips)
 
 
-def _checked_strips(strips: Any) -> tuple[tuple[float, float, float], ...]:
+def _at_places(x: ArrayLike, usual: float, strips: tuple[tuple[float, float, float], ...]) -> Vector:
+    places = np.asarray(x, dtype=np.float64)
+    found = np.full(places.shape, usual)
+    for begin, end, value in strips:
+        found[(begin <= places) & (places < end)] = value
+    return found
+
+
+def _checked_strips(of: str, strips: Any, most: float) -> tuple[tuple[float, float, float], ...]:
     """Strips as plain numbers; see :class:`Ground` for what they must be."""
+    name = f"{of}_strips"
 
     def refuse(message: str, value: Any) -> InputError:
-        return InputError(message, name="friction_strips", value=value)
+        return InputError(message, name=name, value=value)
 
     if not isinstance(strips, list | tuple):
-        raise refuse(f"friction_strips must be a tuple of strips, got {shown(strips)}", strips)
-    if len(strips) > MAX_FRICTION_STRIPS:
-        raise refuse(f"a ground has at most {MAX_FRICTION_STRIPS} friction_strips, got {len(strips)}", strips)
+        raise refuse(f"{name} must be a tuple of strips, got {shown(strips)}", strips)
+    if len(strips) > MAX_STRIPS:
+        raise refuse(f"a ground has at most {MAX_STRIPS} {name}, got {len(strips)}", strips)
     checked: list[tuple[float, float, float]] = []
     for strip in strips:
         if not isinstance(strip, list | tuple) or len(strip) != 3:
-            raise refuse(f"a strip must be (from x, to x, friction), got {shown(strip)}", strip)
+            raise refuse(f"a strip must be (from x, to x, {of}), got {shown(strip)}", strip)
         begin, end = checks.number("from of a strip", strip[0]), checks.number("to of a strip", strip[1])
-        mu = checks.number("friction of a strip", strip[2], low=0.0, high=checks.MAX_FRICTION)
+        value = checks.number(f"{of} of a strip", strip[2], low=0.0, high=most, strict=of == "stiffness")
         if end <= begin:
             raise refuse(f"a strip must end behind its beginning, got {begin:g} to {end:g} m", strip)
         if checked and begin < checked[-1][1]:
             order = f"{begin:g} m lies before {checked[-1][1]:g} m"
-            raise refuse(f"friction_strips must be in the order of x and apart: {order}", strip)
-        checked.append((begin, end, mu))
+            raise refuse(f"{name} must be in the order of x and apart: {order}", strip)
+        checked.append((begin, end, value))
     return tuple(checked)
 
 
@@ -228,6 +259,16 @@ def local_friction(x: float, ground: GroundRecord) -> tuple[float, float]:
 
 
 @kernel
+def local_stiffness(x: float, ground: GroundRecord) -> float:
+    """Stiffness at a place x, m, relative to the ground's, for the element of :attr:`Ground.record`."""
+    for i in range(ground.soft_strips):
+        if ground.soft_strip[i, 0] <= x < ground.soft_strip[i, 1]:
+            share: float = ground.soft_strip[i, 2]
+            return share
+    return 1.0
+
+
+@kernel
 def stribeck(speed: float, normal: float, mu_s: float, mu_c: float, ground: GroundRecord) -> float:
     """Magnitude of the friction on a foot sliding at ``speed``, N (equations.md E2)."""
     ratio = speed / ground.stribeck_velocity
@@ -239,7 +280,7 @@ def friction_force(velocity: Vector, normal: float, ground: Any, creep: float) -
     """Regularised Stribeck friction on a foot (paper, friction model, sign and magnitude as in equations.md E2).
 
     f = −[(μ_c + (μ_s − μ_c) e^{−(s/σ)²}) u_gz + μ_v s] tanh(s/creep) v_t/s; per axis, s is the speed along each axis.
-    It is for analysis and as a reference, outside the friction strips; the simulator takes the implicit step.
+    It is for analysis and as a reference, outside the strips; the simulator takes the implicit step.
 
     Args:
         velocity: (2,) tangential velocity v_t, m/s.

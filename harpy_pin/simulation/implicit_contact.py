@@ -18,12 +18,11 @@ TINY = 1e-30
 
 
 @kernel
-def _solve_normal(height: float, free: float, mobility: float, dt: float, ground: GroundRecord) -> float:
+def _solve_normal(height: float, free: float, mobility: float, dt: float, k: float, d: float) -> float:
     """Normal force at the end of a step, N: the law of E1 at height + dt u, with u = free + mobility·force.
 
     The law, with the vertical jump where the damper engages filled in, is a monotone graph in u: one solution.
     """
-    k, d = ground.stiffness, ground.damping
     threshold = -height / dt
     if free >= threshold:
         return 0.0
@@ -139,7 +138,7 @@ def _solve_slide_2d(
     return -gain * w1, -gain * w2
 
 
-@kernel(mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), friction=("n", 2), force=("3n",))
+@kernel(mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), friction=("n", 3), force=("3n",))
 def contact_step(
     mobility: Vector,
     free_velocity: Vector,
@@ -160,7 +159,8 @@ def contact_step(
         mobility: (3n, 3n) change of foot velocity over the step per newton, dt J M⁻¹ Jᵀ, m/s/N.
         free_velocity: (3n,) foot velocities without contact forces, world axes, m/s.
         height: (n,) foot heights at the start of the step, m.
-        friction: (n, 2) static and sliding coefficient under each foot, see :func:`local_friction`.
+        friction: (n, 3) static and sliding coefficient under each foot, see :func:`local_friction`, and the stiffness
+            there relative to the ground's; the damping changes by its root.
         dt: step, s.
         ground: the element of :attr:`Ground.record`.
         force: (3n,) starting guess in, forces out, world axes, N.
@@ -183,13 +183,14 @@ def contact_step(
         for k in range(n):
             x, y, z = 3 * k, 3 * k + 1, 3 * k + 2
             mu_s, mu_c = friction[k, 0], friction[k, 1]
+            stiffness, damping = ground.stiffness * friction[k, 2], ground.damping * np.sqrt(friction[k, 2])
             # Normal and friction of one foot are coupled most: iterate them a few times.
             for _ in range(2):
                 free = free_velocity[z]
                 for j in range(3 * n):
                     if j != z:
                         free += mobility[z, j] * force[j]
-                normal = _solve_normal(height[k], free, mobility[z, z], dt, ground)
+                normal = _solve_normal(height[k], free, mobility[z, z], dt, stiffness, damping)
                 change = max(change, abs(normal - force[z]))
                 normal = force[z] + relax * (normal - force[z])
                 force[z] = normal

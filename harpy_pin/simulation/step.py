@@ -21,7 +21,7 @@ from harpy_pin.model.record import Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
 from harpy_pin.simulation.battery import BatteryRecord, battery_record
-from harpy_pin.simulation.ground import GroundRecord, local_friction
+from harpy_pin.simulation.ground import GroundRecord, local_friction, local_stiffness
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
 from harpy_pin.simulation.step_on_terrain import forces_to_world, into_contact_frames
@@ -44,7 +44,7 @@ class StepRecord(ContactRecord):
         mobility: (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N.
         free: (3 feet,) foot velocities without contact forces, m/s.
         height: (feet,) of the feet at the start of the step, m.
-        friction: (feet, 2) static and sliding coefficient under them, then.
+        friction: (feet, 3) static and sliding coefficient under them, then, and stiffness relative to the ground's.
         factor: (nv, nv) L of M + dt B = Lᵀ L.
         thrust: (thrusts,) thrust variables of the command, N.
         columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
@@ -58,7 +58,7 @@ class StepRecord(ContactRecord):
     mobility: Vector = sized("3 feet", "3 feet")
     free: Vector = sized("3 feet")
     height: Vector = sized("feet")
-    friction: Vector = sized("feet", 2)
+    friction: Vector = sized("feet", 3)
     factor: Vector = sized("nv", "nv")
     thrust: Vector = sized("thrusts")
     columns: Vector = sized("nv", "3 feet + 1")
@@ -159,6 +159,7 @@ def implicit_step(
         if flat:
             s.height[k] = d.foot_position[k, 2]
         s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground)
+        s.friction[k, 2] = local_stiffness(d.foot_position[k, 0], ground)
     if s.joints.limit.shape[0] > 0:  # known when compiling: without friction the other kernel is not there
         sweeps = step_with_friction(s, ground, v, 1e-10, MAX_SWEEPS)
     else:

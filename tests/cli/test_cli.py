@@ -152,6 +152,17 @@ def test_options_are_the_scenario(command, tmp_path):
     )
 
 
+def test_terrain_is_that_of_the_scenario(command, tmp_path):
+    path = tmp_path / "a.npz"
+    code, _, err = command("walk", "--terrain", "stairs:rise=0.04,steps=3", "--duration", 0.05, "--save", path)
+    assert code == 0, err
+    assert hp.Scenario.of(hp.Run.load(path)).ground.terrain == hp.Stairs(rise=0.04, steps=3)
+    for wrong, says in (("hills", "terrain"), ("stairs:rise", "KIND:NAME=NUMBER"), ("stairs:high=1", "setting")):
+        code, _, err = command("walk", "--terrain", wrong)
+        assert code == 2
+        assert says in err
+
+
 def test_a_log_is_walked_again(command, tmp_path):
     first, second = tmp_path / "a.npz", tmp_path / "b.npz"
     options = ("--duration", 0.2, "--perturbation", 0.05, "--noise", 0.3, "--seed", 3, "--push", "0.1:0,1,0")

@@ -30,6 +30,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("harpy", "view", "--port"): {"0"},
     ("harpy", "film", "--friction"): ZERO,
     ("harpy", "live", "--port"): {"0"},
+    ("harpy", "live", "--slope"): {*ZERO, "-1"},
     ("harpy", "live", "--speed"): ZERO,
     ("comparison", "jitter", "--priority"): {"0"},
     ("reproduction", "gait", "--from-walk"): ZERO,

@@ -43,6 +43,29 @@ def test_velocity_actions_drive_the_robot():
     np.testing.assert_allclose(observation[-6:-3], action)
 
 
+@pytest.mark.parametrize("action", ["velocity", "joints"])
+def test_it_stands_on_terrain(action):
+    """On a slope, heights are above the ground, where its feet are; it walks up there."""
+    terrain = hp.Plane(slope=0.15, above=2.0)
+    ground = hp.Ground(mu_s=0.8, stiffness=75e3, terrain=terrain)
+    env = RobotEnv("go2", action=action, velocity=(0.3, 0.0, 0.0), scenario=hp.Scenario(ground=ground, duration=2.0))
+    observation, _ = env.reset(seed=0)
+    assert abs(observation[0]) < 0.5
+    place = env.state.foot_position
+    depth = terrain.height(place[:, 0].copy(), place[:, 1].copy()) - place[:, 2]
+    assert depth.max() == pytest.approx(env.simulator.static_penetration, abs=1e-3)
+    top = float(env.gait.max_speed)
+    act = np.zeros(env.action_space.shape, dtype=np.float32)
+    if action == "velocity":
+        act[0] = 0.3 / top
+    for _ in range(60):
+        observation, _, terminated, _, _ = env.step(act)
+        assert not terminated
+    assert abs(observation[0]) < 0.5
+    if action == "velocity":
+        assert env.state.q[0] > 0.2
+
+
 def test_observation_is_what_is_documented():
     env = RobotEnv("go2", action="joints")
     env.reset(seed=3, options={"velocity": (0.2, -0.1, 0.4)})

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Scenario, Simulator
-from harpy_pin.simulation.ground import MAX_FRICTION_STRIPS
+from harpy_pin.simulation.ground import MAX_STRIPS
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.view.scene.frames import local_friction
@@ -78,7 +78,7 @@ def test_each_foot_obeys_its_own_friction(seed, feet):
     mobility, free, height, dt = draw_contact(seed, feet)
     height -= 1e-3
     static = rng.uniform(0.02, 1.5, feet)
-    friction = np.column_stack((static, 0.9 * static))
+    friction = np.column_stack((static, 0.9 * static, np.ones(feet)))
     ground, force = Ground(mu_s=0.5), np.zeros(3 * feet)
     assert contact_step(mobility, free, height, friction, dt, ground.record[0], force) <= 500
     velocity, force = (free + mobility @ force).reshape(-1, 3), force.reshape(-1, 3)
@@ -154,7 +154,7 @@ def test_a_log_tells_the_friction_under_the_feet():
         ((0.6, 1.2, "x"),),
         ((0.6, 1.2, 0.1), (1.1, 1.5, 0.2)),
         ((1.5, 2.0, 0.1), (0.5, 1.0, 0.2)),
-        tuple((i, i + 0.5, 0.1) for i in range(MAX_FRICTION_STRIPS + 1)),
+        tuple((i, i + 0.5, 0.1) for i in range(MAX_STRIPS + 1)),
     ],
 )
 def test_what_is_no_patch_is_refused(friction_strips):

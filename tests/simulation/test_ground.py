@@ -107,7 +107,7 @@ def test_friction_fades_at_rest_without_a_jump():
 
 def solve(ground, mobility, free, height, dt, guess=None):
     force = np.zeros(len(free)) if guess is None else guess.copy()
-    friction = np.tile((ground.mu_s, ground.mu_c), (len(height), 1))
+    friction = np.tile((ground.mu_s, ground.mu_c, 1.0), (len(height), 1))
     sweeps = contact_step(mobility, free, height, friction, dt, ground.record[0], force)
     return force, sweeps
 

@@ -117,7 +117,7 @@ def values() -> dict[str, Any]:
         "simulation.contact_step.mobility": np.eye(6),
         "simulation.contact_step.free_velocity": np.zeros(6),
         "simulation.contact_step.height": np.zeros(2),
-        "simulation.contact_step.friction": np.ones(2),
+        "simulation.contact_step.friction": np.ones((2, 3)),
         "simulation.contact_step.ground": hp.Ground().record,
         "simulation.contact_step.force": np.zeros(6),
         "ShieldBatch.q": np.tile(q, (2, 1)),

@@ -220,6 +220,9 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: session.simulator.ground.friction_strips)
     page.get_by_role("button", name="No friction strip").click()
     soon(lambda: not session.simulator.ground.friction_strips)
+    number_of(page, "Slope, °").fill("4")
+    page.keyboard.press("Enter")
+    soon(lambda: session.plane.slope == pytest.approx(np.radians(4.0)))
 
     page.get_by_role("tab", name="Control").click()
     page.get_by_role("combobox").filter(visible=True).first.click()

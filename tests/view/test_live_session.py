@@ -16,6 +16,7 @@ from harpy_pin.log.run import Run
 from harpy_pin.view import Frames, replay_html
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
+from harpy_pin.view.live.driven_walk import usual_settings
 from harpy_pin.view.live.live_log import LiveLog
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.shared_snapshots import PLACES, SharedSnapshots
@@ -377,3 +378,40 @@ def test_robot_stands_before_controllers_are_made(robot: hp.Robot) -> None:
     assert abs(height - target) < 0.02
     assert not controlled
     assert isinstance(session.controller, GaitController)
+
+
+@pytest.mark.parametrize("name", ["harpy", "go2"])
+def test_the_ground_tilts_about_the_place_below_the_body(robot: hp.Robot, name: str) -> None:
+    """Far from the origin, too: the ground below it stays where it was, and it walks on up the slope and down again."""
+    driven = robot if name == "harpy" else hp.load_robot("go2")
+    session = LiveSession(LiveSettings(**usual_settings(driven)).changed({"forward": 0.3}), robot=driven)
+    walk(session, 2.0)
+    for degrees, wait in ((12.0, 3.0), (-12.0, 5.0)):
+        before, (x, y) = session.simulator.ground_below, session.simulator.q[:2].tolist()
+        session.change({"slope": np.radians(degrees)})
+        walk(session, 0.05)
+        assert float(session.plane.height(x, y)) == pytest.approx(before, abs=3e-4)
+        walk(session, wait)
+        assert not session.ending
+        assert session.plane.slope == pytest.approx(np.radians(degrees))
+        assert session.simulator.q[0] > x + 0.4
+        feet = session.simulator.state.foot_position
+        below = session.plane.height(feet[:, 0].copy(), feet[:, 1].copy())
+        assert np.abs(feet[:, 2] - below).min() < 0.01
+    board = SharedSnapshots(multiprocessing.get_context("spawn"), driven)
+    board.write(session)
+    ((snapshot,), _) = board.read(0)
+    assert float(snapshot["slope"]) == session.plane.slope
+    angle = session.plane.slope
+    normal = np.array((-np.sin(angle), 0.0, np.cos(angle)))
+    np.testing.assert_allclose(snapshot["contact_force"][:, 2], snapshot["foot_force"] @ normal, atol=1e-9)
+
+
+def test_it_begins_on_the_slope_that_is_set(robot: hp.Robot) -> None:
+    session = make(robot, slope=0.2, controller="paper")
+    assert session.plane.slope == 0.2
+    walk(session, 2.0)
+    assert not session.ending
+    x, _, z = session.simulator.q[:3]
+    assert x > 0.3
+    assert z - np.tan(0.2) * x == pytest.approx(0.6, abs=0.05)

@@ -20,8 +20,8 @@ BLOCKED, RESTS = 0.005, 0.3
 """How far above where it should be a late foot is, as a share of the body's height, and its load, as a share of that
 from which on a foot touches, that together say that it rests on the ground. A foot that comes down slowly pushes hardly
 more than that."""
-LONGEST_WAIT = 0.5
-"""How long the next step waits for a foot that has not landed, as a share of a step."""
+LONGEST_WAIT, ON_TERRAIN = 0.5, 1.0
+"""How long the next step waits for a foot that has not landed, as a share of a step, and on ground that is not flat."""
 MOST_HASTE, HALVINGS = 2.0, 6
 """How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
 UNEVEN = 0.03
@@ -58,7 +58,8 @@ def go_on(p: WalkingRecord, span: float) -> None:
     p.phase += p.haste * span / p.step_duration
     done = (p.phase - p.double_support) / (1.0 - p.double_support)
     in_air = _notice_touchdowns(p, done)
-    if done > EARLIEST and (in_air == 0 or p.phase > 1.0 + LONGEST_WAIT):
+    wait = LONGEST_WAIT if p.terrain.level else ON_TERRAIN
+    if done > EARLIEST and (in_air == 0 or p.phase > 1.0 + wait):
         _begin_step(p)
     elif done >= 0.0 and done <= EARLIEST:
         for k in range(p.group.shape[0]):
@@ -119,7 +120,8 @@ def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
 def _rests(p: WalkingRecord, k: int) -> bool:
     """Whether a foot in the air is held up by the ground, though it hardly pushes."""
     above = p.measured.place[k, 2] - p.lift[k, 0]
-    return p.soles + p.steps_over == 0 and above > BLOCKED * p.height and p.measured.load[k] > RESTS * p.touch_force
+    flat = p.soles + p.steps_over == 0 and p.terrain.level != 0
+    return bool(flat and above > BLOCKED * p.height and p.measured.load[k] > RESTS * p.touch_force)
 
 
 @kernel

@@ -23,7 +23,7 @@ LEAST = 0.1
 """Share of its swing that a foot has at least for what is left of a phase."""
 DESCENT = 0.3
 """Velocity at which a foot goes on down that has not met the ground in time, m/s."""
-DEEPEST = 0.1
+DEEPEST = 0.25
 """How far below the ground it is searched for, as a share of the body's height."""
 FARTHEST = 0.68
 """Way of a foot in a step, on which it steps over what is higher, in heights of the body."""

@@ -185,8 +185,8 @@ def check_drake(ground: Ground, actuators: Actuators | None) -> None:
     """
     if ground.cone != "circular":
         raise InputError("Drake's friction cone is circular, not per_axis", name="ground", value=ground)
-    if ground.friction_strips:
-        raise InputError("Drake's ground has no friction_strips", name="ground", value=ground)
+    if ground.friction_strips or ground.stiffness_strips:
+        raise InputError("Drake's ground has no strips", name="ground", value=ground)
     if ground.surface is not None:
         raise InputError("Drake's ground is flat, it has no terrain", name="ground", value=ground)
     if actuators is not None and actuators.coulomb_friction:

@@ -62,7 +62,7 @@ class MujocoPlant(Plant):
 
     Args:
         robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
-        ground: stiffness, damping and static friction coefficients, on friction_strips too; see
+        ground: stiffness, damping and static friction coefficients, on strips too; see
             :func:`harpy_pin.simulation.mujoco.preset_ground`. MuJoCo has no other friction: what slides does so at μ_s.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s².
@@ -100,8 +100,8 @@ class MujocoPlant(Plant):
         ground = ground if ground is not None else Ground()
         if ground.cone != "circular":
             raise InputError("MuJoCo's friction cone is circular, not per_axis", name="ground", value=ground)
-        if ground.surface is not None and (contact is not None or foot_radius):
-            message = "on terrain feet are points with the ground's own contact: no contact and no foot_radius"
+        if (ground.surface is not None or ground.stiffness_strips) and (contact is not None or foot_radius):
+            message = "on terrain or strips feet are points with the ground's own contact: no contact, no foot_radius"
             raise InputError(message, name="ground", value=ground)
         self.actuators = actuators = Actuators() if actuators is None else actuators
         robot, feet = actuators.damped(robot), len(robot.feet)
@@ -135,10 +135,8 @@ class MujocoPlant(Plant):
         self._rolled, self._turning = np.zeros((feet, 3)), np.zeros(6)
         if contact is None:
             _set_options(inside.mujoco, self.model.opt)
-            for pair, inverse in enumerate(self.inverse_mass.tolist()):
-                solref, impedance = contact_parameters(ground, self.dt, inverse)
-                self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
-                self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
+            for pair in range(feet):
+                self._set_stiffness(pair, ground)
         else:
             write_contact(contact, inside.mujoco, self.model)
             self._find_ground(contact)
@@ -201,6 +199,8 @@ class MujocoPlant(Plant):
         mj = inside.mujoco
         if self.ground.friction_strips:
             model.pair_friction[:, :2] = self.ground.friction(self.dynamics.foot_position[:, 0])[:, None]
+        if self.ground.stiffness_strips:
+            self._follow_stiffness()
         if not self._flat:
             self._move_planes()
         mj.mj_fwdPosition(model, data)
@@ -239,6 +239,19 @@ class MujocoPlant(Plant):
             mj.mj_objectVelocity(model, data, mj.mjtObj.mjOBJ_GEOM, geom, self._turning, 0)
             self._rolled[foot, 0] -= way * self._turning[1]
             self._rolled[foot, 1] += way * self._turning[0]
+
+    def _set_stiffness(self, pair: int, ground: Ground) -> None:
+        """Spring and damper of a foot's contact."""
+        solref, impedance = contact_parameters(ground, self.dt, float(self.inverse_mass[pair]))
+        self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
+        self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
+
+    def _follow_stiffness(self) -> None:
+        """The stiffness of the place where each foot is, with the ground's damping ratio."""
+        assert self.ground.damping is not None
+        for pair, stiffness in enumerate(self.ground.stiffness_at(self.dynamics.foot_position[:, 0]).tolist()):
+            damping = self.ground.damping * float(np.sqrt(stiffness / self.ground.stiffness))
+            self._set_stiffness(pair, replace(self.ground, stiffness=stiffness, damping=damping))
 
     def _find_ground(self, contact: SoftContact) -> None:
         """Take the stiffness and the damping that the weight finds, shared by the feet."""

@@ -52,4 +52,10 @@ def preset_ground(ground: Ground, name: str | None = None) -> Ground:
         return ground
     preset = PRESETS[name]
     assert ground.damping is not None
-    return replace(ground, stiffness=preset.stiffness * ground.stiffness, damping=preset.damping * ground.damping)
+    strips = tuple((begin, end, preset.stiffness * value) for begin, end, value in ground.stiffness_strips)
+    return replace(
+        ground,
+        stiffness=preset.stiffness * ground.stiffness,
+        damping=preset.damping * ground.damping,
+        stiffness_strips=strips,
+    )

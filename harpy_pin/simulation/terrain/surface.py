@@ -2,7 +2,7 @@
 
 The height is the sum of a plane, a profile along x, a grid, and a ditch with stones:
 
-    h(x, y) = s_x x + s_y y + profile(x) + grid(x, y) + ditch(x, y)
+    h(x, y) = h_0 + s_x x + s_y y + profile(x) + grid(x, y) + ditch(x, y)
 
 Kinds that have no such part leave it zero, so that kernels are compiled once for all of them.
 """
@@ -32,6 +32,7 @@ class TerrainRecord(RecordOf):
     Attributes:
         level: 1 for the plane z = 0, of which nothing else is read.
         slope: (2,) rise of the plane per metre along x and y.
+        above: its height at the origin, m.
         pieces: of the profile.
         profile: (64, 3) where each piece begins, m, its height there, m, and its rise per metre; zero before the first.
         cells: (3,) points of the grid along x and y, and 0 without a grid, 1 with one, 2 with one that repeats.
@@ -45,6 +46,7 @@ class TerrainRecord(RecordOf):
 
     level: int
     slope: Vector
+    above: float
     pieces: int
     profile: Vector
     cells: Vector
@@ -60,6 +62,7 @@ def flat_terrain() -> Records[TerrainRecord]:
         TerrainRecord,
         level=np.int64(1),
         slope=np.zeros(2),
+        above=0.0,
         pieces=np.int64(0),
         profile=np.zeros((MAX_PIECES, 3)),
         cells=np.zeros(3, dtype=np.int64),
@@ -99,7 +102,7 @@ def surface_height(t: TerrainRecord, x: float, y: float) -> float:
     """
     if t.level:
         return 0.0
-    height = t.slope[0] * x + t.slope[1] * y + profile_height(t, x)
+    height = t.slope[0] * x + t.slope[1] * y + profile_height(t, x) + t.above
     if t.cells[2] > 0:
         height += grid_height(t, x, y)
     return float(height + ditch_height(t, x, y))

@@ -31,6 +31,8 @@ MAX_SPEED, MAX_TURN = 3.0, 2.0
 """Ends of the command, m/s and rad/s; the gait scales down what its legs cannot do."""
 MAX_RISE = 0.5
 """Ends of the change of the body's height, m; likewise."""
+MAX_SLOPE = 0.35
+"""Ends of the ground's slope, rad."""
 MIN_FRICTION, MAX_FRICTION = 0.02, 1.0
 """Ends of the ground's friction."""
 MAX_DELAY, MAX_NOISE = 20, 10.0
@@ -52,6 +54,7 @@ class LiveSettings:
         friction: static coefficient of the ground.
         friction_strips: strips of ground with another friction, see :class:`harpy_pin.simulation.ground.Ground`.
         stiffness: of the ground, N/m.
+        slope: angle by which the ground rises along x, rad.
         assumed: friction that the controller assumes; that of the ground outside the strips by default.
         estimate: whether the controller estimates the friction as it goes.
         delay: age of the measurements, ms.
@@ -71,6 +74,7 @@ class LiveSettings:
     friction: float = 0.8
     friction_strips: tuple[tuple[float, float, float], ...] = ()
     stiffness: float = 8000.0
+    slope: float = 0.0
     assumed: float | None = None
     estimate: bool = False
     delay: int = 0
@@ -93,6 +97,7 @@ class LiveSettings:
         checks.keep(
             self, stiffness=checks.number("stiffness", self.stiffness, low=LIGHTEST * SOFTEST, high=HEAVIEST * HARDEST)
         )
+        checks.keep(self, slope=checks.number("slope", self.slope, low=-MAX_SLOPE, high=MAX_SLOPE))
         if self.assumed is not None:
             assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION)
             checks.keep(self, assumed=assumed)

@@ -75,7 +75,7 @@ class Charts:
                     self._rows.clear()
                 else:
                     continue
-            force, friction = self._whole.force(s["foot_force"]), self._whole.least(s["friction"])
+            force, friction = self._whole.force(s["contact_force"]), self._whole.least(s["friction"])
             if self._edges == 1:
                 friction = friction.min(keepdims=True)
             normal = np.maximum(force[:, 2], 0.0)

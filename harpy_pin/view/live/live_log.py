@@ -27,8 +27,8 @@ class LiveLog:
 
     Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. Beside the
     signals of every log it holds, at each tick, what was set: ``command``, ``foot_friction`` (static, under each foot),
-    ``ground_stiffness``, ``assumed_friction``, ``controller`` and, where there are several, ``schedule`` (numbers; the
-    metadata ``live`` have the names), and ``push``, the force on the body from outside, N.
+    ``ground_stiffness``, ``ground_slope``, ``assumed_friction``, ``controller`` and, where there are several,
+    ``schedule`` (numbers; the metadata ``live`` have the names), and ``push``, the force on the body from outside, N.
 
     Args:
         session: that is logged.
@@ -76,6 +76,7 @@ class LiveLog:
                 "friction_estimate": session.friction_estimate,
                 "foot_friction": session.simulator.ground.friction(state.foot_position[:, 0]),
                 "ground_stiffness": session.simulator.ground.stiffness,
+                "ground_slope": session.plane.slope,
                 "assumed_friction": s.mu,
                 "controller": self._names[s.controller],
                 **self._schedule(),

@@ -63,7 +63,7 @@ class Scene:
         scene.set_up_direction("+z")
         scene.world_axes.visible = False
         _light(scene)
-        self._time, self._mu = -1.0, -1.0
+        self._time, self._mu, self._slope = -1.0, -1.0, 0.0
         self._strip: tuple[float, float] | None = None  # where it lies along x, m
         self._floor = scene.add_grid(
             "/floor",
@@ -137,7 +137,7 @@ class Scene:
         for k, cones in enumerate(self._cones):
             foot, force, mu = s["foot_position"][k] - self.origin, s["foot_force"][k], float(s["friction"][k])
             self._forces[k].show(foot, force, metres_per_newton=scale)
-            self._show_cone(cones, foot, force, s["foot_velocity"][k], mu)
+            self._show_cone(cones, foot, s["contact_force"][k], s["contact_velocity"][k], mu)
         for arrow, mount, thrust in zip(self._thrusts, mounts, s["thrust"], strict=True):
             arrow.show(mount, thrust, metres_per_newton=2.0 * scale)
         self._push.show(self.body, s["push"], metres_per_newton=scale)
@@ -168,12 +168,13 @@ class Scene:
         for name, handle in self._trails.items():
             points = np.array(self._points[name])
             if len(points) > 1:
-                line = points - (*self.origin[:2], -0.003)
+                line = points - self.origin + (0.0, 0.0, 0.003)
                 handle.points = np.stack((line[:-1], line[1:]), axis=1).astype(np.float32)
 
     def _follow(self, s: Any) -> None:
         """Move the scene's origin after the body, and what lies on the ground with it."""
-        desired = np.array([s["q"][0], s["q"][1], 0.0])
+        desired = np.array([s["q"][0], s["q"][1], s["below"]])
+        self._tilt(float(s["slope"]))
         passed = float(s["time"]) - self._time
         self._time = float(s["time"])
         gap = desired - self.origin
@@ -186,14 +187,26 @@ class Scene:
         self.body = s["q"][:3] - self.origin
         for name, place in (("target", s["target"]), ("body", s["q"])):
             points = self._points[name]
-            here = np.array([place[0], place[1], 0.0])
+            here = np.array([place[0], place[1], s["below"] + np.tan(s["slope"]) * (place[0] - s["q"][0])])
             if not points or np.linalg.norm(here - points[-1]) > TRAIL_STEP:
                 points.append(here)
                 del points[:-TRAIL]
         x, y = self.origin[:2]
-        self._floor.position = (-(x % SECTION), -(y % SECTION), -0.002)
+        c, rise = np.cos(self._slope), np.tan(self._slope)
+        along = -((x / c) % SECTION) * c
+        self._floor.position = (along, -(y % SECTION), rise * along - 0.002)
         if self._strip is not None:
-            self._strip_box.position = (0.5 * sum(self._strip) - x, -(y % SECTION), -0.001)
+            middle = 0.5 * sum(self._strip) - x
+            self._strip_box.position = (middle, -(y % SECTION), rise * middle - 0.001)
+
+    def _tilt(self, slope: float) -> None:
+        """Turn what lies on the ground, and the cones, about y."""
+        if slope == self._slope:
+            return
+        self._slope = slope
+        turn = (float(np.cos(0.5 * slope)), 0.0, -float(np.sin(0.5 * slope)), 0.0)
+        for handle in (self._floor, self._strip_box, *(cone for cones in self._cones for cone in cones.values())):
+            handle.wxyz = turn
 
     def _show_cone(self, cones: dict[str, Any], foot: Vector, force: Vector, velocity: Vector, mu: float) -> None:
         touching = force[2] > 0.5 and mu > 0.0

@@ -23,6 +23,7 @@ from harpy_pin.controllers.named_controllers import make_controller
 from harpy_pin.errors import InputError, reason
 from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import Gait
+from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
@@ -30,6 +31,7 @@ from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
+from harpy_pin.simulation.terrain import Plane
 from harpy_pin.simulation.upright import verdict
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
 from harpy_pin.view.live.driven_walk import (
@@ -52,6 +54,10 @@ PULL_LASTS = 0.25
 """How long a pull acts that is not renewed, s: one whose driver is gone does not last."""
 STIFFNESS_RATE = 4.0
 """How fast the stiffness of the ground changes, 1/s: by a factor of e in 0.25 s. At once, it would throw the robot."""
+TILT_RATE = 0.1
+"""How fast the ground tilts, rad/s."""
+FOLLOWED = 10
+"""Ticks between two of such changes."""
 MAX_AT_ONCE = 50
 """Ticks that are made up for before the caller gets its turn."""
 STRIP_LENGTH = 0.6
@@ -91,6 +97,7 @@ class LiveSession:
         ranges: what may be set with this robot.
         simulator: the plant.
         gait: the commanded walk.
+        plane: surface of the ground as it is.
         controller: the present one.
         ending: empty while it walks; otherwise ``fell``, ``diverged``, or what the controller failed with. Then
             nothing moves until :meth:`reset`.
@@ -125,6 +132,7 @@ class LiveSession:
         self.ticks = self.falls = self.walks = 0
         self.last: Tick | None = None
         self._tick = 0  # of the present walk
+        self.plane = Plane(slope=s.slope)
         self._pushes: list[Push] = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
@@ -311,8 +319,8 @@ class LiveSession:
         """One control tick, and the physics until the next."""
         s = self.simulator
         s.t = self._tick * PERIOD
-        if s.ground.stiffness != self.settings.stiffness:
-            self._follow_stiffness()
+        if self._tick % FOLLOWED == 0:
+            self._follow_ground()
         if not self._schedule_fits() and may_change_schedule(self.gait):
             self._change_schedule()
         state = s.state
@@ -336,7 +344,7 @@ class LiveSession:
         if self.on_tick is not None:
             self.on_tick(self, tick)
         if not self.ending:
-            ending = verdict(s.q, s.v, self._fall_height)
+            ending = verdict(s.q, s.v, self._fall_height + s.ground_below)
             if ending != "completed":
                 self.ending = ending
                 self.falls += 1
@@ -346,10 +354,12 @@ class LiveSession:
         """Stand at the origin, without a controller."""
         settings, s = self.settings, self.simulator
         self.gait = make_driven_gait(self.robot, settings)
+        self.plane = Plane(slope=settings.slope)
         self._lay_ground(settings.stiffness)
-        q, v = self.gait.initial_state(penetration=s.static_penetration)
+        placed = OnTerrain(self.gait, self.plane) if settings.slope else self.gait
+        q, v = placed.initial_state(penetration=s.static_penetration)
         s.reset(q, v)
-        self._fall_height = 0.6 * float(q[2])
+        self._fall_height = 0.6 * (float(q[2]) - s.ground_below)
         self._start_gait(0.0)
         self.ending = ""
         self._tick = 0
@@ -370,6 +380,7 @@ class LiveSession:
         gait: Gait = driven
         if isinstance(driven, CommandedGait) and not settings.turns:
             gait = FacingGait(driven)
+        gait = OnTerrain(gait, self.plane)
         parameters = {**fitting_parameters(driven), **({"estimate_friction": True} if settings.estimate else {})}
         return make_controller(name, gait, mu=settings.mu, governor=governor, period=PERIOD, parameters=parameters)
 
@@ -419,14 +430,25 @@ class LiveSession:
 
     def _lay_ground(self, stiffness: float) -> None:
         s = self.settings
-        self.simulator.change_ground(Ground(mu_s=s.friction, stiffness=stiffness, friction_strips=s.friction_strips))
+        ground = Ground(mu_s=s.friction, stiffness=stiffness, friction_strips=s.friction_strips, terrain=self.plane)
+        self.simulator.change_ground(ground)
 
-    def _follow_stiffness(self) -> None:
-        """The ground's stiffness goes to the one that is set."""
+    def _follow_ground(self) -> None:
+        """The ground's stiffness and slope go to those that are set; it tilts about the place below the body."""
         now, desired = self.simulator.ground.stiffness, self.settings.stiffness
-        if self._tick % 10 == 0:
-            most = math.exp(STIFFNESS_RATE * 10 * PERIOD)
-            self._lay_ground(min(desired, now * most) if desired > now else max(desired, now / most))
+        plane, slope = self.plane, self.settings.slope
+        if now == desired and plane.slope == slope:
+            return
+        most = math.exp(STIFFNESS_RATE * FOLLOWED * PERIOD)
+        stiffness = min(desired, now * most) if desired > now else max(desired, now / most)
+        if plane.slope != slope:
+            step = TILT_RATE * FOLLOWED * PERIOD
+            angle = plane.slope + min(max(slope - plane.slope, -step), step)
+            x, y = self.simulator.q[:2]
+            below = float(plane.height(x, y))
+            self.plane = Plane(slope=angle, above=below - math.tan(angle) * float(x))
+            cast(OnTerrain, self.controller.gait).lay_over(self.plane)
+        self._lay_ground(stiffness)
 
     def _forces(self) -> list[Push]:
         """Pushes that still act, and the pull."""

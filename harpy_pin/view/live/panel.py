@@ -6,6 +6,7 @@ itself, the controls follow.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -14,7 +15,7 @@ import numpy as np
 import viser
 
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.live.drive_settings import MAX_FRICTION, MIN_FRICTION
+from harpy_pin.view.live.drive_settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION
 from harpy_pin.view.live.driven_walk import DriveRanges
 from harpy_pin.view.live.live_charts import Charts
 from harpy_pin.view.live.whole_feet import WholeFeet
@@ -122,7 +123,7 @@ class Panel:
         with self._lock:
             settings, paused, ending, note = self._settings, self._paused, self._ending, self._note
             refused, busy = self._refused, self._busy
-        force = self._feet.force(s["foot_force"])
+        force = self._feet.force(s["contact_force"])
         normal = np.maximum(force[:, 2], 1e-9)
         room = np.maximum(self._feet.least(s["friction"]), 1e-9)
         used = np.where(force[:, 2] > 1.0, np.hypot(force[:, 0], force[:, 1]) / normal / room, 0.0)
@@ -194,6 +195,16 @@ class Panel:
             hint="It changes by a factor of e in 0.25 s: at once, it would throw the robot.",
         )
         self._bind("stiffness", stiffness, lambda value: 1e3 * value)
+        steepest = math.floor(math.degrees(MAX_SLOPE))
+        slope = gui.add_slider(
+            "Slope, °",
+            -steepest,
+            steepest,
+            1,
+            round(math.degrees(self._settings["slope"])),
+            hint="It tilts by 6° in a second.",
+        )
+        self._bind("slope", slope, math.radians)
         self._strip = gui.add_slider("Friction of strip", 0.02, 0.5, 0.01, 0.1)
         ahead = gui.add_button("Friction strip ahead", hint="I: 0.6 m along x, across the way")
         ahead.on_click(lambda _: self._lay_strip())
@@ -274,6 +285,8 @@ class Panel:
         value = self._settings[name]
         if name in self._choices:
             return self._choices[name].get(value)
+        if name == "slope":
+            return round(math.degrees(value))
         return 1e-3 * value if name == "stiffness" else value
 
     def _on_assumed(self, event: Any) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.model.contact_frame import in_contact_frames
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.live_session import LiveSession
 
@@ -56,6 +57,10 @@ class SharedSnapshots:
         p["q"] = state.q
         p["foot_position"], p["foot_velocity"] = state.foot_position, state.foot_velocity
         p["foot_force"] = state.foot_force
+        normal = np.ascontiguousarray(session.plane.normal(*np.ascontiguousarray(state.foot_position[:, :2].T)))
+        p["contact_force"] = in_contact_frames(normal, state.foot_force)
+        p["contact_velocity"] = in_contact_frames(normal, state.foot_velocity)
+        p["slope"], p["below"] = session.plane.slope, s.ground_below
         p["thrust"] = 0.0 if tick is None else tick.command.thrust
         p["push"] = 0.0 if tick is None else tick.push
         p["target"], p["applied"] = session.body_reference, session.applied_reference
@@ -95,6 +100,10 @@ def _layout(robot: Robot) -> np.dtype[Any]:
         "foot_position": (feet, 3),
         "foot_velocity": (feet, 3),
         "foot_force": (feet, 3),
+        "contact_force": (feet, 3),
+        "contact_velocity": (feet, 3),
+        "slope": (),
+        "below": (),
         "thrust": (thrusters, 3),
         "push": (3,),
         "target": (3,),
