@@ -119,9 +119,10 @@ def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
 @kernel
 def _rests(p: WalkingRecord, k: int) -> bool:
     """Whether a foot in the air is held up by the ground, though it hardly pushes."""
-    above = p.measured.place[k, 2] - p.lift[k, 0]
-    flat = p.soles + p.steps_over == 0 and p.terrain.level != 0
-    return bool(flat and above > BLOCKED * p.height and p.measured.load[k] > RESTS * p.touch_force)
+    if p.soles or p.steps_over or not p.terrain.level:
+        return False
+    rests: bool = p.measured.place[k, 2] - p.lift[k, 0] > BLOCKED * p.height
+    return rests and p.measured.load[k] > RESTS * p.touch_force
 
 
 @kernel
