@@ -1,23 +1,22 @@
 """Flights of Harpy: hop, jump, hover, a way through the air, a landing on a slope, fans that lag or lose power.
 
-All measurements are noisy. A try stands if the robot is upright over its feet at the end, or walked on where it should.
-The controller is not told of the fan.
+Walks stand beside them, to compare what they cost. All measurements are noisy. A try stands if the robot is upright
+over its feet at the end, or walked on where it should. The controller knows of the fan only where a row says so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Progress, Rows, grouped, in_processes, walk_as_far_as_it_goes
-from comparison.tables import Cell, Table, number_text
+from comparison.flight_measures import flight_measures, walk_measures
+from comparison.measure.walking import Progress, Rows, in_processes, walk_as_far_as_it_goes
 from harpy_pin import (
     Actuators,
-    Command,
+    Commanded,
     Controller,
     Disturbances,
     Fly,
@@ -26,74 +25,127 @@ from harpy_pin import (
     Ground,
     Jump,
     Noise,
+    Plane,
     Ramp,
     Run,
     Scenario,
-    State,
     Terrain,
     Thrusters,
     checks,
     make_controller,
 )
 from harpy_pin.controllers import ThrustWatch
-from harpy_pin.gaits.flight.flying_gait import PHASES
-from harpy_pin.log.power import PRESETS, Motors, power
 from harpy_pin.simulation.mujoco import installed_version
 
-__all__ = ["FLIGHTS", "FlightSettings", "flight_tables", "fly"]
+__all__ = ["CONTROLLERS", "FLIGHTS", "FRICTION", "PLANTS", "FlightSettings", "Manoeuvre", "flown", "fly"]
 
 FRICTION = 0.6
 CONTROLLERS = {"condensed": "condensed", "wbc": "QP"}
 PLANTS = {"compliant": "ours", "mujoco": "MuJoCo"}
-MOTORS = Motors(constant=0.6)
-"""Of Harpy's joints: assumed."""
-WALKED_ON, UPRIGHT, OVER = 0.3, 0.05, 0.03
-"""How far it walks after a landing, m; how upright and how near its height it must stand, rad and m."""
-FAILS_AT = 4.0
-"""When the fan loses half its power, s."""
+FAILING = (0, 4.0, 0.5)
+"""The left fan loses half its power after 4 s."""
+SPEED = 0.3
+"""Of walks, and after a landing, m/s."""
+FIRST_SEED = 100
+"""Of the tries; settings were chosen on lower ones."""
+NO_THRUST = 1e6
+"""Weight of thrusts where there are none: the controller plans with little."""
 
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """What is flown.
+    """What is flown, or walked.
 
     Attributes:
         name: in the table.
-        flight: what is asked for.
+        flight: what is asked for; None walks.
         duration: of a try, s.
         tries: with different noise.
         walks: whether it walks on.
-        slope: of the ground where it lands, degrees.
-        half_a_fan: whether the left one loses half its power in the air.
+        slope: of the ground, degrees: from 1.2 m on for flights that walk on, else everywhere.
+        failing: whether the left fan loses half its power in the air.
         watched: whether the controller finds that out (:mod:`harpy_pin.controllers.thrust_watch`).
-        lag: of the thrusts, of which the controller does not know, s.
+        lag: of the thrusts, s.
+        known: whether the controller knows of it.
+        thrust: whether it has thrust at all.
     """
 
     name: str
-    flight: Jump | Fly
+    flight: Jump | Fly | None
     duration: float
     tries: int = 3
     walks: bool = False
     slope: float = 0.0
-    half_a_fan: bool = False
+    failing: bool = False
     watched: bool = False
     lag: float = 0.0
+    known: bool = False
+    thrust: bool = True
+
+    @property
+    def terrain(self) -> Terrain | None:
+        """The ground; None where it is flat."""
+        slope = float(np.radians(self.slope))
+        if not slope:
+            return None
+        return Ramp(slope=slope, start=1.2, length=4.0) if self.walks else Plane(slope=slope)
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """Settings of the controller."""
+        known = {"thrust_lag": self.lag} if self.known else {}
+        return known if self.thrust else known | {"weights": {"thrust": NO_THRUST}}
+
+    def scenario(self, controller: str, plant: str, seed: int) -> Scenario:
+        """What is flown.
+
+        Args:
+            controller: its name.
+            plant: likewise.
+            seed: of the noise.
+        """
+        after = ((0.0, SPEED if self.walks else 0.0, 0.0, 0.0),)
+        failing, largest = FAILING if self.failing else None, None if self.thrust else 0.0
+        thrusters = Thrusters(lag=self.lag, failing=failing, largest=largest)
+        return Scenario(
+            gait=Commanded() if self.flight is None else Flying(flights=self.flight, velocity=after),
+            controller={"name": controller, "parameters": self.parameters},
+            plant=plant,
+            ground=Ground(mu_s=FRICTION, terrain=self.terrain),
+            disturbances=Disturbances(noise=Noise.typical(), seed=seed, actuators=Actuators(thrusters=thrusters)),
+            duration=self.duration,
+        )
 
 
+JUMP = Jump(height=0.31, forward=0.42)
 FLIGHTS: dict[str, Manoeuvre] = {
     one.name: one
     for one in (
+        Manoeuvre("walk", None, 6.0, tries=1),
+        Manoeuvre("walk without thrust", None, 6.0, tries=1, thrust=False),
         Manoeuvre("hop", Jump(height=0.31), 3.6),
-        Manoeuvre("jump 0.4 m", Jump(height=0.31, forward=0.42), 3.6, tries=20),
+        Manoeuvre("jump 0.4 m", JUMP, 3.6, tries=20),
         Manoeuvre("hover 10 s", Fly(hover=10.0), 15.0),
         Manoeuvre("fly 2 m, walk on", Fly(forward=2.0), 11.0, walks=True),
         Manoeuvre("fly 2 m to 15° up, walk on", Fly(forward=2.0), 11.0, walks=True, slope=15.0),
         Manoeuvre("fly 2 m to 15° down, walk on", Fly(forward=2.0), 11.0, walks=True, slope=-15.0),
-        Manoeuvre("half a fan in hovering", Fly(hover=3.0), 9.0, half_a_fan=True),
-        Manoeuvre("half a fan, found", Fly(hover=3.0), 9.0, half_a_fan=True, watched=True),
-        Manoeuvre("jump 0.4 m, fans lag 30 ms", Jump(height=0.31, forward=0.42), 3.6, lag=0.03),
-        Manoeuvre("jump 0.4 m, fans lag 100 ms", Jump(height=0.31, forward=0.42), 3.6, lag=0.1),
+        Manoeuvre("half a fan in hovering", Fly(hover=3.0), 9.0, failing=True),
+        Manoeuvre("half a fan, found", Fly(hover=3.0), 9.0, failing=True, watched=True),
+        Manoeuvre("jump 0.4 m, fans lag 30 ms", JUMP, 3.6, lag=0.03),
+        Manoeuvre("jump 0.4 m, 30 ms known", JUMP, 3.6, lag=0.03, known=True),
+        Manoeuvre("jump 0.4 m, fans lag 100 ms", JUMP, 3.6, lag=0.1),
+        Manoeuvre("jump 0.4 m, 100 ms known", JUMP, 3.6, lag=0.1, known=True),
+        Manoeuvre("jump 0.4 m, 300 ms known", JUMP, 3.6, lag=0.3, known=True),
         Manoeuvre("hover 10 s, fans lag 100 ms", Fly(hover=10.0), 15.0, lag=0.1),
+        *(
+            Manoeuvre(f"{what}, {slope}° up", flight, duration, tries=1, slope=float(slope))
+            for slope in (10, 20)
+            for what, flight, duration in (
+                ("walk", None, 6.0),
+                ("jump 0.4 m", JUMP, 3.6),
+                ("fly 2 m", Fly(forward=2.0), 9.0),
+            )
+        ),
     )
 }
 """By name."""
@@ -126,161 +178,45 @@ class FlightSettings:
 
     @classmethod
     def quick(cls) -> FlightSettings:
-        """A hop and a jump: to see whether it works."""
-        return cls(names=("hop", "jump 0.4 m"), controllers=("condensed",), plants=("compliant",), most_tries=1)
-
-
-class HalfAFan:
-    """A controller whose left thruster gives half of what it asks for, from a time on.
-
-    Args:
-        controller: that does not know.
-        since: s.
-    """
-
-    def __init__(self, controller: Controller, since: float) -> None:
-        inner: Any = controller
-        self._step, self._since, self.period = inner.step, since, inner.period
-        self.telemetry, self.describe, self.reset = inner.telemetry, inner.describe, inner.reset
-
-    def step(self, state: State) -> Command:
-        """The controller's command, with what is left of it.
-
-        Args:
-            state: of the tick.
-        """
-        command: Command = self._step(state)
-        if state.t < self._since:
-            return command
-        thrust = command.thrust.copy()
-        thrust[0] *= 0.5
-        return Command(command.torque.copy(), thrust)
+        """A walk, a hop and a jump: to see whether it works."""
+        names = ("walk", "hop", "jump 0.4 m")
+        return cls(names=names, controllers=("condensed",), plants=("compliant",), most_tries=1)
 
 
 def fly(settings: FlightSettings, progress: Progress | None = None) -> Rows:
-    """A row for each try, and one of a walk, to compare its cost."""
+    """A row for each try."""
     plants = [plant for plant in settings.plants if plant != "mujoco" or installed_version() is not None]
     jobs = [
         (name, controller, plant, seed)
         for name, controller, plant in product(settings.names, settings.controllers, plants)
-        for seed in range(min(FLIGHTS[name].tries, settings.most_tries))
+        for seed in range(FIRST_SEED, FIRST_SEED + min(FLIGHTS[name].tries, settings.most_tries))
     ]
-    walks = [("walk", controller, plant, 0) for controller, plant in product(settings.controllers, plants)]
-    return in_processes(_try, [*jobs, *walks], progress)
+    return in_processes(_try, jobs, progress)
+
+
+def flown(
+    name: str, controller: str = "condensed", plant: str = "compliant", seed: int = FIRST_SEED
+) -> tuple[Run, dict[str, Any]]:
+    """One try of a manoeuvre, and its measures.
+
+    Args:
+        name: of :data:`FLIGHTS`.
+        controller: of :data:`CONTROLLERS`.
+        plant: of :data:`PLANTS`.
+        seed: of the noise.
+    """
+    one = FLIGHTS[name]
+    scenario, make = one.scenario(controller, plant, seed), None
+    if one.watched:
+
+        def make(gait: Gait) -> Controller:
+            return ThrustWatch(make_controller(controller, gait, mu=FRICTION), gait.robot)
+
+    run = walk_as_far_as_it_goes(scenario, make)
+    return run, walk_measures(run) if one.flight is None else flight_measures(run, one.flight, one.walks)
 
 
 def _try(job: tuple[str, str, str, int]) -> dict[str, Any]:
     """Measures of one try."""
     name, controller, plant, seed = job
-    what = {"flight": name, "controller": controller, "plant": plant, "seed": seed}
-    noise = Disturbances(noise=Noise.typical(), seed=seed)
-    if name == "walk":
-        run = walk_as_far_as_it_goes(
-            Scenario(controller=controller, plant=plant, ground=Ground(mu_s=FRICTION), disturbances=noise)
-        )
-        return {**what, "stands": run.ending == "completed", **_cost(run, slice(None))}
-    one = FLIGHTS[name]
-    terrain: Terrain | None = None
-    if one.slope:
-        terrain = Ramp(slope=float(np.radians(one.slope)), start=1.2, length=4.0)
-    scenario = Scenario(
-        gait=Flying(flights=one.flight, velocity=((0.0, 0.3 if one.walks else 0.0, 0.0, 0.0),)),
-        controller=controller,
-        plant=plant,
-        ground=Ground(mu_s=FRICTION, terrain=terrain),
-        disturbances=replace(noise, actuators=Actuators(thrusters=Thrusters(lag=one.lag))),
-        duration=one.duration,
-    )
-    make = None
-    if one.half_a_fan:
-
-        def make(gait: Gait) -> Controller:
-            whole = make_controller(controller, gait, mu=FRICTION)
-            return HalfAFan(ThrustWatch(whole, gait.robot) if one.watched else whole, FAILS_AT)
-
-    run = walk_as_far_as_it_goes(scenario, make)
-    return {**what, **_measures(run, one)}
-
-
-def _measures(run: Run, one: Manoeuvre) -> dict[str, Any]:
-    """What became of a flight."""
-    phase = run["flight_phase"].ravel()
-    air, land = (np.flatnonzero(phase == PHASES.index(name)) for name in ("air", "land"))
-    if len(land) == 0:
-        return {"stands": False}
-    weight = float(run.metadata["mass"]) * 9.81
-    q, feet, force = run["q"], run["foot_position"], np.linalg.norm(run["foot_force"], axis=2).sum(axis=1)
-    before, after = feet[air[0] - 1].mean(axis=0), feet[land[-1]].mean(axis=0)
-    plan, slip = run["body_plan"], run["slip_path"]
-    still = _hovering(plan, air)
-    flown = slice(int(np.flatnonzero(phase == PHASES.index("bend"))[0]), int(land[-1]) + 1)
-    return {
-        "stands": _stands(run, one),
-        "height_m": float(q[air, 2].max() - q[air[0], 2]),
-        "distance_m": float(np.hypot(*(after - before)[:2])),
-        "place_mm": float(1e3 * np.hypot(*((after - before)[:2] - (one.flight.forward, one.flight.left)))),
-        "hover_mm": float(1e3 * np.linalg.norm(q[still, :3] - plan[still], axis=1).max()) if len(still) else None,
-        "peak": float(force[land].max() / weight),
-        "slip_mm": float(1e3 * (slip[land[-1]] - slip[land[0]]).sum()),
-        **_cost(run, flown, float(np.hypot(one.flight.forward, one.flight.left))),
-    }
-
-
-def _hovering(plan: Any, air: Any) -> Any:
-    """Ticks of the air in which the plan stays where it is, but for the first second."""
-    rest = np.linalg.norm(np.diff(plan[air], axis=0), axis=1) < 1e-9
-    ticks = air[1:][rest]
-    return ticks[1000:]
-
-
-def _stands(run: Run, one: Manoeuvre) -> bool:
-    """Whether it stands at the end, or walked on."""
-    if run.ending != "completed":
-        return False
-    end, q = run["q"][-1], run["q"]
-    if one.walks:
-        gait = np.flatnonzero(run["flight_phase"].ravel() == PHASES.index("gait"))
-        return len(gait) > 0 and float(end[0] - q[gait[0], 0]) >= WALKED_ON
-    tilt = 2.0 * float(np.hypot(end[3], end[4]))
-    height = float(end[2] - run["foot_position"][-1, :, 2].mean() - q[0, 2])
-    return tilt < UPRIGHT and abs(height) < OVER
-
-
-def _cost(run: Run, ticks: slice, distance: float | None = None) -> dict[str, Any]:
-    """Energy, and cost of transport."""
-    found = power(run, motors=MOTORS, propulsion=PRESETS["fan"])
-    energy = float(found.battery[ticks].sum() * found.period)
-    path = found.path if distance is None else distance
-    return {"energy_j": energy, "cost": energy / (found.weight * path) if path > 0.1 else None}
-
-
-COLUMNS: dict[str, tuple[str, Callable[[Any], Any], int]] = {
-    "height_m": ("height, m", min, 3),
-    "distance_m": ("distance, m", min, 3),
-    "place_mm": ("place, mm", max, 2),
-    "hover_mm": ("hover, mm", max, 2),
-    "peak": ("peak / weight", max, 2),
-    "slip_mm": ("slip, mm", max, 2),
-    "energy_j": ("energy, J", np.median, 3),
-    "cost": ("J/(N·m)", np.median, 2),
-}
-"""By the name in a row: the column's, how tries are put together, and digits."""
-
-
-def flight_tables(rows: Sequence[dict[str, Any]]) -> list[Table]:
-    """A row for each manoeuvre, controller and plant."""
-    cells = []
-    for (name, controller, plant), here in grouped(rows, "flight", "controller", "plant").items():
-        place = f"{name}, {CONTROLLERS[controller]}, {PLANTS[plant]}"
-        cells.append(Cell(place, "stands", f"{sum(row['stands'] for row in here)} of {len(here)}"))
-        for key, (column, together, digits) in COLUMNS.items():
-            values = [row[key] for row in here if row.get(key) is not None]
-            cells.append(Cell(place, column, number_text(float(together(values)), digits) if values else ""))
-    return [Table("flights", "Flights of Harpy", tuple(cells), NOTE)]
-
-
-NOTE = (
-    f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and least distance "
-    "of the feet, greatest error of the landing and of the hovering body, greatest force of both feet and greatest "
-    "slip in landing; medians of the energy. Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed."
-)
+    return {"flight": name, "controller": controller, "plant": plant, "seed": seed, **flown(*job)[1]}

@@ -19,7 +19,7 @@ from comparison.campaign.store import kept_rows
 from comparison.measure.starts import StartsSettings, start_velocity
 from comparison.measure.walking import Progress, Rows, walk_as_far_as_it_goes
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters, checks, measure
-from harpy_pin.log.power import PRESETS
+from harpy_pin.log.optional import given_thrust
 from harpy_pin.simulation.mujoco import installed_version
 
 __all__ = ["ThrusterSettings", "walk_with_lag"]
@@ -140,13 +140,13 @@ def _walked(job: dict[str, Any]) -> dict[str, Any]:
     )
     run = walk_as_far_as_it_goes(scenario)
     measures = measure(run)
-    thrust = np.linalg.norm(run["applied_thrust" if "applied_thrust" in run else "thrust"], axis=2)
+    thrust = np.linalg.norm(given_thrust(run), axis=2)
     return {
         **job,
         "fell": run.ending != "completed",
         "slip_mm_per_step": measures.slip_mm_per_step,
         "thrust_n": float(thrust.sum(axis=1).mean()),
-        "thrust_w": float(PRESETS["fan"].electrical(thrust).sum(axis=1).mean()),
+        "thrust_w": measures.thrust_power_w,
         "upright_s": float(run["t"][-1]),
         "distance_m": measures.distance_m,
     }

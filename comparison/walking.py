@@ -19,7 +19,7 @@ from comparison.joint_pd.controller import JointPD, JointPDGains
 from comparison.joint_pd.search import found_gains
 from comparison.measure.walking import Progress, Rows, grouped, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from harpy_pin import Disturbances, Ground, Noise, Push, Scenario, Walking, WalkingGait, checks, load_robot
+from harpy_pin import Disturbances, Ground, Noise, Push, Scenario, Walking, WalkingGait, checks, load_robot, measure
 
 __all__ = ["PD_ROBOTS", "WalkingSettings", "WalkingWalk", "walk_robots", "walked", "walking_tables"]
 
@@ -219,6 +219,7 @@ def walked(job: WalkingWalk, gains: JointPDGains | None = None) -> dict[str, Any
         "stood_s": float(run["t"][-1]),
         "path_rms_mm": 1e3 * float(np.sqrt(np.mean(error_m**2))),
         "slip_mm_per_step": 1e3 * float(run["slip_path"][-1].sum()) / max(int(run["steps"][-1]), 1),
+        "joint_power_w": measure(run).joint_power_w,
         "speed_m_s": float(np.linalg.norm(run["applied_velocity"][:, :2], axis=1).max()),
     }
 
@@ -226,7 +227,10 @@ def walked(job: WalkingWalk, gains: JointPDGains | None = None) -> dict[str, Any
 def walking_tables(rows: Rows) -> list[Table]:
     """Falls, path and slip of every robot, a table for each kind of walk."""
     tables = []
-    note = "Slip: path of all feet (soles: of all corners) along the ground, per step. Medians over the walks."
+    note = (
+        "Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of the "
+        "joints, without braking. Medians over the walks."
+    )
     for (what, plant, controller), same in grouped(rows, "what", "plant", "controller").items():
         cells = []
         for (robot,), walks in grouped(same, "robot").items():
@@ -234,7 +238,8 @@ def walking_tables(rows: Rows) -> list[Table]:
             cells.append(Cell(robot, "fell", f"{sum(row['fell'] for row in walks)} of {len(walks)}"))
             cells.append(Cell(robot, "slip", float(np.median(slips)), "mm"))
             cells.append(Cell(robot, "largest slip", max(slips), "mm"))
-            cells.append(Cell(robot, "off path, rms", float(np.median(paths)), "mm"))
+            cells.append(Cell(robot, "off path", float(np.median(paths)), "mm"))
+            cells.append(Cell(robot, "power", float(np.median([row["joint_power_w"] for row in walks])), "W"))
             cells.append(Cell(robot, "speed", max(row["speed_m_s"] for row in walks), "m/s"))
         name = f"walking_{what}_{plant}_{controller}".replace(",", "").replace(" ", "_")
         tables.append(Table(name, f"{what}, {plant} plant, {label(controller)}", tuple(cells), note))

@@ -18,12 +18,14 @@ from comparison.delay import DelaySettings, delay_tables, walk_delays
 from comparison.edge import EdgeSettings, edge_tables, walk_edge
 from comparison.embedded import EmbeddedSettings, count_embedded, embedded_tables
 from comparison.engines import engine_table, walk_engines
-from comparison.flights import FlightSettings, flight_tables, fly
+from comparison.flight_tables import flight_tables
+from comparison.flights import FlightSettings, fly
 from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.jitter import JitterSettings, jitter_tables, measure_jitter
 from comparison.limits import LimitsSettings, limit_tables, walk_limits
 from comparison.measure.walking import Rows
 from comparison.rates import RatesSettings, measure_rates, rates_tables
+from comparison.report.flight_films import FILMS, film_flights
 from comparison.report.slopes_figure import slopes_figure
 from comparison.robots import RobotsSettings, robot_tables, stand_robots
 from comparison.sections.grounds import GroundsSettings, ground_tables, walk_grounds
@@ -187,14 +189,28 @@ def thrusters(quick: QuickWalks = False, out: Kept = None, json: WalksFile = Non
     _study(ThrusterSettings, quick, partial(walk_with_lag, path=out), thruster_tables, json)
 
 
-def flights(quick: QuickWalks = False, json: WalksFile = None) -> None:
+def flights(
+    quick: QuickWalks = False,
+    json: WalksFile = None,
+    films: Annotated[
+        Path | None,
+        typer.Option(
+            "--films", metavar="FILE.html", help="Film each manoeuvre once instead, on this page. Needs Chromium."
+        ),
+    ] = None,
+) -> None:
     """Let Harpy jump, hover and fly.
 
     Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering
-    for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, and fans that
-    lag, beside the cost of walking. This takes many minutes.
+    for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, fans that
+    lag, and what walks, jumps and flights cost on slopes. This takes many minutes.
     """
-    _study(FlightSettings, quick, fly, flight_tables, json, stage="flights")
+    if films is None:
+        _study(FlightSettings, quick, fly, flight_tables, json, stage="flights")
+        return
+    with one_stage("films") as progress:
+        film_flights(films, ("jump 0.4 m",) if quick else tuple(FILMS), progress)
+    typer.echo(f"wrote {films}")
 
 
 def walking(

@@ -22,6 +22,7 @@ from harpy_pin.controllers.joint_friction import (
 )
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
+from harpy_pin.gaits.flight.flying_gait import FlyingGait
 from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord
 from harpy_pin.model.contact_frame import all_upward, is_level
@@ -40,10 +41,15 @@ __all__ = ["Tasks", "governed_gait"]
 
 
 def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
-    """The gait to follow: the one given, with the foothold governor in front if the parameters ask for it."""
+    """The gait to follow: the one given, with the foothold governor in front if the parameters ask for it.
+
+    One that flies is told the thrusts' lag.
+    """
     checks.instance("parameters", parameters, WholeBodyParameters)
     if parameters.govern_command and not isinstance(gait, GovernedGait):
         return GovernedGait(gait, parameters.command)
+    if isinstance(gait, FlyingGait):
+        gait.expect_lag(parameters.thrust_lag)
     return gait
 
 

@@ -28,6 +28,8 @@ WORDS = {
     "stumbled": "stumbled",
     "bad_samples": "ticks with invalid measurements",
     "cost_of_transport": "cost of transport (positive work / weight / path)",
+    "joint_power_w": "power of the joints without braking, W",
+    "thrust_power_w": "power of the thrusters at 1 kW for 18 N, W",
     "velocity_rms_m_s": "error of the velocity over two steps, m/s rms",
     "turning_rms_rad_s": "error of turning over two steps, rad/s rms",
     "pressure_margin_mm": "centre of pressure inside a sole for 95 % of the time, mm",
@@ -35,5 +37,5 @@ WORDS = {
 """Of the attributes of :class:`harpy_pin.log.measures.Measures`."""
 OF_SOME_WALKS = ("tracking_rms_mm", "cost_of_transport", "velocity_rms_m_s", "turning_rms_rad_s", "pressure_margin_mm")
 """Measures that are shown where there are any: of a target, a path, a command, or flat feet."""
-OF_THRUSTERS = ("thrust_rms_n", "thrust_max_n")
+OF_THRUSTERS = ("thrust_rms_n", "thrust_max_n", "thrust_power_w")
 """Measures that are shown of robots with thrusters."""

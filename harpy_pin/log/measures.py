@@ -62,6 +62,9 @@ class Measures:
             tilt is not a walk that went well, even where it ends upright.
         bad_samples: ticks whose measurements were no numbers, where the controller counts them.
         cost_of_transport: positive work of the joints over weight times path; NaN for a path under 0.1 m.
+        joint_power_w: mean of the joints' positive power.
+        thrust_power_w: mean electrical power of the thrusters, were each a fan of 18 N from 1 kW, an assumption
+            (:data:`harpy_pin.log.power.PRESETS`).
         velocity_rms_m_s: horizontal velocity of the body less the one that the gait applies, both averaged over two
             steps, root mean square (NaN without a logged command).
         turning_rms_rad_s: likewise of the velocity about the vertical.
@@ -92,6 +95,8 @@ class Measures:
     stumbled: bool
     bad_samples: int
     cost_of_transport: float = math.nan
+    joint_power_w: float = math.nan
+    thrust_power_w: float = math.nan
     velocity_rms_m_s: float = math.nan
     turning_rms_rad_s: float = math.nan
     pressure_margin_mm: float = math.nan
@@ -314,6 +319,8 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         stumbled=not sums.tilt <= STUMBLE,
         bad_samples=bad_samples,
         cost_of_transport=walk.cost_of_transport,
+        joint_power_w=walk.joint_power,
+        thrust_power_w=walk.thrust_power,
         velocity_rms_m_s=walk.velocity_rms,
         turning_rms_rad_s=walk.turning_rms,
         pressure_margin_mm=1e3 * walk.pressure_margin,

@@ -13,7 +13,16 @@ from harpy_pin.errors import InputError
 from harpy_pin.log.file_format import MAX_STEP, MAX_TIME
 from harpy_pin.log.run import Run
 
-__all__ = ["control_period", "has_target", "is_float", "last_count", "optional_signal", "step_duration", "tick_times"]
+__all__ = [
+    "control_period",
+    "given_thrust",
+    "has_target",
+    "is_float",
+    "last_count",
+    "optional_signal",
+    "step_duration",
+    "tick_times",
+]
 
 FEET = -1
 """Stands for the number of feet."""
@@ -50,6 +59,20 @@ def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
         message = f"the signal {name} of the run must have rows of {desired} floats, got {found} of {signal.dtype}"
         raise InputError(message, name="run", value=name)
     return signal
+
+
+def given_thrust(run: Run) -> NDArray[Any]:
+    """(n, thrusters, 3) The thrusts that there were, N: of thrusters that lag, not those commanded.
+
+    Raises:
+        InputError: the signal ``applied_thrust`` is not like ``thrust``.
+    """
+    commanded = run["thrust"]
+    given: NDArray[Any] = run.signals.get("applied_thrust", commanded)
+    if given.shape != commanded.shape or given.dtype.kind != "f":
+        message = f"the signal applied_thrust of the run must be {commanded.shape} floats, got {given.shape}"
+        raise InputError(f"{message} of {given.dtype}", name="run", value="applied_thrust")
+    return given
 
 
 def has_target(run: Run) -> bool:

@@ -165,7 +165,7 @@ def power(run: Run, *, motors: Motors, propulsion: Propulsion | None = None) -> 
     Raises:
         InputError: the run has thrusts, and no propulsion is given.
     """
-    thrust = np.linalg.norm(run["applied_thrust" if "applied_thrust" in run else "thrust"], axis=2)
+    thrust = np.linalg.norm(optional.given_thrust(run), axis=2)
     if propulsion is None:
         checks.number("thrust without propulsion", float(np.max(thrust, initial=0.0)), low=0.0, high=0.0)
         electrical = shaft = np.zeros(len(run))

@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from harpy_pin.log import optional
+from harpy_pin.log.power import PRESETS
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 
@@ -47,6 +48,7 @@ class WalkSums:
         self._window = max(round(min(2.0 * step_duration / period, LONGEST)), 1)
         self._soles = _soles(run)
         self._rest = np.zeros((0, 3))  # errors of velocity that do not fill a window yet
+        self._rows, self._thrust_energy = 0, 0.0
         self._energy = self._path = self._windows = self._velocity = self._turning = 0.0
         self._margins = np.zeros(BINS, dtype=np.int64)
         self._commanded = _commanded(run)
@@ -57,6 +59,9 @@ class WalkSums:
         joints = min(run["torque"].shape[1], v.shape[1] - 6)
         power = run["torque"][begin:end, :joints] * v[:, 6 : 6 + joints]
         self._energy += float(np.maximum(power, 0.0).sum()) * self._period
+        self._rows += end - begin
+        thrust = np.linalg.norm(optional.given_thrust(run)[begin:end], axis=2)
+        self._thrust_energy += float(PRESETS["fan"].electrical(thrust).sum()) * self._period
         before = max(begin - 1, 0)
         self._path += float(np.linalg.norm(np.diff(run["q"][before:end, :2], axis=0), axis=1).sum())
         if self._commanded:
@@ -84,6 +89,16 @@ class WalkSums:
     def cost_of_transport(self) -> float:
         """Positive work of the joints over weight times path; NaN for a path under 0.1 m, or without a mass."""
         return self._energy / (self._weight * self._path) if self._path > SHORTEST else math.nan
+
+    @property
+    def joint_power(self) -> float:
+        """Mean of the joints' positive power, W."""
+        return self._energy / (self._rows * self._period)
+
+    @property
+    def thrust_power(self) -> float:
+        """Mean power of the thrusters, were each a fan of 18 N from 1 kW, W."""
+        return self._thrust_energy / (self._rows * self._period)
 
     @property
     def velocity_rms(self) -> float:

@@ -6,19 +6,21 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from comparison.flights import FLIGHTS, FlightSettings, HalfAFan, flight_tables, fly
+from comparison.flight_tables import flight_tables
+from comparison.flights import FLIGHTS, FlightSettings, flown, fly
 from harpy_pin.log.power import PRESETS
 
 
 def test_a_small_study():
     rows = fly(FlightSettings.quick())
-    assert [row["flight"] for row in rows] == ["hop", "jump 0.4 m", "walk"]
-    hop, jump, walk = rows
+    assert [row["flight"] for row in rows] == ["walk", "hop", "jump 0.4 m"]
+    walk, hop, jump = rows
     assert all(row["stands"] for row in rows)
     assert jump["distance_m"] == pytest.approx(0.42, abs=0.03)
     assert jump["place_mm"] == pytest.approx(1e3 * abs(jump["distance_m"] - 0.42), abs=5.0)
     assert 1.0 < jump["peak"] <= 2.0
     assert jump["cost"] == pytest.approx(jump["energy_j"] / (4.02 * 9.81 * 0.42))
+    assert walk["power_w"] == pytest.approx(walk["energy_j"] / 6.0)
     assert hop["cost"] is None
     assert jump["cost"] > walk["cost"] > 0.0
     (table,) = flight_tables(rows)
@@ -33,19 +35,27 @@ def test_hovering_costs_what_the_closed_form_says():
     assert watts == pytest.approx(2.0 * 1000.0 * (0.5 * 4.02 * 9.81 / 18.0) ** 1.5, rel=0.02)
 
 
-def test_half_a_fan_gives_half():
-    class Still:
-        period = 1e-3
-        telemetry = describe = reset = dict
+def test_without_thrust_it_falls():
+    run, measures = flown("walk without thrust")
+    assert not run["applied_thrust"].any()
+    assert not measures["stands"]
+    assert "cost" not in measures
 
-        def step(self, state):
-            return hp.Command(np.zeros(6), np.ones((2, 3)))
 
-    state = hp.build(hp.Scenario(duration=0.1)).simulator.state
-    half = HalfAFan(Still(), 1.0)
-    assert half.step(state).thrust.tolist() == [[1.0] * 3] * 2
-    state.t = 2.0
-    assert half.step(state).thrust.tolist() == [[0.5] * 3, [1.0] * 3]
+@pytest.mark.parametrize("name", list(FLIGHTS))
+def test_every_try_is_as_its_row_says(name):
+    one = FLIGHTS[name]
+    scenario = one.scenario("wbc", "mujoco", 7)
+    fans = scenario.disturbances.actuators.thrusters
+    lag = next((k for k in (30, 100, 300) if f"{k} ms" in name), 0)
+    assert fans.lag == one.lag == pytest.approx(1e-3 * lag)
+    assert scenario.controller.parameters.get("thrust_lag", 0.0) == (one.lag if "known" in name else 0.0)
+    assert (fans.failing is not None) == ("half" in name)
+    assert (scenario.plant.name, scenario.disturbances.seed) == ("mujoco", 7)
+    slope = next((k for k in (10, 15, 20) if f"{k}°" in name), 0) * (-1 if "down" in name else 1)
+    terrain = scenario.ground.terrain
+    rise = 0.0 if terrain is None else float(np.diff(terrain.height(np.array([2.0, 2.1]), np.zeros(2)))[0])
+    assert np.degrees(np.arctan(rise / 0.1)) == pytest.approx(slope, abs=1e-6)
 
 
 def test_names_are_checked():

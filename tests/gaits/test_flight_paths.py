@@ -37,6 +37,30 @@ def test_a_fall_conserves_energy_and_ends_at_the_touchdowns_speed(height, speed,
 
 
 @given(
+    height=st.floats(0.5, 1.0),
+    speed=st.floats(0.8, 3.0),
+    brake=st.floats(3.0, 8.0),
+    carried=st.floats(0.0, 0.9),
+    lag=st.floats(0.01, 0.15),
+)
+def test_a_fall_with_lag_is_that_of_a_thrust_switched_on_and_off(height, speed, brake, carried, lag):
+    """The thrust's acceleration follows by ȧ = (goal − a) / T, integrated here in small steps."""
+    g = (1.0 - carried) * GRAVITY
+    fall = Fall(height, speed, height - 0.1, 0.1, brake, g, lag)
+    z, v, a, t, step = height, speed, -g, 0.0, 1e-4
+    end = fall.free + fall.braked + 12.0 * lag
+    while t < end:
+        goal = -g if t + 0.5 * step < fall.free else brake if t + 0.5 * step < fall.free + fall.braked else 0.0
+        old, a = a, goal + (a - goal) * np.exp(-step / lag)
+        z, v, t = z + step * (v + 0.25 * step * (old + a)), v + 0.5 * step * (old + a), t + step
+        if round(t / step) % 500 == 0:
+            assert fall.at(t)[:2] == pytest.approx((z, v), abs=3e-3)
+            assert fall.at(t)[2] == pytest.approx(a, abs=0.1)  # the steps' own error when the goal changes
+    assert v == pytest.approx(-0.1, abs=2e-3)
+    assert z == pytest.approx(height - 0.1 - 0.1 * 12.0 * lag, abs=5e-3)
+
+
+@given(
     st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3),
     st.lists(st.floats(-2.0, 2.0), min_size=3, max_size=3),
     st.floats(0.1, 3.0),

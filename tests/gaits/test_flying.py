@@ -117,6 +117,34 @@ def test_jumps_land_where_they_should(height, forward, left):
     assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
 
 
+@pytest.mark.parametrize("controller", ["condensed", "wbc"])
+def test_a_jump_whose_lag_is_known_lands_softly_where_it_should(controller):
+    fans = hp.Actuators(thrusters=hp.Thrusters(lag=0.1))
+    scenario = hp.Scenario(
+        gait=hp.Flying(flights=hp.Jump(height=0.31, forward=0.42)),
+        controller={"name": controller, "parameters": {"thrust_lag": 0.1}},
+        ground=hp.Ground(mu_s=FRICTION),
+        disturbances=hp.Disturbances(noise=hp.Noise.typical(), actuators=fans),
+        duration=3.6,
+    )
+    run = hp.walk(scenario)
+    air, land = ticks(run, "air"), ticks(run, "land")
+    assert run.ending == "completed"
+    assert (middle(run, land[-1]) - middle(run, air[0]))[:2] == pytest.approx((0.42, 0.0), abs=0.03)
+    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
+
+
+def test_the_plan_is_that_of_the_controllers_lag():
+    gait = hp.FlyingGait(hp.make_commanded_gait(hp.load_harpy()), hp.Jump(forward=0.2))
+    before = gait._plans._plans
+    hp.make_controller("condensed", gait, mu=FRICTION)
+    assert gait._plans._plans is before
+    hp.make_controller("condensed", gait, mu=FRICTION, parameters={"thrust_lag": 0.05})
+    assert gait._plans._plans is not before
+    with pytest.raises(hp.InputError, match="lag"):
+        gait.expect_lag(-1.0)
+
+
 def test_hovering_with_noise_stays_within_two_centimetres():
     run = walked(hp.Fly(hover=3.0), duration=8.5, noise=True)
     air = ticks(run, "air")

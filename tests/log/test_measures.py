@@ -183,12 +183,28 @@ def test_distance_tracking_thrust_torque():
     run["thrust"][:500, 1] = [0.0, 0.0, 7.0]
     run["torque"][17, 3] = -6.5
     run["torque"][18, 2] = 5.0
+    run["v"][:, 6 + 3] = -2.0  # the joint gives 13 W in a tick
+    run["v"][:, 6 + 2] = -2.0  # and this one brakes
     found = measure(run)
+    assert found.joint_power_w == pytest.approx(13.0 / 1000)
+    fan = 1000.0 / 18.0**1.5
+    assert found.thrust_power_w == pytest.approx(fan * (5.0**1.5 + 0.5 * 7.0**1.5))
     assert found.distance_m == pytest.approx(0.3)
     assert found.tracking_rms_mm == pytest.approx(5.0)
     assert found.thrust_rms_n == pytest.approx(np.sqrt((12.0**2 + 5.0**2) / 2))
     assert found.thrust_max_n == pytest.approx(7.0)
     assert found.torque_max_nm == 6.5
+
+
+def test_power_is_that_of_the_thrusts_that_there_were():
+    run = still(10)
+    run["thrust"][:, 0] = [0.0, 0.0, 50.0]
+    run.signals["applied_thrust"] = np.zeros((10, 2, 3))
+    run.signals["applied_thrust"][:, 1] = [0.0, 18.0, 0.0]
+    assert measure(run).thrust_power_w == pytest.approx(1000.0)
+    run.signals["applied_thrust"] = np.zeros((10, 3))
+    with pytest.raises(InputError, match="applied_thrust"):
+        measure(run)
 
 
 @given(roll=st.floats(-3.1, 3.1), pitch=st.floats(-1.5, 1.5), yaw=st.floats(-3.1, 3.1))
@@ -214,6 +230,7 @@ def test_blocks_change_nothing(monkeypatch, block):
     for name in ("foot_position", "foot_velocity"):
         run[name][:] = 0.01 * rng.normal(size=(400, 2, 3))
     run["torque"][:], run["thrust"][:] = rng.normal(size=(400, 6)), rng.normal(size=(400, 2, 3))
+    run["v"][:, 6:] = rng.normal(size=(400, 6))
     run["q"][211, 3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.6, -0.1, 0.2)).coeffs()
     run.signals["x_r"], run.signals["qp_status"] = rng.normal(size=(400, 6)), rng.integers(0, 4, 400)
     expected = by_definition(run)
@@ -242,6 +259,8 @@ def by_definition(run):
         "thrust_rms_n": np.sqrt(np.mean(np.linalg.norm(run["thrust"], axis=2).sum(axis=1) ** 2)),
         "thrust_max_n": np.linalg.norm(run["thrust"], axis=2).max(),
         "torque_max_nm": abs(run["torque"]).max(),
+        "joint_power_w": np.maximum(run["torque"] * run["v"][:, 6:], 0.0).sum(axis=1).mean(),
+        "thrust_power_w": (1000.0 * (np.linalg.norm(run["thrust"], axis=2) / 18.0) ** 1.5).sum(axis=1).mean(),
         "roll_max_rad": 0.6,
         "pitch_max_rad": 0.1,
         "yaw_max_rad": 0.2,

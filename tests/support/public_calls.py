@@ -105,7 +105,7 @@ def values() -> dict[str, Any]:
         **{"references": {}, "controller": controller, "force": np.ones((2, 3)), "depth": 0.01, "inverse_mass": 0.5},
         "load": 10.0,
         **{"terrain": hp.Plane(slope=0.1), "heights": ((0.0, 0.1), (0.2, 0.3)), "corner": (0.0, 0.0), "y": np.zeros(9)},
-        **{"FlyingGait.gait": hp.make_commanded_gait(robot), "FlyingGait.flights": hp.Fly()},
+        **{"FlyingGait.gait": hp.make_commanded_gait(robot), "FlyingGait.flights": hp.Fly(), "lag": 0.1},
         "gaits.bezier.points": np.zeros((5, 3)),
         **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
         "gaits.bezier.s": 0.5,

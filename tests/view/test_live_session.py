@@ -415,3 +415,17 @@ def test_it_begins_on_the_slope_that_is_set(robot: hp.Robot) -> None:
     x, _, z = session.simulator.q[:3]
     assert x > 0.3
     assert z - np.tan(0.2) * x == pytest.approx(0.6, abs=0.05)
+
+
+def test_power_is_that_of_the_last_tick(robot: hp.Robot) -> None:
+    """Of the joints that do not brake, and of two fans of 18 N from 1 kW."""
+    session = make(robot)
+    assert session.power.tolist() == [0.0, 0.0]
+    walk(session, 0.5)
+    assert session.last is not None
+    joints = sum(max(t * w, 0.0) for t, w in zip(session.last.command.torque, session.last.state.v[6:], strict=True))
+    fans = sum(1000.0 * (float(np.linalg.norm(force)) / 18.0) ** 1.5 for force in session.last.command.thrust)
+    assert session.power == pytest.approx((joints, fans))
+    board = SharedSnapshots(multiprocessing.get_context("spawn"), robot)
+    board.write(session)
+    assert board.read(0)[0][-1]["power"] == pytest.approx(session.power)

@@ -255,6 +255,15 @@ def test_power_of_a_battery_is_the_slope_of_its_energies(robot: Robot) -> None:
         replay_html(make_run(robot, battery_energy=time), robot)
 
 
+def test_power_without_a_battery_is_that_of_joints_and_of_fans(robot: Robot) -> None:
+    thrust, torque, v = np.zeros((1001, 2, 3)), np.zeros((1001, 6)), np.zeros((1001, 12))
+    thrust[:, :, 2], torque[:, 4], v[:, 10] = 18.0, -3.0, 2.0
+    run = make_run(robot, thrust=thrust, torque=torque, v=v)
+    chart = next(c for c in content_of(replay_html(run, robot))["charts"]["charts"] if c["title"] == "power")
+    for line, expected in zip(chart["lines"], (2000.0, -6.0), strict=True):
+        np.testing.assert_allclose([value for value in line["values"] if value is not None], expected, rtol=1e-3)
+
+
 def test_friction_that_changes_is_that_of_the_moment(robot: Robot) -> None:
     """A driven run logs the friction under its feet; charts, cones and values follow it."""
     force = np.zeros((1001, 2, 3))

@@ -31,6 +31,8 @@ SIDE = 0.82
 """Share of a free thruster's limit that whole-body controllers use upwards (``lateral_thrust``)."""
 TOUCHDOWN, ABOVE = 0.1, 0.03
 """Speed at which feet meet the ground, m/s, and height above it from which on they have it, m."""
+LED = 0.35
+"""Share of the thrusts' lag with which they follow the plan, where their commands lead as far as limits allow."""
 BEND = 2.5
 """Duration of a crouch, in √(height / g)."""
 
@@ -59,6 +61,7 @@ class Flyer:
         height: of the body in standing, m.
         scale: √(height / g), s.
         brake: acceleration upwards that flights use beyond the weight, m/s².
+        lag: with which thrusts follow the jumps' plan, s; zero unless :meth:`expect_lag` says otherwise.
         postures: in the air.
         air: (nq,) that of landing.
         feet: (3,) middle of the feet in it, about the body's origin, m.
@@ -85,6 +88,19 @@ class Flyer:
         self.over: Vector = np.array((centre[0], centre[1], self.stand[2]))
         self.balance = Balance(robot, self.air)
         self._gains = {1.0: self.balance.gain}
+        self.lag = 0.0
+
+    def expect_lag(self, lag: float) -> bool:
+        """Plan for thrusts that lag under a controller that knows it.
+
+        Args:
+            lag: time constant of the thrusts, s.
+
+        Returns:
+            Whether this is new.
+        """
+        before, self.lag = self.lag, LED * lag
+        return self.lag != before
 
     def gain(self, weight: float) -> Vector:
         """Feedback where thrusters carry the weight so many times.

@@ -21,12 +21,12 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.flight.air_target import ORIENTATION, ask_for
 from harpy_pin.gaits.flight.airway import Airway
 from harpy_pin.gaits.flight.balance import GRAVITY
-from harpy_pin.gaits.flight.flights import Fly, flight_entry, read_flights
-from harpy_pin.gaits.flight.flyer import TOUCHDOWN, Flyer
-from harpy_pin.gaits.flight.jumping import Throw, crouch_and_push, fly_jump, plan_jump
+from harpy_pin.gaits.flight.flights import flight_entry, read_flights
+from harpy_pin.gaits.flight.flyer import Flyer
 from harpy_pin.gaits.flight.landed_gait import LandedGait
-from harpy_pin.gaits.flight.lifting import lift, stretch
 from harpy_pin.gaits.flight.paths import Quintic, rest
+from harpy_pin.gaits.flight.planned_flights import PlannedFlights
+from harpy_pin.gaits.flight.standing_feet import StandingFeet
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.model.entry import as_state
@@ -38,13 +38,10 @@ __all__ = ["FlyingGait"]
 
 PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")
 """In the order of the signal ``flight_phase``."""
-LOADED, MIN_LOADED = 0.1, 3.5
-"""Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times the noise of a
-typical sensor."""
 MOST_FORCE = 10.0
 """Largest normal force of all feet, in weights of the robot."""
-SHARE, LANDING_SHARE, LEAST_SHARE = 0.4, 0.14, 0.05
-"""Of that: what a foot may take in standing, in landing, and when it lets go."""
+SHARE, LANDING_SHARE = 0.4, 0.14
+"""Of that: what a foot may take in standing and in landing."""
 LOADING, UNLOADING, LET_GO = 0.15, 0.3, 0.25
 """Times in which the load comes on the feet and goes off them, s; and the part of a push in which it does."""
 LANDING = 1.2
@@ -95,18 +92,27 @@ class FlyingGait(KeepsViews):
         begin = self.gait.update(0.0)
         if np.abs(begin.body[3:6]).max() > 1e-9 or not begin.stance.all():
             raise InputError("the gait must begin standing, at rest, such as hp.make_commanded_gait", name="gait")
-        self._middle: Vector = begin.foot_position.mean(axis=0)
-        self._deep: Vector = -begin.body[2] - begin.foot_position[:, 2]  # how much deeper than the ground feet aim
+        self._feet = StandingFeet(self.robot, begin, terrain)
         q, _ = self.gait.initial_state()
-        self._flyer = flyer = Flyer(self.robot, q)
-        self._plans: list[Fly | Throw] = [
-            flight if isinstance(flight, Fly) else plan_jump(flyer, flight) for flight in self.flights
-        ]
+        self._flyer = Flyer(self.robot, q)
+        self._plans = PlannedFlights(self._flyer, self.flights)
         self._airway: Airway
         self._way: Quintic
         self._push: Quintic | None
         self.target = GaitTarget(len(self.robot.feet))
         self._begin()
+
+    @checked
+    def expect_lag(self, lag: float) -> None:
+        """Plan jumps for thrusts that lag: whole-body controllers that know a ``thrust_lag`` call this.
+
+        Args:
+            lag: time constant of the thrusts, s.
+
+        Raises:
+            InputError: a jump that does not land where it should.
+        """
+        self._plans.expect_lag(checks.number("lag", lag, low=0.0))
 
     def _begin(self) -> None:
         """Stand where the gait begins."""
@@ -114,11 +120,10 @@ class FlyingGait(KeepsViews):
         d = self._flyer.balance.dynamics
         d.update(q, v)
         self._q, self._v = q, v
-        self._place: Vector = d.foot_position.copy()
-        self._load: Vector = np.zeros(len(self.robot.feet))
+        self._feet.begin(d.foot_position)
         self._time, self._since, self._flight = -1.0, 0.0, 0
         self.phase = "stand"
-        self._settle()
+        self._hold(self._feet.home - self._feet.middle)
 
     def __repr__(self) -> str:
         return f"FlyingGait({self.gait!r}, {len(self.flights)} flights)"
@@ -136,7 +141,8 @@ class FlyingGait(KeepsViews):
     @property
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and the largest force."""
-        own, most = getattr(self.gait, "parameters", None), MOST_FORCE * self.robot.mass * GRAVITY / len(self._deep)
+        own = getattr(self.gait, "parameters", None)
+        most = MOST_FORCE * self.robot.mass * GRAVITY / len(self.robot.feet)
         return {**(own if isinstance(own, dict) else {}), "orientation": ORIENTATION, "max_normal_force": most}
 
     def observe(self, state: State) -> None:
@@ -153,8 +159,7 @@ class FlyingGait(KeepsViews):
         if not all(np.isfinite(array).all() for array in given):
             return
         self._q, self._v = state.q.copy(), state.v.copy()
-        self._place = state.foot_position.copy()
-        self._load = np.einsum("ki,ki->k", self._normals(), state.foot_force)
+        self._feet.measure(state)
         if self.phase == "gait":
             self._landed.observe(state)
 
@@ -188,12 +193,10 @@ class FlyingGait(KeepsViews):
         s = t - self._since
         if self.phase == "stand" and s >= self.start:
             if self._flight == len(self.flights):
-                self._landed.move_to(self._home)
+                self._landed.move_to(self._feet.home)
                 self._go("gait", t)
             else:
-                plan, home = self._plans[self._flight], self._home
-                flyer = self._flyer
-                take_off = stretch(flyer, home) if isinstance(plan, Fly) else crouch_and_push(flyer, plan, home)
+                take_off = self._plans.take_off(self._flight, self._feet.home)
                 self._way, self._push = take_off.bend, take_off.push
                 self._go("bend", t)
         elif self.phase == "bend" and s >= self._way.duration:
@@ -205,26 +208,16 @@ class FlyingGait(KeepsViews):
                 self._go("push", t)
         elif (self.phase == "push" and s >= self._way.duration) or (self.phase == "unload" and s >= UNLOADING):
             self._leave(t)
-        elif self.phase == "air" and s > self._airway.sinks and self._touching.any():
+        elif self.phase == "air" and s > self._airway.sinks and self._feet.touching.any():
             self._touch(t)
         elif self.phase == "land" and s >= self._way.duration:
             self._flight += 1
-            self._settle()
+            self._feet.settle()
+            self._hold(self._feet.home - self._feet.middle)
             self._go("stand", t)
 
     def _go(self, phase: str, t: float) -> None:
         self.phase, self._since = phase, t
-
-    @property
-    def _touching(self) -> Any:
-        """(feet,) whether each foot is loaded."""
-        return self._load > max(LOADED * self.robot.mass * GRAVITY, MIN_LOADED)
-
-    def _settle(self) -> None:
-        """Stand where the feet are."""
-        self._feet, self._home = self._place.copy(), self._place.mean(axis=0)
-        self._on_ground = np.ones(len(self._feet), dtype=bool)
-        self._hold(self._home - self._middle)
 
     def _hold(self, place: Vector) -> None:
         """Keep the body where it is."""
@@ -238,27 +231,21 @@ class FlyingGait(KeepsViews):
     def _leave(self, t: float) -> None:
         """Let go of the ground."""
         flight, (body, joints) = self.flights[self._flight], self._motion()
-        places = self._place[:, :2] + (flight.forward, flight.left)
-        ground = self._home[2] if self.terrain is None else self._heights(places).max()
-        plan, landing = self._plans[self._flight], (self._home, float(ground))
-        if isinstance(plan, Fly):
-            self._airway = lift(self._flyer, plan, joints, *landing)
-        else:
-            self._airway = fly_jump(self._flyer, plan, body, joints, *landing)
+        ground = self._feet.highest(self._feet.place[:, :2] + (flight.forward, flight.left))
+        self._airway = self._plans.airway(self._flight, body, joints, self._feet.home, ground)
         self._go("air", t)
 
     def _touch(self, t: float) -> None:
         """A foot has landed: come to stand over where they are."""
         (place, velocity), _ = self._motion()
-        self._settle()
-        self._on_ground[:] = self._touching
-        end = rest(self._home - self._middle)
+        self._feet.settle()
+        self._feet.grounded[:] = self._feet.touching
+        end = rest(self._feet.home - self._feet.middle)
         self._way = Quintic(np.vstack((place, velocity, np.zeros(3))), end, LANDING)
         self._go("land", t)
 
     def _stand_on_feet(self, s: float, span: float) -> None:
         """Body and feet while there are feet on the ground."""
-        o, body = self.target, self._way.at(s)
         share = SHARE
         if self.phase == "push":
             share *= min((self._way.duration - s) / (LET_GO * self._way.duration), 1.0)
@@ -266,41 +253,14 @@ class FlyingGait(KeepsViews):
             share *= 1.0 - s / UNLOADING
         elif self.phase == "land":
             share = LANDING_SHARE * min(s / LOADING, 1.0)
-            self._on_ground |= self._touching
-            self._feet[~self._on_ground, 2] -= span * TOUCHDOWN
-        standing = self._on_ground | (self.phase != "land")
-        o.body[:] = body.ravel()
-        o.heading[:] = 0.0
-        o.up[:] = (0.0, 0.0, 1.0)
-        o.foot_position[:] = self._feet - body[0]
-        o.foot_position[:, 2] -= self._deep
-        o.foot_velocity[:] = -body[1]
-        o.foot_velocity[~standing, 2] -= TOUCHDOWN
-        o.foot_acceleration[:] = -body[2]
-        o.stance[:] = standing
-        loading = max(share, LEAST_SHARE) * self.double_support / (1.0 + self.double_support)
-        o.phase[:] = np.where(standing, loading, 0.6)  # a foot that meets the ground is held at once
-        o.normal[:] = self._normals()
-        o.ground_height[:] = self._feet[:, 2] if self.terrain is None else self._heights(self._feet[:, :2])
+            self._feet.sink(span)
+        self._feet.ask_for(self.target, self._way.at(s), share, self.double_support)
 
     def _fly(self, s: float) -> None:
         """Body and feet in the air."""
         balance = self._flyer.balance
         a = self._airway.acceleration(s, self._q, self._v, balance)
         ask_for(self.target, balance.dynamics, self._q, self._v, a)
-
-    def _normals(self) -> Vector:
-        """(feet, 3) of the ground below the feet."""
-        if self.terrain is None:
-            return np.tile((0.0, 0.0, 1.0), (len(self._place), 1))
-        x, y = np.ascontiguousarray(self._place[:, :2].T)
-        return self.terrain.normal(x, y)
-
-    def _heights(self, places: Vector) -> Vector:
-        """Of the ground at some places, m."""
-        assert self.terrain is not None
-        x, y = np.ascontiguousarray(places.T)
-        return self.terrain.height(x, y)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:

@@ -28,7 +28,7 @@ CROUCH, RELEASE = 0.22, 0.14
 """How much lower than in standing the body is before the push, and how much higher at its end, in heights of the
 body."""
 PUSH = 0.9
-"""Duration of a push, in √(height / g)."""
+"""Duration of a push without lag, in √(height / g)."""
 RECOIL = 0.7
 """Share of what the legs' swing will take from the velocity that the push gives in advance."""
 TICK, LONGEST = 2e-3, 30.0
@@ -94,12 +94,17 @@ def plan_jump(flyer: Flyer, jump: Jump) -> Throw:
 def _throw(flyer: Flyer, jump: Jump, aim: Vector) -> Throw:
     """The jump with an aim."""
     speed = sqrt(2.0 * (1.0 - jump.carried) * GRAVITY * jump.height)
-    time = _fall(flyer, jump, _release(flyer), speed, 0.0).free + 0.5 * PUSH * flyer.scale
+    time = _fall(flyer, jump, _release(flyer), speed, 0.0).free + 0.5 * _push(flyer)
     wanted = np.append(aim + (flyer.over - flyer.feet)[:2], 0.0) / time
     across = wanted
     for _ in range(3):
         across = wanted - RECOIL * flyer.postures.recoil(*_leaving(flyer, across, speed))
     return Throw(jump, aim, across, speed)
+
+
+def _push(flyer: Flyer) -> float:
+    """Duration of a push, s: thrusts need their time."""
+    return PUSH * flyer.scale + flyer.lag
 
 
 def _release(flyer: Flyer) -> float:
@@ -109,7 +114,7 @@ def _release(flyer: Flyer) -> float:
 
 def _leaving(flyer: Flyer, across: Vector, speed: float) -> tuple[Vector, Vector]:
     """Configuration and velocity at the release, with the feet about the origin."""
-    body = -flyer.over + 0.5 * PUSH * flyer.scale * across
+    body = -flyer.over + 0.5 * _push(flyer) * across
     body[2] = _release(flyer)
     q, v = flyer.postures.on_feet(flyer.postures.feet - flyer.stand - body, np.append(across[:2], speed))
     q[:3] = body
@@ -140,7 +145,7 @@ def crouch_and_push(flyer: Flyer, throw: Throw, feet: Vector) -> TakeOff:
         throw: the jump.
         feet: (3,) middle of the feet on the ground, m.
     """
-    duration = PUSH * flyer.scale
+    duration = _push(flyer)
     above = feet - flyer.over
     low = above - 0.5 * duration * throw.across
     high = above + 0.5 * duration * throw.across
@@ -174,4 +179,4 @@ def fly_jump(flyer: Flyer, throw: Throw, body: Vector, joints: Vector, feet: Vec
 def _fall(flyer: Flyer, jump: Jump, height: float, speed: float, ground: float) -> Fall:
     """The body's height after the release."""
     end = ground + ABOVE - float(flyer.feet[2])
-    return Fall(height, speed, end, TOUCHDOWN, flyer.brake, (1.0 - jump.carried) * GRAVITY)
+    return Fall(height, speed, end, TOUCHDOWN, flyer.brake, (1.0 - jump.carried) * GRAVITY, flyer.lag)

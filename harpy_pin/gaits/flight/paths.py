@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import perm, sqrt
+from math import exp, perm, sqrt
 
 import numpy as np
 
@@ -56,12 +56,17 @@ def rest(place: Vector) -> Vector:
 class Fall:
     """Height of a body that is thrown up, falls freely, is braked, and then sinks at a constant speed.
 
+    Thrust is switched on and off, and follows by its lag T. So the true velocity is v − T (a + g) and the true height
+    z − T (v_true − v₀ + g t), with v and z those without lag and a the true acceleration.
+
     Attributes:
         height: where it begins, m.
         speed: upwards, there, m/s.
         ground: height at which it has the touchdown's speed, m.
         touchdown: that speed, downwards, m/s.
         brake: acceleration upwards while it is braked, m/s².
+        gravity: acceleration downwards until then, g, m/s².
+        lag: of the thrust, T, s.
     """
 
     height: float
@@ -70,19 +75,21 @@ class Fall:
     touchdown: float
     brake: float
     gravity: float = GRAVITY
+    lag: float = 0.0
 
     @property
     def free(self) -> float:
         """Duration of the free flight, s: its end has just the speed that the brake takes away until touchdown."""
-        g, b, v = self.gravity, self.brake, self.speed
-        rest = v * v - self.touchdown**2 - 2.0 * b * (self.height - self.ground)
-        # g (g + b) t² − 2 v (g + b) t + rest = 0, the later one
-        return v / g + sqrt(max((v / g) ** 2 - rest / (g * (g + b)), 0.0))
+        g, b, v, lag = self.gravity, self.brake, self.speed, self.lag
+        end = self.touchdown - lag * g  # speed without lag
+        rest = v * v - end**2 - 2.0 * b * (self.height - self.ground) - 2.0 * lag * (b * self.touchdown + g * end)
+        # g (g + b) (t + T)² − 2 v (g + b) (t + T) + rest = g (g + b) T², the later one
+        return v / g - lag + sqrt(max((v / g) ** 2 + lag * lag - rest / (g * (g + b)), 0.0))
 
     @property
     def braked(self) -> float:
         """Duration of the braking, s."""
-        return max(self.gravity * self.free - self.speed - self.touchdown, 0.0) / self.brake
+        return max(self.gravity * (self.free + self.lag) - self.speed - self.touchdown, 0.0) / self.brake
 
     def at(self, t: float) -> tuple[float, float, float]:
         """Height, velocity and acceleration.
@@ -95,6 +102,13 @@ class Fall:
         z, v, a = self.height + (self.speed - 0.5 * g * free) * free, self.speed - g * free, -g
         if t > self.free:
             s = min(t - self.free, self.braked)
-            z, v, a = z + (v + 0.5 * self.brake * s) * s, v + self.brake * s, self.brake
+            z, v, a = z + (v + 0.5 * self.brake * s) * s, v + self.brake * s, self._follow(a, self.brake, s)
         late = t - self.free - self.braked
-        return (z + late * v, v, 0.0) if late > 0.0 else (z, v, a)
+        if late > 0.0:
+            z, a = z + late * v, self._follow(a, 0.0, late)
+        true = v - self.lag * (a + g)
+        return z - self.lag * (true - self.speed + g * t), true, a
+
+    def _follow(self, start: float, goal: float, time: float) -> float:
+        """An acceleration that follows another one."""
+        return goal + (start - goal) * exp(-time / self.lag) if self.lag > 0.0 else goal

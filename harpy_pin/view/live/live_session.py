@@ -25,6 +25,7 @@ from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
+from harpy_pin.log.power import PRESETS
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.ground import Ground
@@ -158,6 +159,15 @@ class LiveSession:
     def net_slip(self) -> Vector:
         """(feet,) distances from touchdown to last touch in all walks, m."""
         return self._net_before + self.simulator.slip_net
+
+    @property
+    def power(self) -> Vector:
+        """(2,) of the last tick: of the joints without braking, and of the thrusters at 1 kW for 18 N, W."""
+        if self.last is None:
+            return np.zeros(2)
+        torque, thrust = self.last.command.torque, self.last.command.thrust
+        joints = np.maximum(torque * self.last.state.v[6:], 0.0).sum()
+        return np.array((joints, PRESETS["fan"].electrical(np.linalg.norm(thrust, axis=1)).sum()))
 
     @property
     def applied(self) -> Vector:

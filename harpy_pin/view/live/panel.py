@@ -49,6 +49,8 @@ HELP = (
 )
 SLOW = 0.97
 """Real-time factor below which the page says that it cannot keep up."""
+SMOOTH = 0.2
+"""Share of the present power in the one that is shown."""
 Send = Callable[[str, Any], None]
 
 
@@ -72,6 +74,7 @@ class Panel:
         self._choices: dict[str, dict[Any, str]] = {}
         self._dragged: set[str] = set()
         self._lock = threading.Lock()
+        self._power = np.zeros(2)
         self._paused, self._ending, self._note, self._refused, self._busy = False, "", "", False, ""
         gui.set_panel_label("harpy live")
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
@@ -143,6 +146,9 @@ class Panel:
         if note:
             lines.append(f"**Refused:** {_plain(note)}" if refused else _plain(note))
         self._say(self._status, "\n\n".join(lines))
+        self._power += SMOOTH * (s["power"] - self._power)
+        joints, thrusters = self._power
+        power = f"{joints:.0f} W joints" + (f", {thrusters:.0f} W thrusters" if len(s["thrust"]) else "")
         v = s["velocity"]
         feet = " · ".join(f"{100.0 * share:.0f} %" for share in used)
         rows = (
@@ -150,6 +156,7 @@ class Panel:
             ("Falls", f"{int(s['falls'])}"),
             ("Applied", f"{v[0]:.2f}, {v[1]:.2f} m/s, {v[2]:.2f} rad/s"),
             ("Slip", f"{1e3 * float(np.sum(s['slip'])):.1f} mm"),
+            ("Power", power),
             ("Friction used", feet),
             ("Assumed μ", " · ".join(f"{value:.2f}" for value in self._feet.least(s["estimate"]))),
             ("Tick", f"p50 {float(s['p50']):.0f}, p99 {float(s['p99']):.0f} µs"),

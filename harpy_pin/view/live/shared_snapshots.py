@@ -62,6 +62,7 @@ class SharedSnapshots:
         p["contact_velocity"] = in_contact_frames(normal, state.foot_velocity)
         p["slope"], p["below"] = session.plane.slope, s.ground_below
         p["thrust"] = 0.0 if tick is None else tick.command.thrust
+        p["power"] = session.power
         p["push"] = 0.0 if tick is None else tick.push
         p["target"], p["applied"] = session.body_reference, session.applied_reference
         p["heading"] = session.gait.target.heading[0]
@@ -105,6 +106,7 @@ def _layout(robot: Robot) -> np.dtype[Any]:
         "slope": (),
         "below": (),
         "thrust": (thrusters, 3),
+        "power": (2,),
         "push": (3,),
         "target": (3,),
         "applied": (3,),

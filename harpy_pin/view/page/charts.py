@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.log.optional import control_period, optional_signal, tick_times
+from harpy_pin.log.optional import control_period, given_thrust, optional_signal, tick_times
+from harpy_pin.log.power import PRESETS
+from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.shown import Shown
@@ -254,6 +256,8 @@ def _effort_charts(shown: Shown, time: Vector) -> list[Chart]:
     energy = optional_signal(run, "battery_energy")
     if energy is not None and len(run) > 1:
         charts.append(_power_chart(energy, time, control_period(run)))
+    elif energy is None:
+        charts.append(_assumed_power_chart(run, time))
     times = tick_times(run)
     if times is not None:
         tick = Line("one tick of the controller", CONTACT, time, times)
@@ -270,6 +274,17 @@ def _power_chart(energy: Vector, time: Vector, period: float) -> Chart:
     given, taken = power[:, 0], (power[:, 3:5].sum(axis=1), power[:, 5:7].sum(axis=1))
     lines = [Line("battery", BODY_LINE, time, given)]
     lines += [Line(name, FEET[k], time, values) for k, (name, values) in enumerate(zip(TAKERS, taken, strict=True))]
+    return Chart("Effort", "power", "W", lines)
+
+
+def _assumed_power_chart(run: Run, time: Vector) -> Chart:
+    """Without a battery: what the joints do, and what thrusters take if each is a fan of 18 N from 1 kW."""
+    torque, thrust = run["torque"], given_thrust(run)
+    joints = (torque * run["v"][:, run["v"].shape[1] - torque.shape[1] :]).sum(axis=1)
+    lines = [Line("joints", FEET[1], time, joints)]
+    if thrust.shape[1]:
+        fans = PRESETS["fan"].electrical(np.linalg.norm(thrust, axis=2)).sum(axis=1)
+        lines.insert(0, Line("thrusters at 1 kW for 18 N", FEET[0], time, fans))
     return Chart("Effort", "power", "W", lines)
 
 

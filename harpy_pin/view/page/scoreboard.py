@@ -34,6 +34,8 @@ _ROWS = (
     ("contact time sliding, %", "sliding", "{:.1%}"),
     ("distance from the target, mm rms", "tracking_rms_mm", "{:.1f}"),
     ("thrust, N rms", "thrust_rms_n", "{:.1f}"),
+    ("thrusters at 1 kW for 18 N, W", "thrust_power_w", "{:.0f}"),
+    ("joints, W", "joint_power_w", "{:.0f}"),
     ("largest torque, N·m", "torque_max_nm", "{:.1f}"),
     ("largest tilt, rad", "tilt_max_rad", "{:.2f}"),
 )

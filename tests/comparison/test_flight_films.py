@@ -1,0 +1,57 @@
+"""The page of films: what captions say, and that the page shows them on any screen, without a network."""
+
+from __future__ import annotations
+
+import pytest
+
+from comparison.flights import FLIGHTS
+from comparison.report.flight_films import FILMS, caption, film_flights
+from harpy_pin.errors import HarpyError, RunFileError
+from harpy_pin.view.page.chromium import Chromium, find_chromium
+
+REACHED = {"stands": True, "height_m": 0.312, "distance_m": 0.423, "hover_mm": None, "peak": 1.38}
+COST = {"energy_j": 2700.0, "power_w": 812.0, "cost": 163.0}
+
+
+def test_captions_say_what_was_reached():
+    assert FILMS.keys() <= FLIGHTS.keys()
+    assert caption("jump 0.4 m", REACHED | COST) == [
+        "0.31 m high, 0.42 m far",
+        "163 J per newton and metre",
+        "812 W",
+        "peak load 1.4 × weight",
+    ]
+    assert caption("walk", REACHED | COST)[0] == "0.42 m far"
+    assert caption("hover 10 s", REACHED | COST | {"hover_mm": 2.4, "cost": None})[:2] == [
+        "hovers within 2.4 mm",
+        "812 W",
+    ]
+    assert caption("walk without thrust", {"stands": False, "fell_s": 0.552}) == ["falls after 0.55 s"]
+
+
+def test_the_page_is_whole_and_fits_a_phone(tmp_path):
+    try:
+        find_chromium()
+    except HarpyError as missing:
+        pytest.skip(str(missing))
+    path, told = tmp_path / "films.html", []
+    film_flights(path, ("walk without thrust",), lambda *done: told.append(done))
+    assert told == [(1, 1)]
+    browser = Chromium()
+    try:
+        for width in (1280, 390):
+            browser.resize(width, 800)
+            browser.open(path.as_uri())
+            assert browser.run("document.querySelector('img').decode().then(() => true)")
+            assert browser.run("document.querySelector('img').naturalWidth") == 360
+            assert browser.run("document.documentElement.scrollWidth") <= width
+        assert "falls after" in browser.run("document.body.textContent")
+        assert not browser.messages
+        assert not [url for url in browser.requested if url.startswith("http")]
+    finally:
+        browser.close()
+
+
+def test_a_page_that_cannot_be_written_is_refused_before_work(tmp_path):
+    with pytest.raises(RunFileError):
+        film_flights(tmp_path / "none" / "films.html")
