@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Iterable, Sequence
+from math import inf
 
 import numpy as np
 
@@ -19,7 +20,13 @@ WRAPPERS = ("harpy_pin.arguments", "harpy_pin.deprecated", "harpy_pin.model.memo
 
 
 def warn_of_capped(
-    commands: Iterable[Sequence[float] | Vector], *, speed: float, radius: float, sideways: float, turn: float
+    commands: Iterable[Sequence[float] | Vector],
+    *,
+    speed: float,
+    radius: float,
+    sideways: float,
+    turn: float,
+    bend: float = inf,
 ) -> None:
     """Warn, in one line, of the first command that is beyond the limits.
 
@@ -29,12 +36,16 @@ def warn_of_capped(
         radius: distance of the farthest foot's place from the middle, m.
         sideways: largest velocity to the side, m/s.
         turn: largest turning velocity, rad/s.
+        bend: largest product of velocity and turning velocity, m/s²: by which the velocity changes in a turn.
     """
     for command in commands:
         forward, left, turning = (float(entry) for entry in command[:3])
         need = np.hypot(forward, left) + abs(turning) * radius
         pairs = ((speed, need), (sideways, abs(left)), (turn, abs(turning)))
         share = min(most / asked if asked > most else 1.0 for most, asked in pairs)
+        bends = np.hypot(forward, left) * abs(turning)
+        if share * share * bends > bend:
+            share = float(np.sqrt(bend / bends))
         if share < 1.0 - ROUNDING:
             given, limited = (f"({f * forward:.3g}, {f * left:.3g}, {f * turning:.3g})" for f in (1.0, share))
             message = f"velocity {given} is more than the robot walks: limited to {limited} (m/s, m/s, rad/s)"

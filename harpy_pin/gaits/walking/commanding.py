@@ -38,6 +38,9 @@ def hear_command(p: WalkingRecord) -> None:
         share = p.most_aside / abs(c[1])
     if share * abs(c[2]) > p.max_turn:
         share = p.max_turn / abs(c[2])
+    bend = np.hypot(c[0], c[1]) * abs(c[2])
+    if share * share * bend > p.acceleration:
+        share = np.sqrt(p.acceleration / bend)
     for i in range(3):
         p.goal[i] = share * c[i]
     p.goal[3] = min(max(c[3], p.height_range[0]), p.height_range[1])

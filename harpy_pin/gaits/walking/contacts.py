@@ -16,6 +16,10 @@ __all__: list[str] = []
 
 EARLIEST = 0.6
 """Share of its swing from which on a foot that is loaded has landed."""
+BLOCKED, RESTS = 0.005, 0.3
+"""How far above where it should be a late foot is, as a share of the body's height, and its load, as a share of that
+from which on a foot touches, that together say that it rests on the ground. A foot that comes down slowly pushes hardly
+more than that."""
 LONGEST_WAIT, ON_TERRAIN = 0.5, 1.0
 """How long the next step waits for a foot that has not landed, as a share of a step, and on ground that is not flat."""
 MOST_HASTE, HALVINGS = 2.0, 6
@@ -103,12 +107,22 @@ def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
     in_air = 0
     for k in range(p.group.shape[0]):
         if p.in_air[k] != 0.0:
-            if p.measured.load[k] > p.touch_force and (done > EARLIEST or p.group[k] != p.swings):
+            late = p.group[k] != p.swings or done > 1.0
+            if (p.measured.load[k] > p.touch_force and (done > EARLIEST or late)) or (late and _rests(p, k)):
                 p.in_air[k], p.since[k] = 0.0, 0.0
                 p.settled[k], p.pressed[k], p.rest[k] = 0.0, 0.0, p.measured.place[k, 2]
             elif p.group[k] == p.swings:
                 in_air += 1
     return in_air
+
+
+@kernel
+def _rests(p: WalkingRecord, k: int) -> bool:
+    """Whether a foot in the air is held up by the ground, though it hardly pushes."""
+    if p.soles or p.steps_over or not p.terrain.level:
+        return False
+    rests: bool = p.measured.place[k, 2] - p.lift[k, 0] > BLOCKED * p.height
+    return rests and p.measured.load[k] > RESTS * p.touch_force
 
 
 @kernel

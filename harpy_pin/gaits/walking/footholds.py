@@ -134,15 +134,22 @@ def _keep_apart(p: WalkingRecord, k: int, c: float, s: float) -> None:
 
 @kernel
 def _keep_in_reach(p: WalkingRecord, k: int, left: float) -> None:
-    """Draw a foothold towards the place below the hip at touchdown, as far as the leg reaches."""
+    """Draw a foothold towards the place below the hip, as far as the leg reaches when the foot gets there.
+
+    A leg beside its hip's axis reaches less far outwards: as far from that axis as its own length and that offset say.
+    A body that is higher than it should be leaves less, too.
+    """
     m = p.measured
     c, s = np.cos(m.heading), np.sin(m.heading)
+    time = max(left - p.arrives * (1.0 - p.double_support) * p.step_duration, 0.0)
     hip = (
-        m.centre[0] + left * m.drift[0] + c * p.nominal[k, 0] - s * p.nominal[k, 1],
-        m.centre[1] + left * m.drift[1] + s * p.nominal[k, 0] + c * p.nominal[k, 1],
+        m.centre[0] + time * m.drift[0] + c * p.nominal[k, 0] - s * p.nominal[k, 1],
+        m.centre[1] + time * m.drift[1] + s * p.nominal[k, 0] + c * p.nominal[k, 1],
     )
     x, y = p.foothold[k, 0] - hip[0], p.foothold[k, 1] - hip[1]
-    size = np.hypot(x, y)
-    if size > p.reach:
-        p.foothold[k, 0] = hip[0] + p.reach / size * x
-        p.foothold[k, 1] = hip[1] + p.reach / size * y
+    square, beside = x * x + y * y, (c * y - s * x) * p.beside[k]
+    room = max(p.reach * p.reach - 2.0 * p.hip * (m.body[2] - p.height - p.felt[k]), 0.0)
+    if square + 2.0 * beside > room:
+        share = (np.sqrt(beside * beside + square * room) - beside) / square
+        p.foothold[k, 0] = hip[0] + share * x
+        p.foothold[k, 1] = hip[1] + share * y

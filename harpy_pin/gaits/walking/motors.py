@@ -27,7 +27,14 @@ HALVINGS = 7
 
 
 def swing_load(
-    robot: Robot, q: Vector, build: Build, speed: float, step_duration: float, double_support: float, clearance: float
+    robot: Robot,
+    q: Vector,
+    build: Build,
+    speed: float,
+    step_duration: float,
+    double_support: float,
+    clearance: float,
+    upright: float = UPRIGHT_END,
 ) -> float:
     """Largest torque of the motors of a leg that swings, as a share of their limits; of the weakest leg.
 
@@ -41,10 +48,11 @@ def swing_load(
         step_duration: s.
         double_support: share of a step in which every foot is on the ground.
         clearance: height of a foot at mid-swing, m.
+        upright: share of its swing, at the end, in which a foot moves vertically.
     """
     model, data = robot.model, robot.model.createData()
     duration = (1.0 - double_support) * step_duration
-    time, rest = np.linspace(0.0, duration, SAMPLES), (1.0 - UPRIGHT_END) * duration
+    time, rest = np.linspace(0.0, duration, SAMPLES), (1.0 - upright) * duration
     ahead = np.array([toward(0.0, 0.0, 0.0, 1.0, rest, min(t, rest))[0] for t in time])
     u = np.minimum(time / rest, 1.0)
     way = np.zeros((SAMPLES, 3))

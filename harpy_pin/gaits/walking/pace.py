@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.gaits.walking.motors import fastest_speed, swing_load
 from harpy_pin.gaits.walking.settings import NARROW, Build, draw_together
+from harpy_pin.gaits.walking.swinging import upright_end
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -96,7 +97,8 @@ def pace_of(
 
         def load(speed: float) -> float:
             shortened = min(duration, stride / speed)
-            return swing_load(robot, q, build, speed, shortened, double_support, clearance)
+            upright = upright_end(speed, float(np.sqrt(GRAVITY / build.rise)) * build.height)
+            return swing_load(robot, q, build, speed, shortened, double_support, clearance, upright)
 
         most = fastest_speed(load, most, MOST_LOAD)
     stance = (groups - 1 + double_support) * min(duration, stride / most)

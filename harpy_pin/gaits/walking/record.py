@@ -74,6 +74,9 @@ class WalkingRecord(RecordOf):
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
         reach: largest horizontal distance of a foot from its hip, m.
+        hip: height of the hips above the feet, of four legs, m.
+        beside: (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m.
+        arrives: share of its swing before its end at which a foot is almost where it lands.
         lean: distance of the centre of mass from a point foot that carries alone at which the next one should land, m.
         most_aside: largest velocity sideways, m/s.
         reaction: (feet, 2, 3) acceleration of the pendulum for that of each foot relative to the body, axes of the
@@ -143,6 +146,9 @@ class WalkingRecord(RecordOf):
     clearance: float
     penetration_offset: float
     reach: float
+    hip: float
+    beside: Vector
+    arrives: float
     lean: float
     most_aside: float
     reaction: Vector

@@ -32,6 +32,8 @@ class Build:
         height: of the body's origin above the ground while it walks, m.
         rise: likewise of the centre of mass, m.
         reach: largest horizontal distance of a foot from its hip, m.
+        hip: height of the hips above the feet, of four legs, m.
+        beside: (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m.
         swing: largest horizontal acceleration that the hips' motors alone give a foot, m/s²; of the weakest leg.
         reaction: (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's
             angular momentum about the ground, forward and to the left.
@@ -44,6 +46,8 @@ class Build:
     height: float
     rise: float
     reach: float
+    hip: float
+    beside: Vector
     swing: float
     reaction: Vector
 
@@ -64,20 +68,24 @@ def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
     foot = np.repeat(np.arange(len(robot.corners)), robot.corners)
     place = np.array([point[foot == k].mean(axis=0) for k in range(len(robot.corners))])
     inertia = pin.crba(model, data, q)
-    legs, hips, swings = [], [], []
+    legs, hips, swings, beside = [], [], [], np.zeros(len(robot.corners))
     for k, first in enumerate(np.unique(foot, return_index=True)[1]):
         chain = [j for j in model.supports[model.frames[robot.frame_id(robot.feet[first])].parentJoint] if j > 1]
         joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]  # from the hip's pitch on
         points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
         legs.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
         hips.append(float(points[0][2] - place[k, 2]))
+        if len(robot.corners) == 4 and len(chain) > len(joints):
+            beside[k] = place[k, 1] + q[1] - data.oMi[chain[0]].translation[1]
         column = model.joints[joints[0]].idx_v
         swings.append(float(hips[-1] * model.effortLimit[column] / inertia[column, column]))
     leg, hip = min(legs), max(hips)
     lower = max(hip - BENT * leg, 0.0) if height is None else float(q[2]) - height
     reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
-    return Build(point, foot, place, leg, float(q[2]) - lower, rise, reach, min(swings), _reactions(robot, q, rise))
+    height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 else 0.0
+    reactions = _reactions(robot, q, rise)
+    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions)
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.walking.commanding import wrapped
+from harpy_pin.gaits.walking.commanding import foot_speed, wrapped
 from harpy_pin.gaits.walking.quintic import toward
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.stepping_over import DEEPEST, DESCENT, swing_over
@@ -14,7 +16,13 @@ __all__: list[str] = []
 SETTLE = 0.9
 """Share of its swing after which a foot is at the ground; from there on it goes down slowly, so as not to land hard."""
 UPRIGHT_END = 0.1
-"""Share of its swing, at the end, in which a foot moves vertically."""
+"""Least share of its swing, at the end, in which a foot moves vertically."""
+NEAR = 0.185
+"""Share of its swing, at the end, in which a foot is nearer to the ground than 4 % of its clearance."""
+CREEP = 0.14
+"""Largest horizontal velocity with which a foot comes that near, as a share of ω times the body's height."""
+RACE = 95.0
+"""Horizontal velocity of a foot at a share s of its swing before it stops, over s² and the velocity of the walk."""
 
 
 @kernel
@@ -50,13 +58,30 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
         return
     swing = p.swing[k]
     duration = (1.0 - p.double_support) * p.step_duration
-    rest = max(left - UPRIGHT_END * duration / p.haste, 0.0) + span
+    upright = upright_end(foot_speed(p, p.velocity), p.omega * p.height)
+    rest = max(left - upright * duration / p.haste, 0.0) + span
     for i in range(3):
         goal = p.foothold[k, i]
         if i == 2:
             goal = swing[0, 2] + wrapped(goal - swing[0, 2])
         swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, rest, span)
     _lift(p, k, 1.0 - p.haste * left / duration, duration, span)
+
+
+@kernel
+def upright_end(speed: float, natural: float) -> float:
+    """Share of its swing, at the end, in which a foot moves vertically.
+
+    A foot that meets the ground while it moves across it is thrown up by contacts that are convex, such as MuJoCo's, at
+    μ times that velocity. So a fast one stops earlier.
+
+    Args:
+        speed: of the walk, m/s.
+        natural: ω times the body's height, m/s.
+    """
+    if speed <= 0.0:
+        return UPRIGHT_END
+    return float(max(NEAR - np.sqrt(CREEP * natural / (RACE * speed)), UPRIGHT_END))
 
 
 @kernel

@@ -21,6 +21,7 @@ from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.gaits.walking.settings import NARROW, Build, build_of, draw_together
+from harpy_pin.gaits.walking.swinging import NEAR
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
 from harpy_pin.model.entry import as_state
@@ -103,7 +104,7 @@ class WalkingGait(KeepsViews):
         height: of the body's origin while it walks, m.
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
-        acceleration: largest change of the applied velocity, m/s².
+        acceleration: largest change of the applied velocity, m/s²; so it is of its direction in a turn.
         turn_acceleration: largest change of the applied turning velocity, rad/s².
         max_speed: largest velocity of a foot's place, m/s; by default what legs and motors can do, √(g leg) at most.
 
@@ -190,6 +191,7 @@ class WalkingGait(KeepsViews):
             radius=float(np.hypot(*field(self.record, "nominal").T).max()),
             sideways=inf,
             turn=float(self.record["max_turn"][0]),
+            bend=float(self.record["acceleration"][0]),
         )
         self._begin()
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
@@ -230,6 +232,9 @@ class WalkingGait(KeepsViews):
             omega=float(np.sqrt(GRAVITY / build.rise)),
             height=build.height,
             reach=min(build.reach, STEEPEST * build.rise) if balances else build.reach,
+            hip=build.hip,
+            beside=build.beside,
+            arrives=NEAR if feet == 4 else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
             most_aside=aside if balances else np.inf,
             reaction=build.reaction,
