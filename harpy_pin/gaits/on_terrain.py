@@ -88,11 +88,15 @@ class OnTerrain(KeepsViews):
     def __repr__(self) -> str:
         return f"OnTerrain({self.gait!r}, {self.terrain!r})"
 
+    @checked
     def lay_over(self, terrain: Terrain) -> None:
         """Other ground from the next update on; the body stays as far from its feet as it was.
 
         Args:
             terrain: from then on.
+
+        Raises:
+            InputError: it is none.
         """
         self.terrain, self._record["terrain"] = terrain, terrain.record
         if isinstance(self.gait, WalkingGait):
