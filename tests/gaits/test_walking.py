@@ -1,22 +1,17 @@
-"""Walks of any robot: pendulum and support beside closed forms and other algorithms, targets beside their differences,
-touchdowns as they happen, and robots that walk where they are told, on slippery ground, pushed, delayed, and in MuJoCo.
-
-``--long`` walks more robots: kernels are compiled for each size of robot.
-"""
+"""Walks of any robot, part by part: pendulum and support beside closed forms and other algorithms, targets beside their
+differences, touchdowns as they happen."""
 
 from __future__ import annotations
-
-from copy import deepcopy
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from long import long_but
 from needs import needs_robots
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
+from walks import made_state, walk
 
 import harpy_pin as hp
 from harpy_pin.gaits.walking.measuring import measure
@@ -24,35 +19,8 @@ from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.quintic import toward
 from harpy_pin.gaits.walking.settings import draw_together
 from harpy_pin.gaits.walking.support import nearest_in_hull
-from harpy_pin.simulation.terrain import HeightField, Stairs
 
 small = st.floats(-1.0, 1.0)
-
-
-def walk(
-    gait, *, mu=0.6, duration=3.0, controller="condensed", plant="compliant", pushes=(), on_tick=None, **disturbances
-):
-    """A walk on ground into which the robot sinks by 2 mm; pushes are (time, velocity that they would give)."""
-    mass, kind = gait.robot.mass, {"condensed": hp.Condensed, "wbc": hp.WholeBody}[controller]
-    shoves = tuple(hp.Push(t, tuple(mass * np.array(velocity))) for t, velocity in pushes)
-    scenario = hp.Scenario(
-        controller=kind(parameters=gait.parameters),
-        ground=hp.Ground(mu_s=mu, stiffness=mass * 9.81 / 2e-3),
-        duration=duration,
-        plant=plant,
-        disturbances=hp.Disturbances(pushes=shoves, **disturbances),
-    )
-    return hp.walk(scenario, gait=gait, on_tick=on_tick)
-
-
-def slip_per_step(run):
-    """Path of all feet along the ground, mm per step."""
-    return 1e3 * run["slip_path"][-1].sum() / max(run["steps"][-1], 1)
-
-
-def path_error(run):
-    """Root mean square distance of the centre of mass from the path, m."""
-    return np.sqrt(np.mean(np.sum((run["centre"][:, :2] - run["path"][:, :2]) ** 2, axis=1)))
 
 
 # --- Pendulum, support and momentum -----------------------------------------------------------------------------------
@@ -187,16 +155,6 @@ def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
     assert most.max() <= p["max_speed"] + 1e-9
 
 
-def made_state(gait, *, force=0.0, height=0.0):
-    """The posture with a force on every foot, N, and the body higher than it stands, m."""
-    q, v = gait.initial_state()
-    q[2] += height
-    feet = np.zeros((len(gait.robot.feet), 3))
-    load = feet.copy()
-    load[:, 2] = force
-    return hp.State(0.0, q, v, feet, feet, load)
-
-
 @needs_robots
 def test_feet_that_land_early_carry_and_late_ones_are_searched_for():
     gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.0))
@@ -295,247 +253,3 @@ def test_what_it_cannot_do_is_refused():
     gait.observe(made_state(gait))
     with pytest.raises(hp.InputError, match="finite"):
         gait.update(np.inf)
-
-
-# --- Walks ------------------------------------------------------------------------------------------------------------
-
-
-@needs_robots
-@pytest.mark.parametrize(("name", "speed"), [("solo12", 0.6), ("go2", 1.5), ("a1", 1.2), ("anymal_c", 0.8)])
-def test_trots_where_it_is_told_and_hardly_slips(name, speed):
-    gait = hp.WalkingGait(hp.load_robot(name), velocity=(speed, 0.0, 0.0), max_speed=2.0)
-    run = walk(gait)
-    assert run.ending == "completed"
-    assert (run["condensed_status"] == 0).mean() > 0.9
-    assert slip_per_step(run) < 0.5 * 2.0  # of two feet
-    assert hp.measure(run).tilt_max_rad < 0.01
-    assert path_error(run) < 0.05
-    start = gait.record["start_time"][0] - gait.double_support * gait.step_duration
-    moved = speed * (3.0 - start - 0.5 * speed)  # at 1 m/s²
-    np.testing.assert_allclose(run["path"][-1, 0] - run["path"][0, 0], moved, rtol=0.05)
-    settled = run["t"] > 2.0
-    assert abs(np.polyfit(run["t"][settled], run["centre"][settled, 0], 1)[0] - speed) < 0.05 * speed
-
-
-@needs_robots
-def test_course_start_and_stop():
-    """Forward, a turn, sideways, back, and standing at the end, with the feet where they stand."""
-    quarter = np.pi / 2 / 0.6
-    rows = ((0.5, 0.3, 0, 0), (2.5, 0.2, 0, 0.6), (2.5 + quarter, 0, 0.15, 0), (6.5, -0.15, 0, 0), (8, 0, 0, 0))
-    gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=rows)
-    run = walk(gait, duration=9.5)
-    assert run.ending == "completed"
-    assert path_error(run) < 0.03
-    assert abs(run["path"][-1, 2] - np.pi / 2) < 0.02
-    assert (run["stance"][run["t"] < 0.5] == 1.0).all()
-    assert not gait.walking
-    rest = run["t"] > 9.0
-    assert (run["stance"][rest] == 1.0).all()
-    assert np.abs(run["v"][-1]).max() < 0.02
-
-
-@needs_robots
-def test_loop_in_c_and_loop_in_python_give_the_same_bits():
-    runs = []
-    for on_tick in (None, lambda state: None):
-        gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=((0.0, 0.3, 0.1, 0.3), (1.0, 0.0, 0.1, 0.0)))
-        runs.append(walk(gait, duration=2.0, on_tick=on_tick))
-    for name in ("q", "v", "torque", "path", "foothold", "pressure", "steps", "command"):
-        np.testing.assert_array_equal(runs[0][name], runs[1][name])
-
-
-@needs_robots
-@pytest.mark.parametrize("mu", [0.3, 0.15])
-def test_walks_on_slippery_ground(mu):
-    run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0)), mu=mu)
-    assert run.ending == "completed"
-    assert slip_per_step(run) < 1.0
-
-
-@needs_robots
-@pytest.mark.parametrize("push", [(0.6, 0.0), (-0.6, 0.0), (0.0, 0.6), (0.0, -0.6)])
-def test_a_pushed_trot_goes_on(push):
-    run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0)), pushes=((1.5, (*push, 0.0)),))
-    assert run.ending == "completed"
-    assert hp.measure(run).tilt_max_rad < 0.1
-    along = np.abs(run["v"][:, 0 if push[0] else 1] - (0.4 if push[0] else 0.0))
-    assert along[np.abs(run["t"] - 1.6) < 0.1].max() > 0.2  # it was pushed
-    assert along[run["t"] > 2.7].max() < 0.12
-
-
-@needs_robots
-def test_standing_robot_steps_when_it_is_pushed_and_stands_again():
-    gait = hp.WalkingGait(hp.load_robot("solo12"))
-    run = walk(gait, duration=4.0, pushes=((0.5, (1.0, 0.0, 0.0)),))
-    assert run.ending == "completed"
-    assert run["steps"][-1] > 1
-    assert not gait.walking
-
-
-@needs_robots
-def test_delay_noise_and_another_plant():
-    pytest.importorskip("mujoco")
-    for more in ({"delay": 2e-3}, {"noise": hp.Noise.typical()}, {"plant": "mujoco"}):
-        run = walk(hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.1)), **more)
-        assert run.ending == "completed"
-        assert slip_per_step(run) < 2.0
-        assert path_error(run) < 0.03
-
-
-@needs_robots
-@pytest.mark.parametrize(("schedule", "speed"), [("crawl", 0.15), ("pace", 0.2), ("bound", 0.1)])
-@pytest.mark.parametrize("name", long_but(("solo12", "go2", "anymal_c"), ("solo12",)))
-def test_other_schedules(name, schedule, speed):
-    run = walk(hp.WalkingGait(hp.load_robot(name), schedule, velocity=(speed, 0.0, 0.0)))
-    assert run.ending == "completed"
-    feet_down = run["stance"].sum(axis=1)
-    assert feet_down.min() == (3.0 if schedule == "crawl" else 2.0)
-    assert run["centre"][-1, 0] - run["centre"][0, 0] > 0.6 * speed * 2.5
-
-
-@needs_robots
-def test_bolt_walks_forward_and_sideways():
-    for velocity in ((0.2, 0.0, 0.0), (0.0, 0.1, 0.0)):
-        run = walk(hp.WalkingGait(hp.load_robot("bolt"), velocity=velocity), duration=4.0)
-        assert run.ending == "completed"
-        assert hp.measure(run).tilt_max_rad < 0.02
-        moved = run["centre"][-1, :2] - run["centre"][0, :2]
-        assert np.abs(moved - 3.9 * np.array(velocity[:2])).max() < 0.1
-
-
-@needs_robots
-def test_feet_of_a_biped_do_not_cross_and_land_before_it_leans_too_far():
-    """Sideways and pushed: the left foot stays on the left, and the step hastens where the pendulum runs away."""
-    gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.5, 0.3, 0.0))
-    p, hastes, sides = gait.record[0], [], []
-
-    def see(state):
-        m = p["measured"]
-        hastes.append(float(p["haste"]))
-        side = np.array((-np.sin(m["heading"]), np.cos(m["heading"])))
-        sides.append(side @ (m["place"][0, :2] - m["place"][1, :2]))
-
-    run = walk(gait, mu=0.5, duration=4.0, pushes=((2.0, (0.8, 0.0, 0.0)),), on_tick=see)
-    assert run.ending == "completed"
-    assert min(sides[1:]) > 0.0  # the first one is before anything is measured
-    apart = p["nominal"][0, 1] - p["nominal"][1, 1]
-    assert np.abs(run["applied_velocity"][:, 1]).max() * p["usual_step"] < apart
-    hastes, pushed = np.array(hastes), run["t"] > 2.0
-    assert (hastes[~pushed] == 1.0).mean() > 0.9
-    assert hastes[pushed].max() > 1.05
-
-
-@needs_robots
-@pytest.mark.parametrize("push", [(0.6, 0.0), (-0.6, 0.0), (0.0, 0.6), (0.0, -0.6)])
-@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
-def test_a_pushed_biped_on_points_goes_on(plant, push):
-    if plant == "mujoco":
-        pytest.importorskip("mujoco")
-    gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.2, 0.0, 0.0))
-    run = walk(gait, mu=0.5, duration=4.0, pushes=((1.6, (*push, 0.0)),), plant=plant)
-    assert run.ending == "completed"
-    assert abs(run["v"][-300:, 1].mean()) < 0.1  # it has caught itself
-
-
-# --- Ground that the gait does not know -------------------------------------------------------------------------------
-
-
-def blind(gait, surface, *, on_tick=None):
-    """A walk on a ground of which the gait knows nothing."""
-    mass = gait.robot.mass
-    scenario = hp.Scenario(
-        controller=hp.Condensed(parameters=gait.parameters),
-        ground=hp.Ground(mu_s=0.6, stiffness=mass * 9.81 / 2e-3, terrain=surface),
-        duration=3.5,
-    )
-    return hp.walk(scenario, gait=gait, on_tick=on_tick)
-
-
-@needs_robots
-@pytest.mark.parametrize("rise", [0.02, -0.02])
-@pytest.mark.parametrize("name", ["solo12", "bolt"])
-def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
-    """Up: a foot that meets the ground early carries. Down: a late one is searched for, and the others carry."""
-    log = []
-
-    def see(state):
-        p = gait.record[0]
-        log.append((p["in_air"].copy(), p["felt"].copy(), p["phase"].item(), state.foot_force[:, 2].copy()))
-
-    robot = hp.load_robot(name)
-    gait = hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0))
-    run = blind(gait, Stairs(rise=rise, steps=1, depth=5.0, start=0.5, edge=0.002), on_tick=see)
-    assert run.ending == "completed"
-    assert hp.measure(run).tilt_max_rad < 0.1
-    unknown = 0.03 * gait.record["height"][0]
-    assert np.abs(gait.record["felt"][0] - rise).min() < unknown
-    assert (gait.record["felt"][0] * np.sign(rise) > 0.0).all()
-    on_both = run["q"][0, 2] + rise
-    assert abs(run["q"][-1, 2] - on_both) < 0.01  # the body goes with the ground
-    in_air, felt, phase, load = (np.array(column) for column in zip(*log, strict=True))
-    if rise < 0.0:
-        late = (phase > 1.0) & in_air.any(axis=1) & ~in_air.all(axis=1) & (felt == 0.0).any(axis=1)
-        assert late.any()
-        carried = np.where(in_air[late] == 0.0, load[late], 0.0).sum(axis=1)
-        assert np.median(carried) > 0.7 * robot.mass * 9.81
-    else:
-        early = (np.diff(felt, axis=0) > 0.01).any(axis=1)
-        assert early.any()
-        assert phase[1:][early].min() < 0.95
-
-
-@needs_robots
-@pytest.mark.parametrize("name", ["solo12", "bolt"])
-@pytest.mark.parametrize("seed", [0, 1])
-def test_bumps_of_one_centimetre_that_it_does_not_know(name, seed):
-    heights = np.random.default_rng(seed).uniform(-0.01, 0.01, (30, 30))
-    heights[:9] = 0.0  # where it stands at first
-    gait = hp.WalkingGait(hp.load_robot(name), velocity=(0.3, 0.0, 0.0))
-    run = blind(gait, HeightField(heights=heights.tolist(), resolution=0.1, corner=(-0.5, -1.5)))
-    assert run.ending == "completed"
-    assert hp.measure(run).tilt_max_rad < 0.05
-    assert run["centre"][-1, 0] > 0.6
-
-
-@needs_robots
-@pytest.mark.parametrize("name", long_but(("talos", "icub", "g1"), ("talos",)))
-def test_humanoids_walk_on_their_soles_and_stop(name):
-    gait = hp.WalkingGait(hp.load_robot(name), velocity=((0.3, 0.2, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0)))
-    run = walk(gait, duration=5.0)
-    assert run.ending == "completed"
-    assert hp.measure(run).tilt_max_rad < 0.05
-    assert path_error(run) < 0.1
-    assert run["path"][-1, 0] - run["path"][0, 0] > 0.45
-    assert not gait.walking
-
-
-@needs_robots
-@pytest.mark.parametrize("name", ["go1", "laikago", "anymal_b", "b1", "hyq"])
-def test_other_quadrupeds_trot(name):
-    run = walk(hp.WalkingGait(hp.load_robot(name), velocity=(0.5, 0.0, 0.3)))
-    assert run.ending == "completed"
-    assert slip_per_step(run) < 1.0
-
-
-@needs_robots
-@given(st.lists(st.tuples(st.floats(-1.0, 1.5), st.floats(-0.5, 0.5), st.floats(-1.5, 1.5)), min_size=3, max_size=6))
-@settings(max_examples=5, suppress_health_check=[HealthCheck.too_slow], deadline=None)
-def test_random_commands_do_not_fell_it(commands):
-    rows = tuple((0.3 + 0.7 * n, *command) for n, command in enumerate(commands))
-    run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=rows), duration=0.7 * len(rows) + 1.0)
-    assert run.ending == "completed"
-
-
-@needs_robots
-def test_a_copy_walks_alone():
-    gait = hp.WalkingGait(hp.load_robot("solo12"))
-    other = deepcopy(gait)
-    other.command = (0.2, 0.0, 0.0, 0.0)
-    state = made_state(gait, force=6.0)
-    for each in (gait, other):
-        for t in np.arange(0.0, 0.6, 1e-3):
-            each.observe(state)
-            each.update(float(t))
-    assert other.walking
-    assert not gait.walking
-    assert not np.shares_memory(gait.record, other.command)

@@ -34,6 +34,7 @@ from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.simulation.terrain import Plane
 from harpy_pin.simulation.upright import verdict
+from harpy_pin.view.live.changing_ground import nearer_stiffness, tilted
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
 from harpy_pin.view.live.driven_walk import (
     DrivenGait,
@@ -53,12 +54,8 @@ PERIOD, STEPS = 1e-3, 2
 """Time between control ticks, s, and physics steps in each."""
 PULL_LASTS = 0.25
 """How long a pull acts that is not renewed, s: one whose driver is gone does not last."""
-STIFFNESS_RATE = 4.0
-"""How fast the stiffness of the ground changes, 1/s: by a factor of e in 0.25 s. At once, it would throw the robot."""
-TILT_RATE = 0.1
-"""How fast the ground tilts, rad/s."""
 FOLLOWED = 10
-"""Ticks between two of such changes."""
+"""Ticks between two changes of the ground."""
 MAX_AT_ONCE = 50
 """Ticks that are made up for before the caller gets its turn."""
 STRIP_LENGTH = 0.6
@@ -446,19 +443,13 @@ class LiveSession:
     def _follow_ground(self) -> None:
         """The ground's stiffness and slope go to those that are set; it tilts about the place below the body."""
         now, desired = self.simulator.ground.stiffness, self.settings.stiffness
-        plane, slope = self.plane, self.settings.slope
-        if now == desired and plane.slope == slope:
+        slope, span = self.settings.slope, FOLLOWED * PERIOD
+        if now == desired and self.plane.slope == slope:
             return
-        most = math.exp(STIFFNESS_RATE * FOLLOWED * PERIOD)
-        stiffness = min(desired, now * most) if desired > now else max(desired, now / most)
-        if plane.slope != slope:
-            step = TILT_RATE * FOLLOWED * PERIOD
-            angle = plane.slope + min(max(slope - plane.slope, -step), step)
-            x, y = self.simulator.q[:2]
-            below = float(plane.height(x, y))
-            self.plane = Plane(slope=angle, above=below - math.tan(angle) * float(x))
+        if self.plane.slope != slope:
+            self.plane = tilted(self.plane, slope, self.simulator.q[:2], span)
             cast(OnTerrain, self.controller.gait).lay_over(self.plane)
-        self._lay_ground(stiffness)
+        self._lay_ground(nearer_stiffness(now, desired, span))
 
     def _forces(self) -> list[Push]:
         """Pushes that still act, and the pull."""
