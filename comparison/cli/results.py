@@ -28,6 +28,7 @@ from comparison.report.contents import tables_of
 from comparison.results import rewritten, sources_of
 from comparison.robots import robot_tables
 from comparison.sections.grounds import ground_tables
+from comparison.slopes import slope_tables
 from comparison.steering import steering_tables
 from comparison.tables import Table
 from harpy_pin import checks
@@ -64,6 +65,7 @@ SOURCES: Mapping[str, tuple[str, Tables]] = {
     "edge": ("edge", _walks(edge_tables)),
     "robots": ("robots", _walks(robot_tables)),
     "embedded": ("embedded", _walks(embedded_tables)),
+    "slopes": ("slopes --out {folder}/slopes.jsonl", _walks(slope_tables)),
     "crossings": ("crossings --out {folder}/crossings.jsonl", _walks(crossing_tables)),
 }
 """For each source of a page the command that measures it, without ``--json``, and the tables of what it writes."""

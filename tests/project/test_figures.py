@@ -11,7 +11,11 @@ from comparison.results import read_blocks
 from comparison.tables import number_text
 
 ROOT = Path(__file__).parents[2]
-TABLES = read_blocks((ROOT / "docs" / "results.md").read_text(encoding="utf-8"))
+TABLES = {
+    name: cells
+    for page in ("results.md", "terrain.md")
+    for name, cells in read_blocks((ROOT / "docs" / page).read_text(encoding="utf-8")).items()
+}
 FOUND = "paper's governor, tracked, PID, tuned"
 PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP"
 PID, SOLVE = "no governor, PID, tuned", "comparison/timing_low_friction"
@@ -152,6 +156,7 @@ README_ROWS = {
     "tick, median": ("comparison/ticks", "median", 1.0),
     "tick, 99 %": ("comparison/ticks", "99 %", 1.0),
     "instructions on a microcontroller, median": ("embedded/embedded", "median", 1.0),
+    "stands on slopes, of 100 places": ("slopes/slopes", "up to 45°", 1.0),
     "off target, rms": ("comparison/campaign", "off target, rms, mm", 1.0),
 }
 """Rows of README's table: the table and column that they come from, and what one unit of it is in README."""
@@ -162,6 +167,7 @@ NAMES = {
         BEST: "paper's governor, best variant",
         "whole-body QP": "WBC QP, active-set warm start",
     },
+    "slopes/slopes": {"no governor": "joint PID, no thrust"},
     "embedded/embedded": {
         "paper's governor": "Harpy, paper's governor",
         "contact-force filter": "Harpy, contact-force filter",
@@ -232,7 +238,7 @@ def readme_cells() -> list[tuple[str, str, str]]:
 @pytest.mark.parametrize(("row", "column", "cell"), readme_cells())
 def test_cells_of_readme_are_those_of_the_page_but_for_their_digits(row: str, column: str, cell: str) -> None:
     table, place, factor = README_ROWS[row]
-    exact = factor * float(figure(table, NAMES.get(table, {}).get(column, column), place).replace(",", ""))
+    exact = factor * float(figure(table, NAMES.get(table, {}).get(column, column), place).partition(" of ")[0])
     number = "0" if cell == "none" else cell.split()[0].replace(",", "")
     unit = 10.0 ** -len(number.partition(".")[2])
     assert float(number) == pytest.approx(exact, abs=0.5 * unit + 1e-9)
