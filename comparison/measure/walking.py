@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -95,7 +96,9 @@ def walk_as_far_as_it_goes(scenario: Scenario, controller: Callable[..., Control
 def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
     """The log of a walk that is ready to begin; likewise."""
     try:
-        return walked()
+        with warnings.catch_warnings():  # studies ask for such velocities on purpose
+            warnings.filterwarnings("ignore", "velocity .* is more than the robot walks", UserWarning)
+            return walked()
     except ControlError as error:
         if error.run is None or len(error.run) == 0:
             raise
