@@ -37,6 +37,8 @@ class Build:
         swing: largest horizontal acceleration that the hips' motors alone give a foot, m/s²; of the weakest leg.
         reaction: (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's
             angular momentum about the ground, forward and to the left.
+        leg_bodies: (feet, joints) bodies of each leg, from the foot to the hip; the base is 0.
+        rest: (bodies,) angle of each joint, rad; zero for the base.
     """
 
     point: Vector
@@ -50,6 +52,8 @@ class Build:
     beside: Vector
     swing: float
     reaction: Vector
+    leg_bodies: NDArray[np.int64]
+    rest: Vector
 
 
 def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
@@ -85,7 +89,18 @@ def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 else 0.0
     reactions = _reactions(robot, q, rise)
-    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions)
+    rest = np.array([0.0, *(q[joint.idx_q] for joint in list(model.joints)[2:])])
+    return Build(
+        point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, _leg_bodies(robot), rest
+    )
+
+
+def _leg_bodies(robot: Robot) -> NDArray[np.int64]:
+    """(feet, joints) bodies of each leg, from the foot to the hip; of legs with more joints than the least, the last."""
+    model, starts = robot.model, np.cumsum((0, *robot.corners))[:-1]
+    frames = [model.frames[robot.frame_id(robot.feet[first])] for first in starts]
+    legs = [[j - 1 for j in reversed(model.supports[frame.parentJoint]) if j > 1] for frame in frames]
+    return np.array([leg[: min(map(len, legs))] for leg in legs], dtype=np.int64)
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:

@@ -15,6 +15,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.capped import warn_of_capped
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.gaits.walking.centre_of_mass import ORIENTATION_GAINS, POSTURE_GAINS, SWING_GAINS
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import Pace, pace_of
@@ -210,13 +211,15 @@ class WalkingGait(KeepsViews):
         aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
         return make_record(
             WalkingRecord,
-            {"feet": feet},
+            {"feet": feet, "bodies": len(build.rest)},
             tree=tree_record(robot.model),
             terrain=flat_terrain(),
             steps_over=np.int64(0),
             ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
+            leg=build.leg_bodies,
+            rest=build.rest,
             foot=build.foot.astype(np.int64),
             corner=(build.point - build.place[build.foot])[:, :2],
             group=group,
@@ -266,7 +269,9 @@ class WalkingGait(KeepsViews):
         parameters["max_normal_force"] /= max(self.robot.corners)
         turn = {"orientation": TURN_WEIGHT * square, "arms": TURN_WEIGHT * square, "posture": POSTURE_WEIGHT * square}
         parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT, **turn}
-        if not self.robot.flat_feet:
+        if self.robot.flat_feet:
+            parameters.update(orientation=ORIENTATION_GAINS, posture=POSTURE_GAINS, swing=SWING_GAINS)
+        else:
             rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
         return parameters
