@@ -21,7 +21,7 @@ from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
-from harpy_pin.gaits.walking.settings import NARROW, Build, build_of, draw_together
+from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
 from harpy_pin.gaits.walking.swinging import NEAR
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
@@ -207,7 +207,7 @@ class WalkingGait(KeepsViews):
         nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
         groups = int(group.max()) + 1
         balances = feet == 2 and not soles and groups == 2
-        sways = groups == 2 and draw_together(nominal, group, NARROW * build.rise) > SWAY * build.rise
+        sways = groups == 2 and draw_together(nominal, group, build.narrow) > SWAY * build.rise
         aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
         return make_record(
             WalkingRecord,
