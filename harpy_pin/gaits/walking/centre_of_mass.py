@@ -27,7 +27,7 @@ ORIENTATION_GAINS = SWING_GAINS = (400.0, 40.0)
 """(k_p, k_d) of the controller's tasks: turning of the body, and feet in the air, 1/s² and 1/s."""
 POSTURE_GAINS = (100.0, 20.0)
 """Likewise of its joints."""
-SINGULAR = 1e-5
+SINGULAR = 1e-7
 """Added to Jᵀ J of a leg, which may be stretched."""
 LARGEST = 15.0
 """Largest acceleration of the body, m/s²."""
