@@ -44,7 +44,7 @@ def note_posture(p: WalkingRecord, q: Vector, v: Vector) -> None:
     """
     t = p.tree
     for i in range(1, t.parent.shape[0]):
-        error = p.rest[i] - q[t.place[i]]
+        error = p.angle[i] - q[t.place[i]]
         p.posture[i] = POSTURE_GAINS[0] * error - POSTURE_GAINS[1] * v[t.column[i]]
 
 

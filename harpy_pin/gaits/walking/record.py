@@ -58,7 +58,7 @@ class WalkingRecord(RecordOf):
         point_body: (points,) the body that carries each contact point.
         point_offset: (points, 3) its place there, m.
         leg: (feet, joints) bodies of each leg, from the foot to the hip.
-        rest: (bodies,) angle of each joint in the posture, rad.
+        angle: (bodies,) of each joint in the posture, rad.
         foot: (points,) the foot that each contact point is of.
         corner: (points, 2) its place about the foot's middle, axes of the foot, m.
         group: (feet,) in which step of the cycle each foot swings.
@@ -133,7 +133,7 @@ class WalkingRecord(RecordOf):
     point_body: NDArray[np.int64]
     point_offset: Vector
     leg: NDArray[np.int64]
-    rest: Vector
+    angle: Vector
     foot: NDArray[np.int64]
     corner: Vector
     group: NDArray[np.int64]

@@ -41,7 +41,7 @@ class Build:
         reaction: (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's
             angular momentum about the ground, forward and to the left.
         leg_bodies: (feet, joints) bodies of each leg, from the foot to the hip; the base is 0.
-        rest: (bodies,) angle of each joint, rad; zero for the base.
+        angle: (bodies,) of each joint, rad; zero for the base.
         narrow: largest distance of the two groups of feet between which the body sways, m.
     """
 
@@ -57,7 +57,7 @@ class Build:
     swing: float
     reaction: Vector
     leg_bodies: NDArray[np.int64]
-    rest: Vector
+    angle: Vector
     narrow: float
 
 
@@ -94,17 +94,17 @@ def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 else 0.0
     reactions = _reactions(robot, q, rise)
-    rest = np.array([0.0, *(q[joint.idx_q] for joint in list(model.joints)[2:])])
+    angle = np.array([0.0, *(q[joint.idx_q] for joint in list(model.joints)[2:])])
     bodies, narrow = _leg_bodies(robot), NARROW * rise
     if robot.flat_feet:
         narrow = SOLE_NARROW * rise + 2.0 * INNER * min(float(np.ptp(point[foot == k, 1])) for k in range(len(place)))
     return Build(
-        point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, bodies, rest, narrow
+        point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, bodies, angle, narrow
     )
 
 
 def _leg_bodies(robot: Robot) -> NDArray[np.int64]:
-    """(feet, joints) bodies of each leg, from the foot to the hip; of legs with more joints than the least, the last."""
+    """(feet, joints) bodies of each leg, from the foot to the hip; of longer legs the last."""
     model, starts = robot.model, np.cumsum((0, *robot.corners))[:-1]
     frames = [model.frames[robot.frame_id(robot.feet[first])] for first in starts]
     legs = [[j - 1 for j in reversed(model.supports[frame.parentJoint]) if j > 1] for frame in frames]

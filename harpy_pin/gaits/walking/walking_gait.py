@@ -211,7 +211,7 @@ class WalkingGait(KeepsViews):
         aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
         return make_record(
             WalkingRecord,
-            {"feet": feet, "bodies": len(build.rest)},
+            {"feet": feet, "bodies": len(build.angle)},
             tree=tree_record(robot.model),
             terrain=flat_terrain(),
             steps_over=np.int64(0),
@@ -219,7 +219,7 @@ class WalkingGait(KeepsViews):
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
             leg=build.leg_bodies,
-            rest=build.rest,
+            angle=build.angle,
             foot=build.foot.astype(np.int64),
             corner=(build.point - build.place[build.foot])[:, :2],
             group=group,
