@@ -29,8 +29,8 @@ POSTURE_GAINS = (100.0, 20.0)
 """Likewise of its joints."""
 SINGULAR = 1e-7
 """Added to Jᵀ J of a leg, which may be stretched."""
-LARGEST = 15.0
-"""Largest acceleration of the body, m/s²."""
+LARGEST, LEAST = 15.0, 0.01
+"""Largest acceleration of the body, m/s², and least determinant of C."""
 
 
 @kernel
@@ -74,6 +74,8 @@ def body_for_centre(p: WalkingRecord, o: GaitTargetRecord) -> tuple[float, float
         _centre_acceleration(p, root[n], joint[n], n == 0, found[n])
     x, y = p.demand[0] - found[0, 0], p.demand[1] - found[0, 1]
     whole = found[1, 0] * found[2, 1] - found[2, 0] * found[1, 1]
+    if not abs(whole) > LEAST:
+        return p.demand[0], p.demand[1]
     ax, ay = (found[2, 1] * x - found[2, 0] * y) / whole, (found[1, 0] * y - found[1, 1] * x) / whole
     return min(max(ax, -LARGEST), LARGEST), min(max(ay, -LARGEST), LARGEST)
 
