@@ -225,7 +225,7 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
     run = walk(gait, duration=5.0)
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.05
-    assert path_error(run) < 0.1
+    assert path_error(run) < 0.05
     assert run["path"][-1, 0] - run["path"][0, 0] > 0.45
     assert not gait.walking
 
