@@ -1,4 +1,4 @@
-"""``python -m comparison.joint_pd go2 bolt``: search the gains of these robots, and write them."""
+"""``python -m comparison.joint_pd go2 bolt``: search the gains of these robots from those found before; write them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ def cost(robot: str, gains: JointPDGains, most: float) -> float:
 def main(robots: list[str]) -> None:
     """Search, and write what was found after every robot."""
     for robot in robots or PD_ROBOTS:
-        best, least = search_gains(partial(cost, robot))
+        before = found_gains().get(robot)
+        start = None if before is None else JointPDGains(**before["gains"])
+        best, least = search_gains(partial(cost, robot), start=start)
         document = json.loads(GAINS_FILE.read_text(encoding="utf-8")) if GAINS_FILE.exists() else {}
         document[robot] = {"gains": asdict(best), "cost": least}
         GAINS_FILE.write_text(json.dumps(dict(sorted(document.items())), indent=1) + "\n", encoding="utf-8")
