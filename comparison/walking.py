@@ -26,7 +26,8 @@ from harpy_pin import Disturbances, Ground, Noise, Push, Scenario, Walking, Walk
 __all__ = ["PD_ROBOTS", "WalkingSettings", "WalkingWalk", "walk_robots", "walked", "walking_tables"]
 
 QUADRUPEDS = ("solo12", "a1", "b1", "go1", "go2", "laikago", "anymal_b", "anymal_c", "hyq")
-BIPEDS = ("bolt", "g1", "talos", "icub")
+ON_SOLES = ("g1", "talos", "icub")
+BIPEDS = ("bolt", *ON_SOLES)
 PD = "joint_pd"
 """Joint PD with feedforward (:mod:`comparison.joint_pd`); it walks everything, but for robots on soles."""
 PD_ROBOTS = (*QUADRUPEDS, "bolt")
@@ -42,6 +43,7 @@ FRICTION = {
     "crawl": 0.5,
     "pace": 0.5,
     "bound": 0.5,
+    "ten metres": 0.5,
 }
 """Of the ground, which the controllers know, by what is walked; of the rest it is drawn, or 0.6."""
 DRAWN = (0.3, 0.8)
@@ -51,6 +53,10 @@ PUSH, SOLE_PUSH = 0.6, 0.15
 """Impulse over mass of a push of 0.1 s, m/s, on points and on soles."""
 ICE_SPEED = 0.4
 """Speed of quadrupeds at friction 0.1, m/s."""
+TEN_METRES = ((0.5, 0.22, 0.0, 0.0), (47.0, 0.11, 0.0, 0.4), (51.0, 0.0, 0.0, 0.0))
+"""Of robots on soles: the velocity for more than 10 m forward, a turn by 1.6 rad, and a stop."""
+STOPPED = 54.0
+"""When they stand again, s."""
 DELAY = 3e-3
 """With noise, s."""
 LEG_SPEED = 0.99
@@ -133,6 +139,8 @@ class WalkingWalk:
         rows = _course(LEG_SPEED * fastest)
         if self.what in ("crawl", "pace", "bound"):
             schedule, rows = self.what, ((0.3, 0.3 * fastest, 0.0, 0.0),)
+        elif self.what == "ten metres":
+            rows = TEN_METRES
         elif self.what == "friction 0.1":
             rows = ((0.3, ICE_SPEED if self.robot in QUADRUPEDS else 0.3 * fastest, 0.0, 0.0),)
         elif self.what == "pushed":
@@ -201,6 +209,8 @@ def _jobs(s: WalkingSettings) -> list[WalkingWalk]:
             for controller in able:
                 for what in ("course", "course, friction 0.3"):
                     jobs.append(_job(s, robot, what, s.course, plant=plant, controller=controller))
+            if robot in ON_SOLES:
+                jobs.append(_job(s, robot, "ten metres", STOPPED, plant=plant, controller=s.controllers[0]))
         for controller in [one for one in able if one in (s.controllers[0], PD)]:
             jobs.extend(_shorter(s, robot, controller))
     return jobs

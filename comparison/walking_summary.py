@@ -10,7 +10,7 @@ from comparison.tables import Cell, Table
 
 __all__ = ["summary_tables"]
 
-COURSES = {"course": "course", "friction 0.3": "course, friction 0.3"}
+COURSES = {"course": "course", "friction 0.3": "course, friction 0.3", "ten metres": "ten metres"}
 """Columns of courses, which are walked in both engines."""
 WALKS = {
     "friction 0.1": ("friction 0.1",),
@@ -38,6 +38,8 @@ def _cells(robot: str, rows: Rows) -> list[Cell]:
     plants = list(dict.fromkeys(row["plant"] for row in rows))
     cells = [Cell(robot, "speed", max(row["speed_m_s"] for row in rows), "m/s")]
     for column, what in COURSES.items():
+        if column == "ten metres" and (what, plants[0]) not in by:
+            continue
         cells.append(Cell(robot, column, " / ".join(_slip(by.get((what, plant), [])) for plant in plants)))
     course = by.get(("course", plants[0]), [])
     cells += [Cell(robot, "off path", row["path_rms_mm"], "mm") for row in course]

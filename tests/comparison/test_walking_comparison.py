@@ -61,6 +61,18 @@ def test_pushes_come_from_every_side():
     np.testing.assert_allclose(np.sum(pushes, axis=0), 0.0, atol=1e-9)
 
 
+def test_robots_on_soles_walk_ten_metres_and_turn_by_a_right_angle():
+    jobs = [job for job in _jobs(WalkingSettings(robots=("go2", "icub"))) if job.what == "ten metres"]
+    assert [(job.robot, job.plant) for job in jobs] == [("icub", "compliant"), ("icub", "mujoco")]
+    rows = jobs[0].scenario().gait.velocity
+    ends = [row[0] for row in rows[1:]] + [jobs[0].duration]
+    spans = np.array([end - row[0] for row, end in zip(rows, ends, strict=True)])
+    assert spans[0] * rows[0][1] > 10.0
+    assert rows[0][1] >= 0.2
+    assert np.sum(spans * [row[3] for row in rows]) >= np.pi / 2
+    assert not any(rows[-1][1:])
+
+
 def test_courses_are_walked_by_all_controllers_in_both_engines():
     """Joint PD walks legs of three joints, and all that the law walks."""
     jobs = _jobs(WalkingSettings(robots=("go2", "g1"), walks=1, walks_on_four=1, pushes=1))

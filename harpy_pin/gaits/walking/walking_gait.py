@@ -15,12 +15,13 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.capped import warn_of_capped
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.gaits.walking.centre_of_mass import ORIENTATION_GAINS, POSTURE_GAINS, SWING_GAINS
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
-from harpy_pin.gaits.walking.settings import NARROW, Build, build_of, draw_together
+from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
 from harpy_pin.gaits.walking.swinging import NEAR
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
@@ -209,17 +210,19 @@ class WalkingGait(KeepsViews):
         nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
         groups = int(group.max()) + 1
         balances = feet == 2 and not soles and groups == 2
-        sways = groups == 2 and draw_together(nominal, group, NARROW * build.rise) > SWAY * build.rise
+        sways = groups == 2 and draw_together(nominal, group, build.narrow) > SWAY * build.rise
         aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
         return make_record(
             WalkingRecord,
-            {"feet": feet},
+            {"feet": feet, "bodies": len(build.angle)},
             tree=tree_record(robot.model),
             terrain=flat_terrain(),
             steps_over=np.int64(0),
             ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
+            leg=build.leg_bodies,
+            angle=build.angle,
             foot=build.foot.astype(np.int64),
             corner=(build.point - build.place[build.foot])[:, :2],
             group=group,
@@ -272,7 +275,9 @@ class WalkingGait(KeepsViews):
         turn = square * (POINT_TURN_WEIGHT if alone else TURN_WEIGHT)
         own = {"swing": SWING_WEIGHT, "orientation": turn, "arms": turn, "posture": POSTURE_WEIGHT * square}
         parameters["weights"] = {**parameters["weights"], **own}
-        if not self.robot.flat_feet:
+        if self.robot.flat_feet:
+            parameters.update(orientation=ORIENTATION_GAINS, posture=POSTURE_GAINS, swing=SWING_GAINS)
+        else:
             rate = max(SWING_RATE * natural, LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
         if alone:
