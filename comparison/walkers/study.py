@@ -18,7 +18,7 @@ from comparison.walkers.walk import PLANTS, WALKERS, Command, WalkersWalk, walke
 from comparison.walking import DRAWN, SIDES, course
 from harpy_pin import checks
 
-__all__ = ["WalkersSettings", "walk_walkers", "walkers_tables"]
+__all__ = ["COLUMNS", "RANGE", "WalkersSettings", "walk_walkers", "walkers_tables"]
 
 RANGE = (1.5, 0.8, 1.2)
 """Of the commands under which the policy was trained: forward, sideways, m/s, turning, rad/s."""
@@ -125,14 +125,16 @@ COLUMNS = {
     "cost_of_transport": ("cost of transport", ""),
     "call_us": ("call", "µs"),
 }
+"""Heading and unit of each measure."""
 
 
 def walkers_tables(rows: Rows) -> list[Table]:
     """Every walker's measures, a table for each kind of walk and plant."""
     note = (
-        "Medians over the walks that did not fall. Slip: path of what touches the ground, of all feet, per step. Error: "
-        "of the velocity, rms, against the command as given; settled, and of turning: from 2 s after a new command on. "
-        "Power without braking. Joint friction: estimated, though the model lacks it. Call: thread time of the network alone, every 20 ms; of the controller with its gait, every step."
+        "Medians over the walks that did not fall. Slip: path of what touches the ground, of all feet, per step. "
+        "Error: of the velocity, rms, against the command as given; settled, and of turning: from 2 s after a new "
+        "command on. Power without braking. Joint friction: estimated, because the controller's model lacks it. "
+        "Call: thread time of the network alone, every 20 ms; of the controller with its gait, every step."
     )
     tables = []
     for (what, plant), same in grouped(rows, "what", "plant").items():

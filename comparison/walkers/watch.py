@@ -108,9 +108,9 @@ def sliding(model: Any, data: Any, feet: Sequence[int]) -> tuple[Vector, np.ndar
         if foot is None or force[0] <= 0.0:
             continue
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, foot, velocity, 0)
-        there = velocity[3:] + np.cross(velocity[:3], contact.pos - data.geom_xpos[foot])
+        (p, q, r), (x, y, z) = velocity[:3], contact.pos - data.geom_xpos[foot]
         place = feet.index(foot)
-        speed[place], on[place] = np.hypot(there[0], there[1]), True
+        speed[place], on[place] = np.hypot(velocity[3] + q * z - r * y, velocity[4] + r * x - p * z), True
     return speed, on
 
 
