@@ -241,10 +241,11 @@ def walkers(
         ),
     ] = None,
 ) -> None:
-    """Walk a published policy beside ours.
+    """Walk other people's walkers beside ours.
 
-    MuJoCo Playground's Go1 and the condensed WBC in the policy's own model of the robot: a course, random commands,
-    slippery ground and pushes. "peers --install" installs the policy.
+    MuJoCo Playground's policy for Go1 and the condensed WBC in the policy's own model of the robot: a course, random
+    commands, slippery ground and pushes. placo's walk pattern generator and the condensed WBC walk Talos straight.
+    "peers --install" installs both. Needs the extra "robots". This takes many minutes.
     """
     measure = partial(walk_walkers, path=out, folder=default_folder() if folder is None else folder)
     _study(WalkersSettings, quick, measure, walkers_tables, json)

@@ -1,5 +1,6 @@
-"""A published policy walks beside the condensed WBC, in the policy's own model of the robot and its own contact.
+"""Walkers that others published beside the condensed WBC; ``python -m comparison peers --install`` installs them.
 
-The policy is the Go1 of MuJoCo Playground: a network that was trained by reinforcement learning. Its weights and its
-model come with the wheel ``playground``; ``python -m comparison peers --install`` puts it in an environment of its own.
+A policy walks Go1: the network of MuJoCo Playground that was trained by reinforcement learning, in its own model of the
+robot and its own contact. Its weights and its model come with the wheel ``playground``. placo's walk pattern generator
+walks Talos.
 """

@@ -35,8 +35,8 @@ __all__ = [
 NETWORK, LAW, LEARNING = "policy", "condensed", "condensed, joint friction"
 WALKERS = (NETWORK, LAW, LEARNING)
 PLANTS: dict[str, dict[str, float]] = {
-    "as trained": {"timestep": 4e-3},
-    "elliptic cones": {"timestep": 1e-3, "iterations": 100, "ls_iterations": 50, "cone": 1, "impratio": 100.0},
+    "MuJoCo as trained": {"timestep": 4e-3},
+    "MuJoCo, elliptic cones": {"timestep": 1e-3, "iterations": 100, "ls_iterations": 50, "cone": 1, "impratio": 100.0},
 }
 """Options of MuJoCo that differ from the wheel's model. It has pyramids as friction cones and one iteration a step;
 MuJoCo Menagerie has elliptic cones and this ``impratio`` for the same robot."""

@@ -13,11 +13,13 @@ import pytest
 from comparison.cli import app
 from comparison.peers import environment, replaying
 from comparison.peers.environment import PEERS, PLAYGROUND, default_folder, install
+from comparison.walkers import pattern
 
 ALL = {**PEERS, PLAYGROUND.name: PLAYGROUND}
+WORKERS = [*(peer.worker for peer in ALL.values()), pattern.WORKER, Path(replaying.__file__)]
 
 
-@pytest.mark.parametrize("script", [*(peer.worker for peer in ALL.values()), Path(replaying.__file__)], ids=str)
+@pytest.mark.parametrize("script", WORKERS, ids=str)
 def test_workers_import_nothing_of_ours(script: Path) -> None:
     allowed = {"numpy", "onnxruntime", "placo", "pinocchio", "tsid"} | set(sys.stdlib_module_names)
     for node in ast.walk(ast.parse(script.read_text(encoding="utf-8"))):

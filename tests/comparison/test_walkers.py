@@ -16,10 +16,10 @@ from comparison.peers.environment import PLAYGROUND, default_folder, interpreter
 from comparison.peers.worker import WorkerError  # noqa: E402
 from comparison.walkers.go1 import FEET, robot_of  # noqa: E402
 from comparison.walkers.policy import WEIGHTS, Policy, observation  # noqa: E402
-from comparison.walkers.study import COLUMNS, RANGE, WalkersSettings, _jobs, walkers_tables  # noqa: E402
+from comparison.walkers.study import RANGE, WalkersSettings, _jobs, walkers_tables  # noqa: E402
 from comparison.walkers.walk import LAW, NETWORK, TIMED, Law, WalkersWalk, followed, walked  # noqa: E402
 from comparison.walkers.watch import Watch, sliding  # noqa: E402
-from harpy_pin import State  # noqa: E402
+from harpy_pin import InputError, State  # noqa: E402
 
 RADIUS = 0.02
 LEG = """
@@ -134,7 +134,13 @@ def test_velocity_is_measured_in_the_frame_of_the_heading():
 
 
 WALK = WalkersWalk(
-    what="look", walker=LAW, plant="as trained", number=0, friction=0.8, commands=((0.5, 0.3, 0.0, 0.0),), duration=3.0
+    what="look",
+    walker=LAW,
+    plant="MuJoCo as trained",
+    number=0,
+    friction=0.8,
+    commands=((0.5, 0.3, 0.0, 0.0),),
+    duration=3.0,
 )
 
 
@@ -187,10 +193,9 @@ def test_actions_are_targets_about_the_posture(tmp_path):
             policy.act(model, data, np.zeros(3))
 
 
-def test_a_policy_that_does_not_start_says_why(tmp_path, capsys):
-    with pytest.raises(SystemExit):
+def test_a_policy_that_does_not_start_says_why(tmp_path):
+    with pytest.raises(InputError, match="peers --install"):
         app(["walkers", "--folder", str(tmp_path)])
-    assert "peers --install" in str(capsys.readouterr().err)
     with pytest.raises(WorkerError, match="no weights"):
         Policy(tmp_path, installed(tmp_path, "raise SystemExit('no weights')"))
 
@@ -199,9 +204,9 @@ def test_all_walk_the_same():
     jobs = _jobs(WalkersSettings(walks=3, pushes=1))
     law = [replace(job, walker=NETWORK) for job in jobs if job.walker == LAW]
     assert law == [job for job in jobs if job.walker == NETWORK]
-    commands = np.array([row[1:] for job in law if job.what == "random" for row in job.commands])
+    commands = np.array([row[1:] for job in law if job.what == "go1, random" for row in job.commands])
     assert np.all(np.abs(commands).max(axis=0) <= RANGE)
-    pushes = [job.push[1:] for job in law if job.push is not None and job.plant == "as trained"]
+    pushes = [job.push[1:] for job in law if job.push is not None and job.plant == "MuJoCo as trained"]
     np.testing.assert_allclose(np.sum(pushes, axis=0), 0.0, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(pushes, axis=1), 0.6)
 
@@ -210,8 +215,8 @@ FOUND = ((False, 2.0), (True, 90.0))
 
 
 def test_tables_count_falls_and_leave_them_out_of_medians():
-    same = {"what": "random", "plant": "as trained", "walker": LAW}
-    rows = [{**dict.fromkeys(COLUMNS), **same, "fell": fell, "slip_mm_per_step": slip} for fell, slip in FOUND]
+    same = {"what": "random", "plant": "MuJoCo as trained", "walker": LAW}
+    rows = [{**same, "fell": fell, "slip_mm_per_step": slip} for fell, slip in FOUND]
     table = walkers_tables(rows)[0]
     assert table.get(LAW, "fell").value == "1 of 2"
     assert table.get(LAW, "slip").value == 2.0
