@@ -145,8 +145,8 @@ def walkers_tables(rows: Rows) -> list[Table]:
         "Medians over the walks that did not fall. Slip: path of what touches the ground, of all feet or corners, per "
         "step. Off path: rms of the centre of mass, from what was planned. Error: of the velocity, rms, against the "
         "command as given; settled, and of turning: from 2 s after a new command on. Power without braking. Joint "
-        "friction: estimated, because the controller's model lacks it. Call: thread time of the network alone, every "
-        "20 ms; of the controller with its gait, every step."
+        "friction: estimated, because the controller's model lacks it. Call: thread time of the network alone, "
+        "every 20 ms; of the controller with its gait, every step."
     )
     tables = []
     for (what, plant), same in grouped(rows, "what", "plant").items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,19 +19,7 @@ from harpy_pin.errors import ControlError
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.mujoco.mujoco_model import import_mujoco
 
-__all__ = [
-    "LAW",
-    "LEARNING",
-    "NETWORK",
-    "PLANTS",
-    "TIMED",
-    "WALKERS",
-    "Command",
-    "Law",
-    "WalkersWalk",
-    "followed",
-    "walked",
-]
+__all__ = ["LAW", "LEARNING", "NETWORK", "PLANTS", "WALKERS", "Command", "Law", "WalkersWalk", "followed", "walked"]
 
 NETWORK, LAW, LEARNING = "policy", "condensed", "condensed, joint friction"
 WALKERS = (NETWORK, LAW, LEARNING)
@@ -40,8 +29,7 @@ PLANTS: dict[str, dict[str, float]] = {
 }
 """Options of MuJoCo that differ from the wheel's model. It has pyramids as friction cones and one iteration a step;
 MuJoCo Menagerie has elliptic cones and this ``impratio`` for the same robot."""
-TIMED = 10
-"""Every so many ticks one is timed: reading the clock may cost more than the tick."""
+CALLS = 200
 PUSH = 0.1
 """Duration, s."""
 
@@ -91,13 +79,13 @@ def walked(job: WalkersWalk, folder: Path) -> dict[str, Any]:
     model.geom("floor").friction[0] = job.friction
     if job.walker == NETWORK:
         with Policy(folder) as network:
-            measures, times = followed(job, model, network.act, PERIOD), network.times_ns
+            measures, call_us = followed(job, model, network.act, PERIOD), network.call_us()
     else:
         law = Law(robot_of(spec), model, job.friction, learning=job.walker == LEARNING)
-        measures, times = followed(job, model, law.act, law.period), law.times_ns
+        measures, call_us = followed(job, model, law.act, law.period), law.call_us()
     said = asdict(job)
     del said["commands"], said["push"]
-    return {**said, **measures, "call_us": 1e-3 * float(np.median(times))}
+    return {**said, **measures, "call_us": call_us}
 
 
 class Law:
@@ -111,7 +99,6 @@ class Law:
 
     Attributes:
         period: of the ticks: MuJoCo's step, s.
-        times_ns: of some ticks, from the state to the torques.
     """
 
     def __init__(self, robot: Robot, model: Any, mu: float, *, learning: bool) -> None:
@@ -121,7 +108,7 @@ class Law:
         self._controller = make_controller("condensed", self.gait, mu=mu, period=self.period, parameters=changes)
         driven = {model.joint(joint).name: k for k, joint in enumerate(model.actuator_trnid[:, 0])}
         self._actuators = [driven[name] for name in robot.joints]
-        self.times_ns, self._tick = list[int](), 0
+        self._recent: deque[State] = deque(maxlen=CALLS)
 
     def act(self, model: Any, data: Any, command: Vector) -> None:
         """Set the torques in MuJoCo's data.
@@ -130,14 +117,18 @@ class Law:
             ControlError: it has none.
         """
         state = State.from_mujoco(model, data, self.robot)
+        self._recent.append(state)
         self.gait.command[:3] = command
-        timed = self._tick % TIMED == 0
-        begin = thread_time_ns() if timed else 0
-        torque = self._controller.step(state).torque
-        if timed:
-            self.times_ns.append(thread_time_ns() - begin)
-        self._tick += 1
-        data.ctrl[self._actuators] = torque
+        data.ctrl[self._actuators] = self._controller.step(state).torque
+
+    def call_us(self) -> float:
+        """Thread time of a tick, from the state to the torques: of many in a row, at the last states once more."""
+        known, after = list(self._recent), self._recent[-1].t - self._recent[0].t + self.period
+        again = [State(s.t + after, s.q, s.v, s.foot_position, s.foot_velocity, s.foot_force) for s in known]
+        begin = thread_time_ns()
+        for state in again:
+            self._controller.step(state)
+        return 1e-3 * (thread_time_ns() - begin) / len(again)
 
 
 def followed(job: WalkersWalk, model: Any, act: Callable[[Any, Any, Vector], None], period: float) -> dict[str, Any]:
