@@ -35,7 +35,7 @@ SMOOTH = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Pattern:
-    """Of the walk and of the PD; found on walks at another friction.
+    """Of the walk and of the PD; the best of 23 tries at 0.36 m/s and friction 0.6.
 
     Attributes:
         single: duration of a step on one foot, s.
@@ -44,10 +44,10 @@ class Pattern:
         damping: over stiffness, s.
     """
 
-    single: float = 0.6
-    double: float = 0.2
+    single: float = 0.5
+    double: float = 0.3
     stiffness: float = 10.0
-    damping: float = 0.02
+    damping: float = 0.015
 
 
 def named_feet(robot: Robot) -> tuple[str, Vector]:
