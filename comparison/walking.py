@@ -19,6 +19,7 @@ from comparison.joint_pd.controller import JointPD, JointPDGains
 from comparison.joint_pd.search import found_gains
 from comparison.measure.walking import Progress, Rows, grouped, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
+from comparison.walking_ticks import tick_table, ticks_of
 from harpy_pin import Disturbances, Ground, Noise, Push, Scenario, Walking, WalkingGait, checks, load_robot, measure
 
 __all__ = ["PD_ROBOTS", "WalkingSettings", "WalkingWalk", "course", "walk_robots", "walked", "walking_tables"]
@@ -32,7 +33,15 @@ PD_ROBOTS = (*QUADRUPEDS, "bolt")
 GRAVITY = 9.81
 SINK = 2e-3
 """How deep the feet sink in when the robot stands on two of four, m: it makes the ground's stiffness."""
-FRICTION = {"course": 0.8, "course, friction 0.3": 0.3, "friction 0.1": 0.1, "crawl": 0.5, "pace": 0.5, "bound": 0.5}
+FRICTION = {
+    "course": 0.8,
+    "ticks": 0.8,
+    "course, friction 0.3": 0.3,
+    "friction 0.1": 0.1,
+    "crawl": 0.5,
+    "pace": 0.5,
+    "bound": 0.5,
+}
 """Of the ground, which the controllers know, by what is walked; of the rest it is drawn, or 0.6."""
 DRAWN = (0.3, 0.8)
 """Range of the friction under random commands."""
@@ -167,9 +176,16 @@ def walk_robots(settings: WalkingSettings, progress: Progress | None = None, pat
     """All walks, in processes of their own where there are many.
 
     Returns:
-        A row for each walk: what it was, and its measures.
+        A row for each walk: what it was, and its measures. Ticks are timed after the walks, with nothing beside them.
     """
-    return kept_rows({str(job): job for job in _jobs(settings)}, walked, progress, path)
+    jobs, alone = _jobs(settings), [_job(settings, robot, "ticks", settings.course) for robot in settings.robots]
+    both = len(jobs) + len(alone)
+
+    def told(before: int) -> Progress | None:
+        return None if progress is None else lambda done, _: progress(before + done, both)
+
+    walks = kept_rows({str(job): job for job in jobs}, walked, told(0), path)
+    return walks + kept_rows({str(job): job for job in alone}, walked, told(len(jobs)), path)
 
 
 def _jobs(s: WalkingSettings) -> list[WalkingWalk]:
@@ -208,6 +224,8 @@ def walked(job: WalkingWalk, gains: JointPDGains | None = None) -> dict[str, Any
         gains: of joint PD; those that were found by default.
     """
     scenario, own = job.scenario(), None
+    if job.what == "ticks":
+        return asdict(job) | ticks_of(scenario)
     if job.controller == PD:
         chosen = JointPDGains(**found_gains()[job.robot]["gains"]) if gains is None else gains
         own = partial(JointPD, gains=chosen, mu=scenario.mu)
@@ -226,21 +244,22 @@ def walked(job: WalkingWalk, gains: JointPDGains | None = None) -> dict[str, Any
 
 def walking_tables(rows: Rows) -> list[Table]:
     """Falls, path and slip of every robot, a table for each kind of walk."""
-    tables = []
+    tables, ticks = [], [row for row in rows if row["what"] == "ticks"]
+    walks = [row for row in rows if row["what"] != "ticks"]
     note = (
         "Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of the "
         "joints, without braking. Medians over the walks."
     )
-    for (what, plant, controller), same in grouped(rows, "what", "plant", "controller").items():
+    for (what, plant, controller), same in grouped(walks, "what", "plant", "controller").items():
         cells = []
-        for (robot,), walks in grouped(same, "robot").items():
-            slips, paths = [row["slip_mm_per_step"] for row in walks], [row["path_rms_mm"] for row in walks]
-            cells.append(Cell(robot, "fell", f"{sum(row['fell'] for row in walks)} of {len(walks)}"))
+        for (robot,), own in grouped(same, "robot").items():
+            slips, paths = [row["slip_mm_per_step"] for row in own], [row["path_rms_mm"] for row in own]
+            cells.append(Cell(robot, "fell", f"{sum(row['fell'] for row in own)} of {len(own)}"))
             cells.append(Cell(robot, "slip", float(np.median(slips)), "mm"))
             cells.append(Cell(robot, "largest slip", max(slips), "mm"))
             cells.append(Cell(robot, "off path", float(np.median(paths)), "mm"))
-            cells.append(Cell(robot, "power", float(np.median([row["joint_power_w"] for row in walks])), "W"))
-            cells.append(Cell(robot, "speed", max(row["speed_m_s"] for row in walks), "m/s"))
+            cells.append(Cell(robot, "power", float(np.median([row["joint_power_w"] for row in own])), "W"))
+            cells.append(Cell(robot, "speed", max(row["speed_m_s"] for row in own), "m/s"))
         name = f"walking_{what}_{plant}_{controller}".replace(",", "").replace(" ", "_")
         tables.append(Table(name, f"{what}, {plant} plant, {label(controller)}", tuple(cells), note))
-    return tables
+    return [*tables, tick_table(ticks)] if ticks else tables
