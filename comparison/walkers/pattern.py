@@ -35,7 +35,7 @@ SMOOTH = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Pattern:
-    """Of the walk and of the PD; the best of 23 tries at 0.36 m/s and friction 0.6.
+    """Of the walk and of the PD; the best of 26 tries at 0.36 m/s and friction 0.6.
 
     Attributes:
         single: duration of a step on one foot, s.

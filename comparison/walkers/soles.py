@@ -15,6 +15,7 @@ from comparison.measure.walking import walk_as_far_as_it_goes
 from comparison.walkers.pattern import DT, SETTLE, Follower, Pattern, planned
 from comparison.walking import SIDES, SINK, SOLE_PUSH
 from harpy_pin import Disturbances, Ground, Push, Scenario, Walking, load_robot, measure
+from harpy_pin.model.state import Vector
 
 __all__ = ["PLANNED", "SolesWalk", "soles_walked", "soles_walks"]
 
@@ -101,7 +102,7 @@ def soles_walked(job: SolesWalk, folder: Path, pattern: Pattern | None = None) -
         centre = np.array([pin.centerOfMass(robot.model, data, q)[:2] for q in run["q"][every]])
         at = np.clip((run["t"][every] - SETTLE) / DT, 0, len(plan["q"]) - 1).astype(int)
         error = centre - centre[0] - (plan["com"][at, :2] - plan["com"][0, :2])
-        steps = max(int((run["t"][-1] - SETTLE) / (chosen.single * (1.0 + chosen.double))), 1)
+        steps = _steps(plan["share"][: at[-1] + 1])
     else:
         run = walk_as_far_as_it_goes(scenario)
         steps, error = max(int(run["steps"][-1]), 1), run["centre"][:, :2] - run["path"][:, :2]
@@ -116,6 +117,12 @@ def soles_walked(job: SolesWalk, folder: Path, pattern: Pattern | None = None) -
         "off_path_mm": 1e3 * float(np.sqrt(np.mean(np.sum(error**2, axis=1)))),
         "joint_power_w": measure(run).joint_power_w,
     }
+
+
+def _steps(share: Vector) -> int:
+    """How often a foot was off the ground, from the share of the load on the left one; at least 1."""
+    left = share[(share == 0.0) | (share == 1.0)]
+    return 1 + int(np.count_nonzero(np.diff(left)))
 
 
 def _pushes(job: SolesWalk, mass: float) -> tuple[Push, ...]:

@@ -12,7 +12,7 @@ from needs import needs_robots
 from comparison.peers.environment import default_folder, interpreter
 from comparison.peers.worker import WorkerError
 from comparison.walkers.pattern import Follower, Pattern, named_feet, planned
-from comparison.walkers.soles import PLANNED, SolesWalk, soles_walked, soles_walks
+from comparison.walkers.soles import PLANNED, SolesWalk, _steps, soles_walked, soles_walks
 from harpy_pin import Ground, Scenario, Walking, load_robot, walk
 
 pytestmark = needs_robots
@@ -58,6 +58,11 @@ def test_both_walk_the_same():
     assert [replace(job, walker=PLANNED) for job in jobs if job.walker == "condensed"] == jobs[: len(jobs) // 2]
     pushes = np.array([job.push[1:] for job in jobs if job.what.endswith("pushed")])
     np.testing.assert_allclose(pushes.sum(axis=0), 0.0, atol=1e-9)
+
+
+def test_steps_are_counted_by_the_foot_that_is_off_the_ground():
+    assert _steps(np.array([0.5, 0.8, 1.0, 1.0, 1.0, 0.6, 0.2, 0.0, 0.0, 0.4, 0.9, 1.0, 0.7, 0.5])) == 3
+    assert _steps(np.full(5, 0.5)) == 1
 
 
 def test_without_placo_there_is_no_plan(tmp_path):
