@@ -54,8 +54,8 @@ class WalkersSettings:
     def __post_init__(self) -> None:
         for name in ("walks", "pushes", "seed"):
             checks.whole(name, getattr(self, name))
-        for name in ("course", "duration"):
-            checks.number(name, getattr(self, name), low=1.0)
+        checks.number("course", self.course, low=1.0)
+        checks.number("duration", self.duration, low=3.0)
 
     @classmethod
     def quick(cls) -> WalkersSettings:
