@@ -19,6 +19,7 @@ from comparison.joint_pd.controller import JointPD, JointPDGains
 from comparison.joint_pd.search import found_gains
 from comparison.measure.walking import Progress, Rows, grouped, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
+from comparison.walking_summary import summary_tables
 from comparison.walking_ticks import tick_table, ticks_of
 from harpy_pin import Disturbances, Ground, Noise, Push, Scenario, Walking, WalkingGait, checks, load_robot, measure
 
@@ -48,6 +49,8 @@ DRAWN = (0.3, 0.8)
 SIDES = 8
 PUSH, SOLE_PUSH = 0.6, 0.15
 """Impulse over mass of a push of 0.1 s, m/s, on points and on soles."""
+ICE_SPEED = 0.4
+"""Speed of quadrupeds at friction 0.1, m/s."""
 DELAY = 3e-3
 """With noise, s."""
 LEG_SPEED = 0.99
@@ -64,6 +67,7 @@ class WalkingSettings:
         plants: engines of the courses.
         course: seconds of the course that are walked.
         walks: random sequences of commands for each robot, and as many with noise and delay.
+        walks_on_four: random sequences without noise for each quadruped under the first controller.
         pushes: walks with a push from each of eight sides.
         duration: of these walks, s.
         seed: of all that is drawn.
@@ -74,6 +78,7 @@ class WalkingSettings:
     plants: tuple[str, ...] = ("compliant", "mujoco")
     course: float = 20.0
     walks: int = 40
+    walks_on_four: int = 200
     pushes: int = 3
     duration: float = 6.0
     seed: int = 0
@@ -81,7 +86,7 @@ class WalkingSettings:
     def __post_init__(self) -> None:
         for name in self.robots:
             checks.one_of("robot", name, QUADRUPEDS + BIPEDS)
-        for name in ("walks", "pushes", "seed"):
+        for name in ("walks", "walks_on_four", "pushes", "seed"):
             checks.whole(name, getattr(self, name))
         checks.number("course", self.course, low=1.0)
         checks.number("duration", self.duration, low=3.0)
@@ -90,8 +95,8 @@ class WalkingSettings:
     def quick(cls) -> WalkingSettings:
         """One robot and few walks: to see whether it works."""
         return cls(
-            robots=("solo12",), controllers=("condensed",), plants=("compliant",), course=3.0, walks=1, pushes=0,
-            duration=3.0,
+            robots=("solo12",), controllers=("condensed",), plants=("compliant",), course=3.0, walks=1,
+            walks_on_four=1, pushes=0, duration=3.0,
         )  # fmt: skip
 
 
@@ -129,7 +134,7 @@ class WalkingWalk:
         if self.what in ("crawl", "pace", "bound"):
             schedule, rows = self.what, ((0.3, 0.3 * fastest, 0.0, 0.0),)
         elif self.what == "friction 0.1":
-            rows = ((0.3, 0.3 * fastest, 0.0, 0.0),)
+            rows = ((0.3, ICE_SPEED if self.robot in QUADRUPEDS else 0.3 * fastest, 0.0, 0.0),)
         elif self.what == "pushed":
             rows = ((0.3, 0.4 * fastest, 0.0, 0.0),)
             angle, time = 2.0 * np.pi * self.number / SIDES, float(rng.uniform(1.5, 2.5))
@@ -205,8 +210,9 @@ def _shorter(s: WalkingSettings, robot: str, controller: str) -> Iterator[Walkin
     """What is not walked by everyone."""
     for what in ("friction 0.1", *(("crawl", "pace", "bound") if robot in QUADRUPEDS else ())):
         yield _job(s, robot, what, s.duration, controller=controller)
-    for number in range(s.walks):
-        for what in ("random", "random, noise and delay"):
+    plain = s.walks_on_four if robot in QUADRUPEDS and controller == s.controllers[0] else s.walks
+    for what, count in {"random": plain, "random, noise and delay": s.walks}.items():
+        for number in range(count):
             yield _job(s, robot, what, s.duration, number=number, controller=controller)
     for number in range(SIDES * s.pushes):
         yield _job(s, robot, "pushed", s.duration, number=number, controller=controller)
@@ -243,7 +249,7 @@ def walked(job: WalkingWalk, gains: JointPDGains | None = None) -> dict[str, Any
 
 
 def walking_tables(rows: Rows) -> list[Table]:
-    """Falls, path and slip of every robot, a table for each kind of walk."""
+    """Falls, path and slip of every robot, a table for each kind of walk; then a row for each robot, and its ticks."""
     tables, ticks = [], [row for row in rows if row["what"] == "ticks"]
     walks = [row for row in rows if row["what"] != "ticks"]
     note = (
@@ -262,4 +268,4 @@ def walking_tables(rows: Rows) -> list[Table]:
             cells.append(Cell(robot, "speed", max(row["speed_m_s"] for row in own), "m/s"))
         name = f"walking_{what}_{plant}_{controller}".replace(",", "").replace(" ", "_")
         tables.append(Table(name, f"{what}, {plant} plant, {label(controller)}", tuple(cells), note))
-    return [*tables, tick_table(ticks)] if ticks else tables
+    return [*tables, *summary_tables(walks), *([tick_table(ticks)] if ticks else [])]

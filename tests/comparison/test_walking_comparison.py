@@ -19,12 +19,12 @@ def test_a_look_walks_every_kind_without_a_fall():
     assert [row["what"] for row in rows if "fell" not in row] == ["ticks"]
     assert not any(row.get("fell") for row in rows)
     tables = walking_tables(rows)
-    assert len(tables) == len(rows)
+    assert len(tables) == len(rows) + 1  # one for each kind of walk, one for the robot, one of ticks
     assert tables[0].get("solo12", "fell").value == "0 of 1"
 
 
 def test_finished_walks_are_kept(tmp_path, monkeypatch):
-    path, settings = tmp_path / "walks.jsonl", replace(WalkingSettings.quick(), course=1.0, walks=0)
+    path, settings = tmp_path / "walks.jsonl", replace(WalkingSettings.quick(), course=1.0, walks=0, walks_on_four=0)
     first = walk_robots(settings, None, path)
     assert len(path.read_text().splitlines()) == len(first) > 1
     lines = path.read_text().splitlines(keepends=True)
@@ -63,7 +63,7 @@ def test_pushes_come_from_every_side():
 
 def test_courses_are_walked_by_all_controllers_in_both_engines():
     """Joint PD walks legs of three joints, and all that the law walks."""
-    jobs = _jobs(WalkingSettings(robots=("go2", "g1"), walks=1, pushes=1))
+    jobs = _jobs(WalkingSettings(robots=("go2", "g1"), walks=1, walks_on_four=1, pushes=1))
     courses = [job for job in jobs if job.what == "course"]
     assert len({(job.robot, job.controller, job.plant) for job in courses}) == len(courses) == 10
     assert not any(job.what == "crawl" and job.robot == "g1" for job in jobs)
