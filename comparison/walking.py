@@ -23,7 +23,7 @@ from comparison.walking_summary import summary_tables
 from comparison.walking_ticks import tick_table, ticks_of
 from harpy_pin import Disturbances, Ground, Noise, Push, Scenario, Walking, WalkingGait, checks, load_robot, measure
 
-__all__ = ["PD_ROBOTS", "WalkingSettings", "WalkingWalk", "walk_robots", "walked", "walking_tables"]
+__all__ = ["PD_ROBOTS", "WalkingSettings", "WalkingWalk", "course", "walk_robots", "walked", "walking_tables"]
 
 QUADRUPEDS = ("solo12", "a1", "b1", "go1", "go2", "laikago", "anymal_b", "anymal_c", "hyq")
 ON_SOLES = ("g1", "talos", "icub")
@@ -136,7 +136,7 @@ class WalkingWalk:
         friction, schedule = FRICTION.get(self.what, 0.6), None
         pushes: tuple[Push, ...] = ()
         sensors: dict[str, Any] = {}
-        rows = _course(LEG_SPEED * fastest)
+        rows = course(LEG_SPEED * fastest)
         if self.what in ("crawl", "pace", "bound"):
             schedule, rows = self.what, ((0.3, 0.3 * fastest, 0.0, 0.0),)
         elif self.what == "ten metres":
@@ -164,7 +164,7 @@ class WalkingWalk:
         )
 
 
-def _course(speed: float) -> tuple[tuple[float, float, float, float], ...]:
+def course(speed: float) -> tuple[tuple[float, float, float, float], ...]:
     """Forward, a quarter to the left, sideways, back, and stop: 20 s."""
     turn, quarter = 0.6, np.pi / 2.0 / 0.6
     return (

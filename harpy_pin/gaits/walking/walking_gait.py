@@ -53,8 +53,11 @@ first."""
 SWING_RATE, LEAST_RATE = 4.2, 19.0
 """Rate at which a foot in the air comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
-TURN_WEIGHT = 0.2
-"""Of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²."""
+TURN_WEIGHT, POINT_TURN_WEIGHT = 0.2, 0.02
+"""Of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²; and where
+one point carries alone. Its force holds the body upright against the swinging leg only by pushing it aside and up."""
+POINT_TURN_RATE = 10.0
+"""Rate at which the body comes back upright where turning weighs that little, in √(g / leg)."""
 POSTURE_WEIGHT = 1e-7
 """Of the accelerations of the legs' joints, likewise: the WBC QP needs it for one optimum, not for a posture."""
 SIGNALS = (
@@ -263,17 +266,23 @@ class WalkingGait(KeepsViews):
         They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
         corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and joints
         and the turning of the body weigh as the robot's size says, because one sole, or a line between two points,
-        holds little moment, and what is missing must not lift the body.
+        holds little moment, and what is missing must not lift the body. On one point turning weighs less still,
+        and comes back the faster.
         """
         parameters, square = self._standing.parameters, self._build.rise**2
         parameters["max_normal_force"] /= max(self.robot.corners)
-        turn = {"orientation": TURN_WEIGHT * square, "arms": TURN_WEIGHT * square, "posture": POSTURE_WEIGHT * square}
-        parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT, **turn}
+        alone, natural = self.robot.corners == (1, 1), float(np.sqrt(GRAVITY / self._build.leg))
+        turn = square * (POINT_TURN_WEIGHT if alone else TURN_WEIGHT)
+        own = {"swing": SWING_WEIGHT, "orientation": turn, "arms": turn, "posture": POSTURE_WEIGHT * square}
+        parameters["weights"] = {**parameters["weights"], **own}
         if self.robot.flat_feet:
             parameters.update(orientation=ORIENTATION_GAINS, posture=POSTURE_GAINS, swing=SWING_GAINS)
         else:
-            rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
+            rate = max(SWING_RATE * natural, LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
+        if alone:
+            rate = POINT_TURN_RATE * natural
+            parameters["orientation"] = (rate * rate, 2.0 * rate)
         return parameters
 
     @property
