@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.gaits.walking.motors import fastest_speed, swing_load
 from harpy_pin.gaits.walking.settings import NARROW, Build, draw_together
-from harpy_pin.gaits.walking.swinging import upright_end
+from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR, upright_end
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -25,6 +25,8 @@ STRIDE = 0.54
 """Longest way of a step, in lengths of the leg."""
 BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
+SLOW_BOTH = 0.2
+"""Likewise on four feet that hardly walk: where the load goes over slowly, ground that gives way hardly moves feet."""
 SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
@@ -44,13 +46,17 @@ class Pace:
 
     Attributes:
         step_duration: of a slow walk, s.
-        double_support: share of a step in which every foot is on the ground.
+        double_support: share of a step in which every foot is on the ground, at the largest speed.
+        slow_double_support: the same of a robot that hardly walks.
+        gentle: whether feet go down slowly, and take over the load slowly.
         stride: longest way of a step, m: beyond, steps are shorter in time.
         max_speed: largest velocity of a foot's place, m/s.
     """
 
     step_duration: float
     double_support: float
+    slow_double_support: float
+    gentle: bool
     stride: float
     max_speed: float
 
@@ -80,8 +86,11 @@ def pace_of(
     """
     groups = int(group.max()) + 1
     natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
+    gentle, slow = len(build.place) == 4 and not soles and not _nods(build, group), double_support
     if double_support is None:
-        double_support = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
+        double_support = slow = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
+        if gentle:
+            slow = SLOW_BOTH
     usual = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)) * natural
     duration = usual if step_duration is None else step_duration
     runs = groups == 2 and len(build.place) == 4 and step_duration is None
@@ -97,12 +106,22 @@ def pace_of(
 
         def load(speed: float) -> float:
             shortened = min(duration, stride / speed)
-            upright = upright_end(speed, float(np.sqrt(GRAVITY / build.rise)) * build.height)
+            near = NEAR if gentle else STRAIGHT_NEAR
+            upright = upright_end(speed, float(np.sqrt(GRAVITY / build.rise)) * build.height, near)
             return swing_load(robot, q, build, speed, shortened, double_support, clearance, upright)
 
         most = fastest_speed(load, most, MOST_LOAD)
     stance = (groups - 1 + double_support) * min(duration, stride / most)
-    return Pace(duration, double_support, stride, min(most, 2.0 * _reach(build, group) / stance))
+    most = min(most, 2.0 * _reach(build, group) / stance)
+    return Pace(duration, double_support, slow or double_support, gentle, stride, most)
+
+
+def _nods(build: Build, group: NDArray[np.int64]) -> bool:
+    """Whether two groups of feet stand one behind the other, so that the body goes to and fro between them."""
+    if group.max() != 1:
+        return False
+    ahead, aside = np.abs(build.place[group == 1, :2].mean(axis=0) - build.place[group == 0, :2].mean(axis=0))
+    return bool(ahead > aside)
 
 
 def _reach(build: Build, group: NDArray[np.int64]) -> float:
