@@ -21,6 +21,8 @@ UPRIGHT_END = 0.1
 NEAR, STRAIGHT_NEAR = 0.166, 0.185
 """Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly, nearer than
 5 % of its clearance; others, 4 %."""
+STUCK = 0.06
+"""Share of its swing in which a foot goes straight up, at most, until it has left the ground."""
 CREEP = 0.14
 """Largest horizontal velocity with which a foot comes that near, as a share of ω times the body's height."""
 RACE = 95.0
@@ -62,12 +64,27 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
     duration = (1.0 - p.double_support) * p.step_duration
     upright = upright_end(foot_speed(p, p.velocity), p.omega * p.height, NEAR if p.low > 0.0 else STRAIGHT_NEAR)
     rest = max(left - upright * duration / p.haste, 0.0) + span
+    sticks = _sticks(p, k, left * p.haste / duration)
     for i in range(3):
         goal = p.foothold[k, i]
         if i == 2:
             goal = swing[0, 2] + wrapped(goal - swing[0, 2])
-        swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, rest, span)
+        if not sticks:
+            swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, rest, span)
     _lift(p, k, 1.0 - p.haste * left / duration, duration, span)
+
+
+@kernel
+def _sticks(p: WalkingRecord, k: int, left: float) -> bool:
+    """Whether a foot in the air is still in the ground, into which it has sunk, and has not begun to move across it.
+
+    Args:
+        p: element of the gait's record.
+        k: the foot.
+        left: share of its swing that is left.
+    """
+    begun: bool = p.swing[k, 2, 0] != 0.0 or p.swing[k, 2, 1] != 0.0 or p.swing[k, 2, 2] != 0.0
+    return p.low > 0.0 and not begun and left > 1.0 - STUCK and p.measured.place[k, 2] < p.felt[k]
 
 
 @kernel
