@@ -21,7 +21,7 @@ STEP, SOLE_STEP = 0.82, 1.7
 """Duration of a step on points and on soles, in √(leg / g)."""
 SWING = 15.5
 """Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
-STRIDE = 0.54
+STRIDE = 0.66
 """Longest way of a step, in lengths of the leg."""
 BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
@@ -32,8 +32,9 @@ SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
 points; on soles."""
 LEFT = 0.75
 """Share that is used of the reach that is left where feet are drawn together: a stretched leg carries nothing."""
-MOST_PUSH = 0.25
-"""Largest acceleration of the body by legs that are swung, as a share of gravity."""
+MOST_PUSH, FREE_PUSH = 0.36, 0.22
+"""Largest acceleration of the body by legs that are swung, as a share of gravity; and that from which on their motors,
+which then have to hold the body too, swing them with less of their torques."""
 PEAK = 15.6
 """Of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
 MOST_LOAD = 0.85
@@ -97,9 +98,9 @@ def pace_of(
     stride = STRIDE * build.leg if runs else inf
     share = SOLE_SPEED if soles else SPEED if runs else SLOW_SPEED
     most = share * GRAVITY * natural
+    push = PEAK * float(np.abs(build.reaction[:, 0, 0]).max()) / GRAVITY
     if runs:
-        push = PEAK * float(np.abs(build.reaction[:, 0, 0]).max())
-        most = min(most, float(np.sqrt(MOST_PUSH * GRAVITY * stride / push)))
+        most = min(most, float(np.sqrt(MOST_PUSH * stride / push)))
     if max_speed is not None:
         most = max_speed
     elif runs:
@@ -108,7 +109,8 @@ def pace_of(
             shortened = min(duration, stride / speed)
             near = NEAR if gentle else STRAIGHT_NEAR
             upright = upright_end(speed, float(np.sqrt(GRAVITY / build.rise)) * build.height, near)
-            return swing_load(robot, q, build, speed, shortened, double_support, clearance, upright)
+            pushed = max(push * speed / (shortened * FREE_PUSH), 1.0)
+            return pushed * swing_load(robot, q, build, speed, shortened, double_support, clearance, upright)
 
         most = fastest_speed(load, most, MOST_LOAD)
     stance = (groups - 1 + double_support) * min(duration, stride / most)
