@@ -165,9 +165,9 @@ def set_duration(p: WalkingRecord) -> None:
     way = speed * p.usual_step
     p.step_duration = p.usual_step * (p.stride / way if way > p.stride else 1.0)
     speed += UPSET * np.hypot(p.measured.drift[0] - p.wanted[0], p.measured.drift[1] - p.wanted[1])
-    p.double_support = p.slow_double_support + min(speed / p.max_speed, 1.0) * (
-        p.fast_double_support - p.slow_double_support
-    )
+    fast = min(speed / p.max_speed, 1.0)
+    p.double_support = p.slow_double_support + fast * (p.fast_double_support - p.slow_double_support)
+    p.load_ramp = p.slow_load_ramp + fast**4 * (p.fast_load_ramp - p.slow_load_ramp)
 
 
 @kernel

@@ -21,7 +21,7 @@ STEP, SOLE_STEP = 0.82, 1.7
 """Duration of a step on points and on soles, in √(leg / g)."""
 SWING = 15.5
 """Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
-STRIDE = 0.66
+STRIDE = 0.6
 """Longest way of a step, in lengths of the leg."""
 BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
@@ -32,7 +32,7 @@ SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
 points; on soles."""
 LEFT = 0.75
 """Share that is used of the reach that is left where feet are drawn together: a stretched leg carries nothing."""
-MOST_PUSH, FREE_PUSH = 0.36, 0.22
+MOST_PUSH, FREE_PUSH = 0.25, 0.22
 """Largest acceleration of the body by legs that are swung, as a share of gravity; and that from which on their motors,
 which then have to hold the body too, swing them with less of their torques."""
 PEAK = 15.6

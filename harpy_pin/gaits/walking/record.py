@@ -70,8 +70,9 @@ class WalkingRecord(RecordOf):
         double_support: share of the present step in which every foot is on the ground.
         fast_double_support: that at the largest speed.
         slow_double_support: that of a robot that hardly walks.
-        load_ramp: share of its largest normal force up to which a foot's load rises over that time, and from which it
-            falls.
+        fast_load_ramp: share of its largest normal force up to which a foot's load rises over that time, and from
+            which it falls, at the largest speed.
+        slow_load_ramp: that of a robot that hardly walks.
         first_load: likewise, that a foot which has just landed may carry.
         last_load: likewise, of a foot that is about to be lifted.
         start_time: for which the robot stands on every foot before its first step, s.
@@ -114,6 +115,7 @@ class WalkingRecord(RecordOf):
         walking: 1 while it steps.
         phase: share of the present step that is done.
         haste: how much faster than its clock the present step goes on.
+        load_ramp: that of the present step.
         swings: the group that swings in the present step.
         steps: made since the walk began.
         in_air: (feet,) 1 for a foot in the air.
@@ -150,7 +152,8 @@ class WalkingRecord(RecordOf):
     double_support: float
     fast_double_support: float
     slow_double_support: float
-    load_ramp: float
+    fast_load_ramp: float
+    slow_load_ramp: float
     first_load: float
     last_load: float
     start_time: float
@@ -192,6 +195,7 @@ class WalkingRecord(RecordOf):
     walking: int = ZERO
     phase: float = 0.0
     haste: float = 1.0
+    load_ramp: float = 1.0
     swings: int = ZERO
     steps: int = ZERO
     in_air: Vector = sized("feet")

@@ -21,7 +21,7 @@ UPRIGHT_END = 0.1
 NEAR, STRAIGHT_NEAR = 0.166, 0.185
 """Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly, nearer than
 5 % of its clearance; others, 4 %."""
-STUCK = 0.06
+STUCK = 0.03
 """Share of its swing in which a foot goes straight up, at most, until it has left the ground."""
 CREEP = 0.14
 """Largest horizontal velocity with which a foot comes that near, as a share of ω times the body's height."""

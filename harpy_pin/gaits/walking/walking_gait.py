@@ -47,9 +47,9 @@ largest distance of a foothold, in heights of the centre of mass. Of a pendulum 
 LOW, AIM = 0.02, 0.2
 """Of trots, paces and crawls: height from which on a foot goes down slowly, in clearances, and how far below the ground
 it then aims, as a share of the penetration offset. A foot that lands hard slips: inertia of its leg turns it aside."""
-LOAD_RAMP, FIRST_LOAD, LAST_LOAD = 0.26, 0.07, 0.01
+LOAD_RAMP, FAST_LOAD_RAMP, FIRST_LOAD, LAST_LOAD = 0.26, 0.4, 0.07, 0.01
 """Likewise: how much of its largest normal force a foot may carry that is about to take over its share of the load, or
-begins to give it away; that has just landed; and that is about to be lifted."""
+begins to give it away, slow and at the largest speed; that has just landed; and that is about to be lifted."""
 LEAST_LOAD = 0.05
 """The last two of other walks, where a foot may carry all of it at once."""
 LOADED, MIN_LOADED = 0.03, 0.6
@@ -240,7 +240,8 @@ class WalkingGait(KeepsViews):
             slow_double_support=pace.slow_double_support,
             low=LOW * settings["clearance"] if gentle else 0.0,
             deeper=(AIM if gentle else 1.0) * settings["penetration_offset"],
-            load_ramp=LOAD_RAMP if gentle else 1.0,
+            fast_load_ramp=FAST_LOAD_RAMP if gentle else 1.0,
+            slow_load_ramp=LOAD_RAMP if gentle else 1.0,
             first_load=FIRST_LOAD if gentle else LEAST_LOAD,
             last_load=LAST_LOAD if gentle else LEAST_LOAD,
             max_speed=pace.max_speed,
