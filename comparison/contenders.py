@@ -42,6 +42,7 @@ _LABELS = {
     "wbc/estimate": "whole-body QP, friction estimated",
     "wbc/proxqp": "whole-body QP, ProxQP only",
     "wbc/daqp": "whole-body QP, DAQP only",
+    "joint_pd": "joint PD",
 }
 
 

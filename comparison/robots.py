@@ -10,13 +10,13 @@ the damping of held soles, on G1 at rest on this ground, without a push.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from time import thread_time_ns
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from comparison.measure.thread_ticks import time_ticks
 from comparison.measure.walking import Progress, Rows, tracked
 from comparison.tables import Cell, Table, in_columns
 from harpy_pin import (
@@ -31,16 +31,13 @@ from harpy_pin import (
     Scenario,
     Standing,
     Stepping,
-    WholeBodyController,
     build,
     checks,
     load_robot,
     measure,
 )
-from harpy_pin.controllers import CondensedController
 from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.state import Command, State
-from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.model.state import Vector
 
 __all__ = ["RobotsSettings", "robot_tables", "stand_robots"]
 
@@ -146,23 +143,6 @@ def terms_error(robot: Robot, rng: np.random.Generator, *, states: int = 10) -> 
     return worst
 
 
-class _Timed:
-    """A controller whose ticks are timed, in time of this thread: other processes do not count."""
-
-    def __init__(self, controller: Any) -> None:
-        self._controller = controller
-        self.ticks: list[int] = []
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._controller, name)
-
-    def step(self, state: State) -> Command:
-        begin = thread_time_ns()
-        command: Command = self._controller.step(state)
-        self.ticks.append(thread_time_ns() - begin)
-        return command
-
-
 def run_standing(
     robot: Robot,
     controller: str,
@@ -171,7 +151,7 @@ def run_standing(
     duration: float = 3.0,
     lean: float = 0.0,
     push: Sequence[float] = (0.0, 0.0, 0.0),
-) -> tuple[Run, list[int]]:
+) -> tuple[Run, Vector]:
     """Stand, or step in place on two points, on compliant ground, with the weight shifted or with a push.
 
     Args:
@@ -183,7 +163,7 @@ def run_standing(
         push: (3,) impulse over mass, m/s; zero for none.
 
     Returns:
-        The run, and the ticks' times, ns.
+        The run, and the ticks' times, µs of this thread.
 
     Raises:
         InputError: the controller does not take the robot.
@@ -199,17 +179,9 @@ def run_standing(
         duration=duration,
     )
     built = build(scenario, gait=gait)
-    chosen = built.controller
-    assert isinstance(chosen, WholeBodyController | CondensedController)
-    if isinstance(chosen, WholeBodyController):  # compiles what is seldom called
-        DualActiveSet(chosen.problem.program).solve(chosen.problem.program)
     if lean and isinstance(gait, Standing):
         gait.move(lean * gait.over(0), t=LEAN_AT, duration=min(1.0, duration - LEAN_AT))
-    state = built.simulator.state
-    chosen.step(state)
-    chosen.reset()
-    timed = _Timed(chosen)
-    return replace(built, controller=timed).run(), timed.ticks
+    return time_ticks(built)
 
 
 def _stand(robot: Robot, controller: str, settings: RobotsSettings) -> dict[str, Any]:
@@ -226,11 +198,10 @@ def _stand(robot: Robot, controller: str, settings: RobotsSettings) -> dict[str,
                 break
             if speed == settings.pushes[0]:
                 result[f"{side}_slip_mm"] = _slip(run)
-                all_ticks = all_ticks + ticks
+                all_ticks = np.append(all_ticks, ticks)
             largest = speed
         result[side] = largest
-    times = 1e-3 * np.array(all_ticks)
-    result.update(tick_us=float(np.median(times)), worst_us=float(times.max()))
+    result.update(tick_us=float(np.median(all_ticks)), worst_us=float(all_ticks.max()))
     if not result["stands"]:
         result["reason"] = f"{shifted.ending} at {shifted['t'][-1]:.2f} s"
     return result

@@ -11,7 +11,7 @@ from comparison.benchmark import LOW_FRICTION, Settings
 from comparison.cli.options import NumbersFile
 from comparison.cli.output import print_tables, stages, writing
 from comparison.peers.compare import compare_peers
-from comparison.peers.environment import PEERS, default_folder
+from comparison.peers.environment import PEERS, PLAYGROUND, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.peers.growth_of_peers import ROBOTS
 from comparison.peers.peer_tables import peer_tables
@@ -68,7 +68,7 @@ def peers(
 def _install(folder: Path) -> None:
     """Install every peer, and say of each how it ended."""
     failed = False
-    for name in PEERS:
+    for name in (*PEERS, PLAYGROUND.name):
         typer.echo(f"{name}: installing in {folder / name.lower()}", err=True)
         reason = install_peer(folder, name)
         typer.echo(f"{name}: {f'cannot be installed: {reason}' if reason else 'installed'}")

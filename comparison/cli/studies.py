@@ -24,6 +24,7 @@ from comparison.ice import IceSettings, ice_tables, walk_ice
 from comparison.jitter import JitterSettings, jitter_tables, measure_jitter
 from comparison.limits import LimitsSettings, limit_tables, walk_limits
 from comparison.measure.walking import Rows
+from comparison.peers.environment import default_folder
 from comparison.rates import RatesSettings, measure_rates, rates_tables
 from comparison.report.flight_films import FILMS, film_flights
 from comparison.report.slopes_figure import slopes_figure
@@ -34,6 +35,7 @@ from comparison.steering import SteeringSettings, steering_tables, walk_steering
 from comparison.tables import Table
 from comparison.thruster_tables import thruster_tables
 from comparison.thrusters import ThrusterSettings, walk_with_lag
+from comparison.walkers.study import WalkersSettings, walk_walkers, walkers_tables
 from comparison.walking import WalkingSettings, walk_robots, walking_tables
 from harpy_pin.files import check_writable
 
@@ -228,6 +230,27 @@ def walking(
     _study(WalkingSettings, quick, partial(walk_robots, path=out), walking_tables, json, only)
 
 
+def walkers(
+    quick: QuickWalks = False,
+    out: Kept = None,
+    json: WalksFile = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--folder", metavar="DIR", help="Folder of the peers.  [default: in the user's cache]", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Walk other people's walkers beside ours.
+
+    MuJoCo Playground's policy for Go1 and the condensed WBC in the policy's own model of the robot: a course, random
+    commands, slippery ground and pushes. placo's walk pattern generator and the condensed WBC walk Talos straight.
+    "peers --install" installs both. Needs the extra "robots". This takes many minutes.
+    """
+    measure = partial(walk_walkers, path=out, folder=default_folder() if folder is None else folder)
+    _study(WalkersSettings, quick, measure, walkers_tables, json)
+
+
 def embedded(
     quick: Annotated[bool, typer.Option("--quick", help="Harpy on one chip: to see whether it works.")] = False,
     only: Only = None,
@@ -282,6 +305,7 @@ STUDIES: dict[Callable[..., None], str] = {
     steering: "steering --json steering.json",
     thrusters: "thrusters --out thrusters.jsonl",
     walking: "walking --only go2 --out go2.jsonl",
+    walkers: "peers --install && python -m comparison walkers --out walkers.jsonl",
     embedded: "embedded --json embedded.json",
     rates: "rates --json rates.json",
     jitter: "jitter --seconds 60",

@@ -39,15 +39,18 @@ SEED = 1
 """Of the walks of the search, and of what is tried."""
 
 
-def search_gains(cost: Callable[[JointPDGains, float], float], seed: int = SEED) -> tuple[JointPDGains, float]:
+def search_gains(
+    cost: Callable[[JointPDGains, float], float], seed: int = SEED, *, start: JointPDGains | None = None
+) -> tuple[JointPDGains, float]:
     """The best gains within the budget, and their cost.
 
     Args:
         cost: of gains; it may stop where it exceeds the given one.
         seed: of what is tried.
+        start: what is tried first; by default the default gains.
     """
     rng = np.random.default_rng(seed)
-    best = JointPDGains()
+    best = JointPDGains() if start is None else start
     least = cost(best, np.inf)
     for index in range(1, BUDGET):
         gains = _changed(best, index, rng)

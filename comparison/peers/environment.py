@@ -12,6 +12,7 @@ from venv import EnvBuilder
 __all__ = [
     "PEERS",
     "PLACO_VERSION",
+    "PLAYGROUND",
     "TSID_CPP_VERSION",
     "TSID_VERSION",
     "Peer",
@@ -48,6 +49,7 @@ class Peer:
         requirements: what to install, with exact versions where the wheel does not pin them itself.
         libraries: further ones, which hold no Python, from the wheels for Python :data:`LIBRARIES_PYTHON`.
         variants: of the thrusts that it can pose; the others with the reason why not.
+        alone: further ones that are installed without what they depend on.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Peer:
     requirements: tuple[str, ...]
     variants: Mapping[str, str]
     libraries: tuple[str, ...] = ()
+    alone: tuple[str, ...] = ()
 
 
 PEERS = {
@@ -83,6 +86,16 @@ PEERS = {
 }
 """Peers by name. Variants are those of :data:`comparison.peers.peer_problem.VARIANTS`."""
 
+PLAYGROUND = Peer(
+    "Playground",
+    _HERE.parent / "walkers" / "policy_worker.py",
+    ("onnxruntime==1.32.0", "numpy"),
+    {},
+    # The last wheel that holds weights. It is not imported, so it needs neither JAX nor Brax.
+    alone=("playground==0.0.4",),
+)
+"""Holds the policy of :mod:`comparison.walkers`; it solves no program of ours."""
+
 
 def default_folder() -> Path:
     """The user's cache."""
@@ -101,7 +114,7 @@ def install(folder: Path, name: str) -> str:
     Returns:
         Why it could not be installed; nothing if it was.
     """
-    peer, target = PEERS[name], folder / name.lower()
+    peer, target = {**PEERS, PLAYGROUND.name: PLAYGROUND}[name], folder / name.lower()
     if target.exists() and not (target / "pyvenv.cfg").is_file() and any(target.iterdir()):
         return f"'{target}' holds something that is no virtual environment"
     try:
@@ -109,6 +122,8 @@ def install(folder: Path, name: str) -> str:
         python = str(interpreter(folder, name))
         pip = [python, "-m", "pip", "install", "--only-binary=:all:"]
         _run([*pip, *peer.requirements])
+        if peer.alone:
+            _run([*pip, "--no-deps", *peer.alone])
         if peer.libraries:
             packages = _run([python, "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]).strip()
             _run([*pip, f"--target={packages}", f"--python-version={LIBRARIES_PYTHON}", *peer.libraries])

@@ -123,7 +123,7 @@ class WholeBodyController(GaitController):
         self._tick = self._one_call()
 
     def _prepare_tick(self) -> None:
-        """Begin to compile the tick, and load what every one needs."""
+        """Begin to compile the tick, and load what it needs, or may need once."""
         solver = self._solver
         if self._tick is None or not isinstance(solver, WarmStartedActiveSet):
             self.tasks.prepare(self.target)
@@ -131,11 +131,13 @@ class WholeBodyController(GaitController):
             if self._governor is not None:
                 v = self.tasks.samples[1]
                 _gap.prepare(v, self.dynamics.rotation, self.targets.record, v, self._governor.gap)
+            self.problem._rehearse(self.dynamics, self.targets)
             return
         tasks, z, inputs = self.tasks, solver.solution.z, self._inputs
         records = (self.problem.record, self.problem.terms, self.problem.program.record, solver.record)
         kernel = TICKS[self.parameters.formulation]
         kernel.prepare(tasks.record, self.target.record, *records, *tasks.samples, z, inputs)
+        self.problem._rehearse(self.dynamics, self.targets)
         # The first call of a kernel loads it: here, not in a tick. Forces of a foot too many make the tick do nothing;
         # the search, which few ticks need, gets any program.
         kernel(tasks.record, self.target.record, *records, *tasks.misfit, z, inputs)

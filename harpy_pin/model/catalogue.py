@@ -1,7 +1,8 @@
 """Well-known robots by name: their files in example-robot-data, their feet or rotors, and a posture.
 
-Postures are the reference configurations ``standing`` or ``half_sitting`` of each robot's SRDF, where there is one. In
-that of iCub the soles are 3.6° off the level; here its ankles pitch 0.0636 rad further, which levels them.
+Postures are the reference configurations ``standing`` or ``half_sitting`` of each robot's SRDF, where there is one.
+iCub's knees are bent further, and its soles level: in its SRDF's posture the knees are nearly straight, and the centre
+of mass is 36 mm from the front edge of soles 150 mm long.
 
 Humanoids stand on flat feet, rectangles inside the soles of their collision geometry:
 
@@ -297,7 +298,7 @@ CATALOGUE: dict[str, CatalogueRobot] = {
     "icub": CatalogueRobot(
         "icub_description/robots/icub.urdf",
         ("l_sole", "r_sole"),
-        _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.20944, 0.08727, -0.1745, 0.03571, -0.08726)
+        _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.175, 0.08727, -0.35, -0.175, -0.08726)
         | _legs("l r", "shoulder_roll shoulder_yaw elbow", 0.35, 0.5, 0.5)
         | {"torso_yaw": -0.05236},
         flat_feet=_both("l_sole r_sole", FlatFoot(length=0.15, width=0.06, centre=(0.03, 0.0, 0.0))),

@@ -36,6 +36,7 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import ZERO, Record, RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.giving_way import at_a_limit
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import (
@@ -178,6 +179,21 @@ class WholeBodyProblem(KeepsViews):
             dynamics: of the robot.
             targets: of the tasks.
         """
+
+    def _rehearse(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
+        """Call what few ticks need, so that none of them waits for a compiler; the program is to be built anew.
+
+        Args:
+            dynamics: of the robot.
+            targets: of the tasks.
+        """
+        z, inputs = np.zeros(len(self.program.gradient)), np.zeros(self.n_thrust + self.joints)
+        if self.gives_way:
+            for on in (False, True):
+                self._put_limits(on)
+            self._let_give_way(dynamics, targets, z)
+        self.inputs(z, inputs)
+        at_a_limit(inputs, self.record)
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """Fill in the program; the objective anew as a whole, whatever was done to it since the last tick.

@@ -94,6 +94,7 @@ def test_the_search_finds_the_least_of_a_known_cost():
     assert len(tried) == 60
     assert least == cost(best, np.inf) < 0.2 * cost(JointPDGains(), np.inf)
     assert all(0.999 * low <= gains[name] <= 1.001 * high for gains in tried for name, (low, high) in SPACE.items())
+    assert search_gains(cost, start=JointPDGains(**at)) == (JointPDGains(**at), 0.0)
 
 
 def test_every_robot_has_gains_and_stands_a_walk_with_them():

@@ -12,12 +12,16 @@ import pytest
 
 from comparison.cli import app
 from comparison.peers import environment, replaying
-from comparison.peers.environment import PEERS, default_folder, install
+from comparison.peers.environment import PEERS, PLAYGROUND, default_folder, install
+from comparison.walkers import pattern
+
+ALL = {**PEERS, PLAYGROUND.name: PLAYGROUND}
+WORKERS = [*(peer.worker for peer in ALL.values()), pattern.WORKER, Path(replaying.__file__)]
 
 
-@pytest.mark.parametrize("script", [*(peer.worker for peer in PEERS.values()), Path(replaying.__file__)], ids=str)
+@pytest.mark.parametrize("script", WORKERS, ids=str)
 def test_workers_import_nothing_of_ours(script: Path) -> None:
-    allowed = {"numpy", "placo", "pinocchio", "tsid"} | set(sys.stdlib_module_names)
+    allowed = {"numpy", "onnxruntime", "placo", "pinocchio", "tsid"} | set(sys.stdlib_module_names)
     for node in ast.walk(ast.parse(script.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             assert {alias.name.split(".")[0] for alias in node.names} <= allowed
@@ -44,10 +48,10 @@ def test_failed_installation_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_pa
 
     monkeypatch.setattr(environment.subprocess, "run", run)
     monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
-    for name, peer in PEERS.items():
+    for name, peer in ALL.items():
         assert install(tmp_path, name) == "ERROR: No matching distribution found"
         assert {"--only-binary=:all:", *peer.requirements} <= set(asked[-1])
-        pinned = {*peer.requirements, *peer.libraries} - {"numpy"}
+        pinned = {*peer.requirements, *peer.libraries, *peer.alone} - {"numpy"}
         assert all("==" in requirement for requirement in pinned)
 
 
@@ -68,11 +72,12 @@ def test_installation_ends_and_goes_on(
         "placo: cannot be installed: not installed after 600 s",
         "TSID: installed",
         "TSID-C++: installed",
+        "Playground: installed",
     ]
 
 
 def test_installation_leaves_foreign_folders_alone(tmp_path: Path) -> None:
-    for name in PEERS:
+    for name in ALL:
         (tmp_path / name.lower()).mkdir()
         (tmp_path / name.lower() / "thesis.tex").write_text("precious")
         assert "no virtual environment" in install(tmp_path, name)

@@ -16,17 +16,19 @@ pytestmark = needs_robots
 
 def test_a_look_walks_every_kind_without_a_fall():
     rows = walk_robots(replace(WalkingSettings.quick(), course=2.0))
-    assert not any(row["fell"] for row in rows)
+    assert [row["what"] for row in rows if "fell" not in row] == ["ticks"]
+    assert not any(row.get("fell") for row in rows)
     tables = walking_tables(rows)
-    assert len(tables) == len(rows)
+    assert len(tables) == len(rows) + 1  # one for each kind of walk, one for the robot, one of ticks
     assert tables[0].get("solo12", "fell").value == "0 of 1"
 
 
 def test_finished_walks_are_kept(tmp_path, monkeypatch):
-    path, settings = tmp_path / "walks.jsonl", replace(WalkingSettings.quick(), course=1.0, walks=0)
+    path, settings = tmp_path / "walks.jsonl", replace(WalkingSettings.quick(), course=1.0, walks=0, walks_on_four=0)
     first = walk_robots(settings, None, path)
     assert len(path.read_text().splitlines()) == len(first) > 1
-    path.write_text("".join(path.read_text().splitlines(keepends=True)[:-1]))
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines[1:]))
     again = walk_robots(settings, None, path)
     assert again == first
     monkeypatch.setattr(study, "walked", None)
@@ -59,9 +61,21 @@ def test_pushes_come_from_every_side():
     np.testing.assert_allclose(np.sum(pushes, axis=0), 0.0, atol=1e-9)
 
 
+def test_robots_on_soles_walk_ten_metres_and_turn_by_a_right_angle():
+    jobs = [job for job in _jobs(WalkingSettings(robots=("go2", "icub"))) if job.what == "ten metres"]
+    assert [(job.robot, job.plant) for job in jobs] == [("icub", "compliant"), ("icub", "mujoco")]
+    rows = jobs[0].scenario().gait.velocity
+    ends = [row[0] for row in rows[1:]] + [jobs[0].duration]
+    spans = np.array([end - row[0] for row, end in zip(rows, ends, strict=True)])
+    assert spans[0] * rows[0][1] > 10.0
+    assert rows[0][1] >= 0.2
+    assert np.sum(spans * [row[3] for row in rows]) >= np.pi / 2
+    assert not any(rows[-1][1:])
+
+
 def test_courses_are_walked_by_all_controllers_in_both_engines():
     """Joint PD walks legs of three joints, and all that the law walks."""
-    jobs = _jobs(WalkingSettings(robots=("go2", "g1"), walks=1, pushes=1))
+    jobs = _jobs(WalkingSettings(robots=("go2", "g1"), walks=1, walks_on_four=1, pushes=1))
     courses = [job for job in jobs if job.what == "course"]
     assert len({(job.robot, job.controller, job.plant) for job in courses}) == len(courses) == 10
     assert not any(job.what == "crawl" and job.robot == "g1" for job in jobs)

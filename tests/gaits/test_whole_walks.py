@@ -158,6 +158,16 @@ def test_a_pushed_biped_on_points_goes_on(plant, push):
     assert abs(run["v"][-300:, 1].mean()) < 0.1  # it has caught itself
 
 
+@needs_robots
+@pytest.mark.parametrize("time", [2.24, 2.28, 2.32, 2.36])
+def test_a_biped_on_points_that_is_pushed_askew_is_not_lifted(time):
+    """Its one force holds the body upright against the swinging leg only by pushing it aside and up."""
+    gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.5, 0.0, 0.0))
+    run = walk(gait, duration=3.5, pushes=((time, (0.55, 0.55, 0.0)),))
+    assert run.ending == "completed"
+    assert run["centre"][:, 2].max() < 1.15 * run["centre"][0, 2]
+
+
 # --- Ground that the gait does not know -------------------------------------------------------------------------------
 
 

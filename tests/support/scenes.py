@@ -220,7 +220,8 @@ def loops() -> None:
         hp.walk(hp.Scenario(controller="condensed", gait=hp.Straight(speed=0.0), duration=0.01))
         if robot is not None:
             walking = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.1, 0.0, 0.0))
-            for gait in (hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0), walking):
+            standing = hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0)
+            for gait in (standing, walking, hp.WalkingGait(robot)):
                 hp.walk(hp.Scenario(controller="condensed", duration=0.01), gait=gait)
     finally:
         CompiledLoop.ready, loop.WORTH_COMPILING = made, worth  # type: ignore[method-assign]

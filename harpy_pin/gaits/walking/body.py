@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.centre_of_mass import body_for_centre
 from harpy_pin.gaits.walking.pendulum import cyclic_offset
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.stepping_over import DESCENT
@@ -109,13 +110,16 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
     m = p.measured
     for i in range(3):
         o.body[i], o.body[3 + i] = m.body[i], m.body[3 + i]
-    o.body[6], o.body[7] = _body_acceleration(p)
     o.body[8] = HEIGHT_GAINS[0] * (p.height + p.raised + mean_felt(p) - m.body[2]) + HEIGHT_GAINS[1] * (
         p.velocity[3] - m.body[5]
     )
     o.heading[0] = p.path[2]
     o.heading[1] = p.velocity[2] if p.holds_heading else 0.0
     o.heading[2] = p.rate[2] if p.holds_heading else 0.0
+    if p.soles and p.terrain.level:
+        o.body[6], o.body[7] = body_for_centre(p, o)
+    else:
+        o.body[6], o.body[7] = _body_acceleration(p)
     for n in range(p.foot.shape[0]):
         if p.in_air[p.foot[n]] != 0.0:
             _write_swing(p, o, n)

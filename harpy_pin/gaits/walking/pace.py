@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.gaits.walking.motors import fastest_speed, swing_load
-from harpy_pin.gaits.walking.settings import NARROW, Build, draw_together
+from harpy_pin.gaits.walking.settings import Build, draw_together
 from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR, upright_end
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -132,6 +132,6 @@ def _reach(build: Build, group: NDArray[np.int64]) -> float:
         return build.reach
     apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
     together = apart.copy()
-    draw_together(together, group, NARROW * build.rise)
+    draw_together(together, group, build.narrow)
     drawn = float(np.linalg.norm(apart - together, axis=1).max())
     return LEFT * (build.reach - drawn) if drawn > 0.0 else build.reach

@@ -57,6 +57,8 @@ class WalkingRecord(RecordOf):
         ground_reach: half the side of the square to which that plane is fitted, m.
         point_body: (points,) the body that carries each contact point.
         point_offset: (points, 3) its place there, m.
+        leg: (feet, joints) bodies of each leg, from the foot to the hip.
+        angle: (bodies,) of each joint in the posture, rad.
         foot: (points,) the foot that each contact point is of.
         corner: (points, 2) its place about the foot's middle, axes of the foot, m.
         group: (feet,) in which step of the cycle each foot swings.
@@ -110,6 +112,7 @@ class WalkingRecord(RecordOf):
         wanted: (2,) velocity of the centre of mass, world axes, m/s.
         demand: (2,) acceleration of the centre of mass, world axes, m/s².
         pressure: (2,) centre of pressure that goes with it, m.
+        posture: (bodies,) acceleration that the posture asks of each joint, rad/s².
         time: of the last update, s; −1 before the first.
         switch: when the next row of the script begins, s.
         walking: 1 while it steps.
@@ -139,6 +142,8 @@ class WalkingRecord(RecordOf):
     ground_reach: float
     point_body: NDArray[np.int64]
     point_offset: Vector
+    leg: NDArray[np.int64]
+    angle: Vector
     foot: NDArray[np.int64]
     corner: Vector
     group: NDArray[np.int64]
@@ -190,6 +195,7 @@ class WalkingRecord(RecordOf):
     wanted: Vector = sized(2)
     demand: Vector = sized(2)
     pressure: Vector = sized(2)
+    posture: Vector = sized("bodies")
     time: float = -1.0
     switch: float = np.inf
     walking: int = ZERO

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["NARROW", "Build", "build_of", "draw_together"]
+__all__ = ["Build", "build_of", "draw_together"]
 
-NARROW = 0.27
-"""Largest distance of the two groups of feet between which the body sways, in heights of the centre of mass."""
+NARROW, SOLE_NARROW = 0.27, 0.15
+"""Largest distance of the two centres of pressure between which the body sways, on points and on soles, in heights of
+the centre of mass: a pendulum needs half of it as friction."""
+INNER = 0.35
+"""How far the centre of pressure may come towards the other foot from the middle of a sole, in its widths."""
 BENT, STRETCHED = 0.92, 0.98
 """Largest height of the hip while it walks, and largest distance from there to the foot, in lengths of the leg."""
 
@@ -37,6 +40,9 @@ class Build:
         swing: largest horizontal acceleration that the hips' motors alone give a foot, m/s²; of the weakest leg.
         reaction: (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's
             angular momentum about the ground, forward and to the left.
+        leg_bodies: (feet, joints) bodies of each leg, from the foot to the hip; the base is 0.
+        angle: (bodies,) of each joint, rad; zero for the base.
+        narrow: largest distance of the two groups of feet between which the body sways, m.
     """
 
     point: Vector
@@ -50,6 +56,9 @@ class Build:
     beside: Vector
     swing: float
     reaction: Vector
+    leg_bodies: NDArray[np.int64]
+    angle: Vector
+    narrow: float
 
 
 def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
@@ -85,7 +94,21 @@ def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 else 0.0
     reactions = _reactions(robot, q, rise)
-    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions)
+    angle = np.array([0.0, *(q[joint.idx_q] for joint in list(model.joints)[2:])])
+    bodies, narrow = _leg_bodies(robot), NARROW * rise
+    if robot.flat_feet:
+        narrow = SOLE_NARROW * rise + 2.0 * INNER * min(float(np.ptp(point[foot == k, 1])) for k in range(len(place)))
+    return Build(
+        point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, bodies, angle, narrow
+    )
+
+
+def _leg_bodies(robot: Robot) -> NDArray[np.int64]:
+    """(feet, joints) bodies of each leg, from the foot to the hip; of longer legs the last."""
+    model, starts = robot.model, np.cumsum((0, *robot.corners))[:-1]
+    frames = [model.frames[robot.frame_id(robot.feet[first])] for first in starts]
+    legs = [[j - 1 for j in reversed(model.supports[frame.parentJoint]) if j > 1] for frame in frames]
+    return np.array([leg[: min(map(len, legs))] for leg in legs], dtype=np.int64)
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:

@@ -15,12 +15,13 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.capped import warn_of_capped
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.gaits.walking.centre_of_mass import ORIENTATION_GAINS, POSTURE_GAINS, SWING_GAINS
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
-from harpy_pin.gaits.walking.settings import NARROW, Build, build_of, draw_together
+from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
 from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
@@ -60,8 +61,11 @@ first."""
 SWING_RATE, LEAST_RATE = 4.2, 19.0
 """Rate at which a foot in the air comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
-TURN_WEIGHT = 0.2
-"""Of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²."""
+TURN_WEIGHT, POINT_TURN_WEIGHT = 0.2, 0.02
+"""Of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²; and where
+one point carries alone. Its force holds the body upright against the swinging leg only by pushing it aside and up."""
+POINT_TURN_RATE = 10.0
+"""Rate at which the body comes back upright where turning weighs that little, in √(g / leg)."""
 POSTURE_WEIGHT = 1e-7
 """Of the accelerations of the legs' joints, likewise: the WBC QP needs it for one optimum, not for a posture."""
 SIGNALS = (
@@ -214,17 +218,19 @@ class WalkingGait(KeepsViews):
         nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
         groups, gentle = int(group.max()) + 1, pace.gentle
         balances = feet == 2 and not soles and groups == 2
-        sways = groups == 2 and draw_together(nominal, group, NARROW * build.rise) > SWAY * build.rise
+        sways = groups == 2 and draw_together(nominal, group, build.narrow) > SWAY * build.rise
         aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
         return make_record(
             WalkingRecord,
-            {"feet": feet},
+            {"feet": feet, "bodies": len(build.angle)},
             tree=tree_record(robot.model),
             terrain=flat_terrain(),
             steps_over=np.int64(0),
             ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
+            leg=build.leg_bodies,
+            angle=build.angle,
             foot=build.foot.astype(np.int64),
             corner=(build.point - build.place[build.foot])[:, :2],
             group=group,
@@ -276,15 +282,23 @@ class WalkingGait(KeepsViews):
         They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
         corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and joints
         and the turning of the body weigh as the robot's size says, because one sole, or a line between two points,
-        holds little moment, and what is missing must not lift the body.
+        holds little moment, and what is missing must not lift the body. On one point turning weighs less still,
+        and comes back the faster.
         """
         parameters, square = self._standing.parameters, self._build.rise**2
         parameters["max_normal_force"] /= max(self.robot.corners)
-        turn = {"orientation": TURN_WEIGHT * square, "arms": TURN_WEIGHT * square, "posture": POSTURE_WEIGHT * square}
-        parameters["weights"] = {**parameters["weights"], "swing": SWING_WEIGHT, **turn}
-        if not self.robot.flat_feet:
-            rate = max(SWING_RATE * float(np.sqrt(GRAVITY / self._build.leg)), LEAST_RATE)
+        alone, natural = self.robot.corners == (1, 1), float(np.sqrt(GRAVITY / self._build.leg))
+        turn = square * (POINT_TURN_WEIGHT if alone else TURN_WEIGHT)
+        own = {"swing": SWING_WEIGHT, "orientation": turn, "arms": turn, "posture": POSTURE_WEIGHT * square}
+        parameters["weights"] = {**parameters["weights"], **own}
+        if self.robot.flat_feet:
+            parameters.update(orientation=ORIENTATION_GAINS, posture=POSTURE_GAINS, swing=SWING_GAINS)
+        else:
+            rate = max(SWING_RATE * natural, LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
+        if alone:
+            rate = POINT_TURN_RATE * natural
+            parameters["orientation"] = (rate * rate, 2.0 * rate)
         return parameters
 
     @property

@@ -1,0 +1,122 @@
+"""The policy in our process: what it observes, and what its actions mean."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from comparison.peers.environment import PLAYGROUND, interpreter, last_line
+from comparison.peers.worker import NOT_INSTALLED, WorkerError
+from harpy_pin.errors import InputError
+from harpy_pin.model.state import Vector
+
+__all__ = ["PERIOD", "Policy", "observation", "package_in"]
+
+PERIOD = 0.02
+"""Between two actions, s."""
+SCALE = 0.5
+"""Change of an angle's target for an action of one, rad."""
+DOWN = (0.0, 0.0, -1.0)
+WEIGHTS = Path("experimental", "sim2sim", "onnx", "go1_policy.onnx")
+
+
+def package_in(folder: Path) -> Path:
+    """Folder of ``mujoco_playground`` in its environment.
+
+    Args:
+        folder: of the peers' environments.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    for found in (folder / PLAYGROUND.name.lower()).glob("[lL]ib/**/mujoco_playground"):
+        return found
+    raise InputError(f"MuJoCo Playground's policy is {NOT_INSTALLED}", name="--folder")
+
+
+def observation(model: Any, data: Any, action: Vector, command: Vector) -> Vector:
+    """(48,) what the policy was trained to see, without the noise.
+
+    Velocity and angular velocity of the IMU and the direction of gravity, in the IMU's axes; angles of the joints from
+    the first keyframe's, their velocities, the last action, and the command.
+
+    Args:
+        model: ``mujoco.MjModel``.
+        data: ``mujoco.MjData``, after ``mj_forward``.
+        action: (12,) the last.
+        command: (3,) forward, to the left, turning, m/s and rad/s.
+    """
+    turned = data.site("imu").xmat.reshape(3, 3)
+    return np.concatenate(
+        (
+            data.sensor("local_linvel").data,
+            data.sensor("gyro").data,
+            turned.T @ DOWN,
+            data.qpos[7:] - model.key_qpos[0, 7:],
+            data.qvel[6:],
+            action,
+            command,
+        )
+    ).astype(np.float32)
+
+
+class Policy:
+    """The network in its own process; to be used in a ``with`` statement.
+
+    Args:
+        folder: of the peers' environments.
+        worker: script that evaluates it.
+
+    Attributes:
+        action: (12,) the last.
+
+    Raises:
+        InputError: it is not installed.
+        WorkerError: it cannot be started; the message says why.
+    """
+
+    def __init__(self, folder: Path, worker: Path = PLAYGROUND.worker) -> None:
+        command = [str(interpreter(folder, PLAYGROUND.name)), "-I", str(worker), str(package_in(folder) / WEIGHTS)]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._in, self._out = self._process.stdin, self._process.stdout
+        if not self._out.readline():
+            raise WorkerError(last_line(self._process.communicate()[1].decode(errors="replace")))
+        self.action = np.zeros(12)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.communicate()
+
+    def act(self, model: Any, data: Any, command: Vector) -> None:
+        """Set the targets of the joints' angles in MuJoCo's data.
+
+        Raises:
+            WorkerError: the process ended.
+        """
+        self.action = self._answer(observation(model, data, self.action, command))
+        data.ctrl[:] = model.key_qpos[0, 7:] + SCALE * self.action
+
+    def call_us(self) -> float:
+        """Thread time of an evaluation: of many in a row, of the last observation."""
+        return float(self._answer(np.full(48, np.nan, dtype=np.float32))[0])
+
+    def _answer(self, asked: Vector) -> Vector:
+        """What the process says to these numbers."""
+        self._in.write(asked.tobytes())
+        self._in.flush()
+        answer = self._out.read(4 * 12)
+        if len(answer) < 4 * 12:
+            raise WorkerError("the policy's process ended")
+        return np.frombuffer(answer, dtype=np.float32).astype(float)
