@@ -87,7 +87,8 @@ def pace_of(
     """
     groups = int(group.max()) + 1
     natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
-    gentle, slow = len(build.place) == 4 and not soles and not _nods(build, group), double_support
+    gentle = groups == 2 and len(build.place) == 4 and not soles and not _nods(build, group)
+    slow = double_support
     if double_support is None:
         double_support = slow = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
         if gentle:
@@ -120,8 +121,6 @@ def pace_of(
 
 def _nods(build: Build, group: NDArray[np.int64]) -> bool:
     """Whether two groups of feet stand one behind the other, so that the body goes to and fro between them."""
-    if group.max() != 1:
-        return False
     ahead, aside = np.abs(build.place[group == 1, :2].mean(axis=0) - build.place[group == 0, :2].mean(axis=0))
     return bool(ahead > aside)
 

@@ -46,7 +46,7 @@ LEAN, STEEPEST = 0.45, 0.5
 """On two points: distance of the centre of mass from the foot that carries at which the next one should land, and
 largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the friction that it needs."""
 LOW, AIM = 0.02, 0.2
-"""Of trots, paces and crawls: height from which on a foot goes down slowly, in clearances, and how far below the ground
+"""Of trots and paces: height from which on a foot goes down slowly, in clearances, and how far below the ground
 it then aims, as a share of the penetration offset. A foot that lands hard slips: inertia of its leg turns it aside."""
 LOAD_RAMP, FAST_LOAD_RAMP, FIRST_LOAD, LAST_LOAD = 0.26, 0.4, 0.07, 0.01
 """Likewise: how much of its largest normal force a foot may carry that is about to take over its share of the load, or
