@@ -253,7 +253,7 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         if t.held[k] != 0.0:
             for i in range(3):
                 t.feet[k, i] = -p.contact_damping * d.foot_velocity[k, i]
-            load = share_of_load(g, k, p.double_support)
+            load = share_of_load(g, k, p.double_support) * g.load[k]
             t.force_range[k, 0] = load * p.min_normal_force
             t.force_range[k, 1] = load * p.max_normal_force
         else:
@@ -283,7 +283,8 @@ def possible_feet(g: GaitTargetRecord) -> bool:
     motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
     motion = motion and all_possible_rows(g.foot_acceleration)
     motion = motion and all_upward(g.normal) and all_possible(g.ground_height) and all_possible(g.up)
-    return motion and all_possible(g.stance) and all_possible(g.phase) and all_possible(g.world_frame_blend)
+    motion = motion and all_possible(g.load) and all_possible(g.world_frame_blend)
+    return motion and all_possible(g.stance) and all_possible(g.phase)
 
 
 @kernel

@@ -36,6 +36,7 @@ class GaitTargetRecord(RecordOf):
     foot_acceleration: Vector = sized("feet", 3)
     stance: Vector = sized("feet")
     phase: Vector = sized("feet")
+    load: Vector = sized("feet", fill=1.0)
     world_frame_blend: Vector = sized("feet")
     normal: Vector = sized("feet", 3)
     ground_height: Vector = sized("feet")
@@ -49,6 +50,7 @@ class GaitTargetRecord(RecordOf):
     "foot_velocity",
     "ground_height",
     "heading",
+    "load",
     "normal",
     "phase",
     "record",
@@ -73,6 +75,8 @@ class GaitTarget(KeepsViews):
         foot_acceleration: (feet, 3) likewise, m/s².
         stance: (feet,) 1 where the foot should be on the ground, else 0.
         phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
+        load: (feet,) share of the usual range of its normal force in which each foot may carry; 1 where a gait says
+            nothing else.
         world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
             holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
             axes (a stance leg sets the body upright), between them during the transition.
@@ -94,6 +98,7 @@ class GaitTarget(KeepsViews):
         self.foot_acceleration: Vector = field(self.record, "foot_acceleration")
         self.stance: Vector = field(self.record, "stance")
         self.phase: Vector = field(self.record, "phase")
+        self.load: Vector = field(self.record, "load")
         self.world_frame_blend: Vector = field(self.record, "world_frame_blend")
         self.normal: Vector = field(self.record, "normal")
         self.ground_height: Vector = field(self.record, "ground_height")
@@ -248,6 +253,7 @@ def copy_target(g: GaitTargetRecord, o: GaitTargetRecord) -> None:
     o.foot_acceleration[:] = g.foot_acceleration
     o.stance[:] = g.stance
     o.phase[:] = g.phase
+    o.load[:] = g.load
     o.world_frame_blend[:] = g.world_frame_blend
     o.normal[:] = g.normal
     o.ground_height[:] = g.ground_height

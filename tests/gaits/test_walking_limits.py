@@ -12,16 +12,24 @@ from scipy.optimize import brentq
 
 import harpy_pin as hp
 from harpy_pin.gaits.walking.footholds import _keep_in_reach
-from harpy_pin.gaits.walking.swinging import CREEP, SETTLE, UPRIGHT_END, upright_end
+from harpy_pin.gaits.walking.swinging import CREEP, NEAR, SETTLE, STRAIGHT_NEAR, UPRIGHT_END, upright_end
+from harpy_pin.gaits.walking.walking_gait import LOW
 
 
+@pytest.mark.parametrize(("near", "low", "height"), [(NEAR, LOW, 0.053), (STRAIGHT_NEAR, 0.0, 0.04)])
 @pytest.mark.parametrize("speed", [0.0, 0.1, 0.3, 0.6, 1.0])
-def test_a_foot_is_slow_when_it_is_near_the_ground(speed):
+def test_a_foot_is_slow_when_it_is_near_the_ground(speed, near, low, height):
     # A trot with steps of 1 s: a foot goes two steps' way in a swing of 0.95 s, by the motion of least jerk.
-    end, swing = upright_end(speed, 1.0), 0.95
+    end, swing = upright_end(speed, 1.0, near), 0.95
     assert end >= UPRIGHT_END
-    near = brentq(lambda w: 64.0 * (w * (1.0 - w)) ** 3 - 0.04, 0.0, 0.5)  # its share of the way down at 4 % of height
-    s = min(SETTLE * (1.0 - near) / (1.0 - end), 1.0)
+    glide = low * SETTLE / (1.0 - SETTLE)  # the height there falls at the rate at which it goes on to the ground
+
+    def above(w):  # at the share w before it begins to go down slowly
+        return 64.0 * (w * (1.0 - w)) ** 3 + low + glide * w - height
+
+    before = brentq(above, 0.0, 0.5)
+    assert 1.0 - SETTLE * (1.0 - before) == pytest.approx(near, abs=0.004)
+    s = min(SETTLE * (1.0 - before) / (1.0 - end), 1.0)
     velocity = 2.0 * speed / ((1.0 - end) * swing) * 30.0 * (s * (1.0 - s)) ** 2
     assert velocity <= 1.2 * CREEP
 

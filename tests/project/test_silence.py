@@ -139,7 +139,7 @@ def test_assigned_targets_are_followed(robot, state, name):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, 1.01 * MAX_SAMPLE, -1e300])
 @pytest.mark.parametrize(
-    "target", ["foot_position", "foot_velocity", "foot_acceleration", "stance", "phase", "world_frame_blend"]
+    "target", ["foot_position", "foot_velocity", "foot_acceleration", "stance", "phase", "load", "world_frame_blend"]
 )
 @pytest.mark.parametrize("name", ["none", "wbc", "wbc, full", "condensed"])
 def test_targets_of_feet_that_are_absurd_are_a_bad_sample(robot, state, name, target, value):

@@ -194,20 +194,19 @@ def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
         o.foot_acceleration[n, i] = -o.body[6 + i]
     o.foot_velocity[n, 2] -= DESCENT
     o.ground_height[n] = p.touched[k]
-    o.stance[n], o.phase[n] = 1.0, _stance_phase(p, k)
+    o.stance[n], o.phase[n], o.load[n] = 1.0, 0.5, _share_of_load(p, k)
 
 
 @kernel
-def _stance_phase(p: WalkingRecord, k: int) -> float:
-    """Share of its stance that a foot has done: whole-body controllers let its load rise and fall by it."""
+def _share_of_load(p: WalkingRecord, k: int) -> float:
+    """How much of its largest normal force a foot may carry: it rises from its touchdown on, and falls before it is
+    lifted, each over the time in which every foot is on the ground."""
     if not p.walking:
-        return 0.5
-    ramp = p.double_support / (1.0 + p.double_support)  # share of a stance in which load rises, and in which it falls
-    time = p.double_support * p.step_duration
-    rise = min(p.since[k] / time, 1.0)
-    fall = 0.0
+        return 1.0
+    both = p.double_support * p.step_duration
+    share = max(p.load_ramp * p.since[k] / both, p.first_load) if p.since[k] < both else 1.0
     if p.group[k] == p.swings and p.phase <= p.double_support:
-        fall = min(max(p.phase / p.double_support, 0.0), 1.0)
-    if fall > 0.0 and fall > 1.0 - rise:
-        return float(1.0 - ramp + fall * ramp)
-    return float(rise * ramp) if rise < 1.0 else 0.5
+        fall = max(p.phase / p.double_support, 0.0)
+        if fall > 0.0:
+            share = min(share, max(p.load_ramp * (1.0 - fall), p.last_load))
+    return float(share)

@@ -35,6 +35,8 @@ AT_REST = 0.03
 """Velocity of the centre of mass below which the walk may end, as a share of ω times the body's height."""
 IN_PLACE = 0.06
 """How far a foot may be from where it stands for the walk to end, as a share of the body's height."""
+UPSET = 2.0
+"""How much an unwanted velocity counts, beside a commanded one, in how fast the load is taken over."""
 OUTSIDE = 0.02
 """How far the capture point is outside of the feet for a robot that stands to step, as a share of the height."""
 
@@ -157,9 +159,15 @@ def _begin_step(p: WalkingRecord) -> None:
 
 @kernel
 def set_duration(p: WalkingRecord) -> None:
-    """Duration of the step that begins: so that no foot goes farther than the stride."""
-    way = foot_speed(p, p.velocity) * p.usual_step
+    """Duration of the step that begins: so that no foot goes farther than the stride; and the share of it in which the
+    load goes from feet to feet, which is long while the robot walks slowly and undisturbed."""
+    speed = foot_speed(p, p.velocity)
+    way = speed * p.usual_step
     p.step_duration = p.usual_step * (p.stride / way if way > p.stride else 1.0)
+    speed += UPSET * np.hypot(p.measured.drift[0] - p.wanted[0], p.measured.drift[1] - p.wanted[1])
+    fast = min(speed / p.max_speed, 1.0)
+    p.double_support = p.slow_double_support + fast * (p.fast_double_support - p.slow_double_support)
+    p.load_ramp = p.slow_load_ramp + fast**4 * (p.fast_load_ramp - p.slow_load_ramp)
 
 
 @kernel

@@ -69,12 +69,21 @@ class WalkingRecord(RecordOf):
         step_duration: T of the present step, from one touchdown to the next, s.
         usual_step: that of a slow walk, s.
         stride: longest way of a step, m: at high speed steps are shorter in time.
-        double_support: share of a step in which every foot is on the ground.
+        double_support: share of the present step in which every foot is on the ground.
+        fast_double_support: that at the largest speed.
+        slow_double_support: that of a robot that hardly walks.
+        fast_load_ramp: share of its largest normal force up to which a foot's load rises over that time, and from
+            which it falls, at the largest speed.
+        slow_load_ramp: that of a robot that hardly walks.
+        first_load: likewise, that a foot which has just landed may carry.
+        last_load: likewise, of a foot that is about to be lifted.
         start_time: for which the robot stands on every foot before its first step, s.
         omega: of the pendulum, 1/s.
         height: of the body, m.
         clearance: height of a foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a foot in the air aims, m.
+        low: height from which on a foot goes down slowly, m.
+        deeper: how much deeper than the ground it then aims, m.
         reach: largest horizontal distance of a foot from its hip, m.
         hip: height of the hips above the feet, of four legs, m.
         beside: (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m.
@@ -109,6 +118,7 @@ class WalkingRecord(RecordOf):
         walking: 1 while it steps.
         phase: share of the present step that is done.
         haste: how much faster than its clock the present step goes on.
+        load_ramp: that of the present step.
         swings: the group that swings in the present step.
         steps: made since the walk began.
         in_air: (feet,) 1 for a foot in the air.
@@ -145,11 +155,19 @@ class WalkingRecord(RecordOf):
     usual_step: float
     stride: float
     double_support: float
+    fast_double_support: float
+    slow_double_support: float
+    fast_load_ramp: float
+    slow_load_ramp: float
+    first_load: float
+    last_load: float
     start_time: float
     omega: float
     height: float
     clearance: float
     penetration_offset: float
+    low: float
+    deeper: float
     reach: float
     hip: float
     beside: Vector
@@ -183,6 +201,7 @@ class WalkingRecord(RecordOf):
     walking: int = ZERO
     phase: float = 0.0
     haste: float = 1.0
+    load_ramp: float = 1.0
     swings: int = ZERO
     steps: int = ZERO
     in_air: Vector = sized("feet")

@@ -96,6 +96,8 @@ def walk_over(walk: Records[WalkingRecord], terrain: Records[TerrainRecord], rea
     if not uneven or walk["soles"][0]:
         return False
     walk["steps_over"] = 1
+    walk["slow_double_support"] = walk["double_support"] = walk["fast_double_support"]
+    walk["slow_load_ramp"] = walk["fast_load_ramp"] = 1.0
     height = float(walk["clearance"][0]) + greatest_rise(terrain, FARTHEST * float(walk["height"][0]))
     least = float(np.sqrt(PEAK * height / LIFT)) / (UP * (1.0 - float(walk["double_support"][0])))
     walk["usual_step"] = max(least, float(walk["usual_step"][0]))

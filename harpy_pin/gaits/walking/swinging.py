@@ -14,11 +14,15 @@ from harpy_pin.simulation.terrain.surface import surface_height
 __all__: list[str] = []
 
 SETTLE = 0.9
-"""Share of its swing after which a foot is at the ground; from there on it goes down slowly, so as not to land hard."""
+"""Share of its swing after which a foot is at the ground, or almost; from there on it goes down slowly, so as not to
+land hard."""
 UPRIGHT_END = 0.1
 """Least share of its swing, at the end, in which a foot moves vertically."""
-NEAR = 0.185
-"""Share of its swing, at the end, in which a foot is nearer to the ground than 4 % of its clearance."""
+NEAR, STRAIGHT_NEAR = 0.166, 0.185
+"""Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly, nearer than
+5 % of its clearance; others, 4 %."""
+STUCK = 0.03
+"""Share of its swing in which a foot goes straight up, at most, until it has left the ground."""
 CREEP = 0.14
 """Largest horizontal velocity with which a foot comes that near, as a share of ω times the body's height."""
 RACE = 95.0
@@ -58,18 +62,33 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
         return
     swing = p.swing[k]
     duration = (1.0 - p.double_support) * p.step_duration
-    upright = upright_end(foot_speed(p, p.velocity), p.omega * p.height)
+    upright = upright_end(foot_speed(p, p.velocity), p.omega * p.height, NEAR if p.low > 0.0 else STRAIGHT_NEAR)
     rest = max(left - upright * duration / p.haste, 0.0) + span
+    sticks = _sticks(p, k, left * p.haste / duration)
     for i in range(3):
         goal = p.foothold[k, i]
         if i == 2:
             goal = swing[0, 2] + wrapped(goal - swing[0, 2])
-        swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, rest, span)
+        if not sticks:
+            swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, rest, span)
     _lift(p, k, 1.0 - p.haste * left / duration, duration, span)
 
 
 @kernel
-def upright_end(speed: float, natural: float) -> float:
+def _sticks(p: WalkingRecord, k: int, left: float) -> bool:
+    """Whether a foot in the air is still in the ground, into which it has sunk, and has not begun to move across it.
+
+    Args:
+        p: element of the gait's record.
+        k: the foot.
+        left: share of its swing that is left.
+    """
+    begun: bool = p.swing[k, 2, 0] != 0.0 or p.swing[k, 2, 1] != 0.0 or p.swing[k, 2, 2] != 0.0
+    return p.low > 0.0 and not begun and left > 1.0 - STUCK and p.measured.place[k, 2] < p.felt[k]
+
+
+@kernel
+def upright_end(speed: float, natural: float, near: float) -> float:
     """Share of its swing, at the end, in which a foot moves vertically.
 
     A foot that meets the ground while it moves across it is thrown up by contacts that are convex, such as MuJoCo's, at
@@ -78,10 +97,11 @@ def upright_end(speed: float, natural: float) -> float:
     Args:
         speed: of the walk, m/s.
         natural: ω times the body's height, m/s.
+        near: :data:`NEAR`.
     """
     if speed <= 0.0:
         return UPRIGHT_END
-    return float(max(NEAR - np.sqrt(CREEP * natural / (RACE * speed)), UPRIGHT_END))
+    return float(max(near - np.sqrt(CREEP * natural / (RACE * speed)), UPRIGHT_END))
 
 
 @kernel
@@ -101,15 +121,18 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
         z[0] = max(z[0] - DESCENT * span, p.felt[k] - DEEPEST * p.height)
         z[1], z[2] = -DESCENT, 0.0
         return
-    last = max(u - SETTLE, 0.0) / (1.0 - SETTLE)
-    u, rate = min(max(u / SETTLE, 0.0), 1.0), rate / SETTLE
-    w, down, up = 1.0 - u, p.felt[k] - p.lifted_at[k], 64.0 * (p.clearance + _step_up(p, k))
+    if u >= SETTLE:
+        last, rate = (u - SETTLE) / (1.0 - SETTLE), rate / (1.0 - SETTLE)
+        z[0] = p.felt[k] + p.low * (1.0 - last) - p.deeper * last * last
+        z[1] = -(p.low + 2.0 * p.deeper * last) * rate
+        z[2] = -2.0 * p.deeper * rate * rate
+        return
+    u, rate = max(u / SETTLE, 0.0), rate / SETTLE
+    w, down, up = 1.0 - u, p.felt[k] + p.low - p.lifted_at[k], 64.0 * (p.clearance + _step_up(p, k))
+    glide = p.low * SETTLE / (1.0 - SETTLE)
     z[0] = p.lifted_at[k] + up * (u * w) ** 3 + down * u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+    z[0] += glide * u * u * u * (4.0 - 7.0 * u + 3.0 * u * u)
     z[1] = (3.0 * up * (u * w) ** 2 * (w - u) + 30.0 * down * u * u * w * w) * rate
-    bend = 6.0 * up * u * w * ((w - u) ** 2 - u * w)
-    z[2] = (bend + 60.0 * down * u * w * (w - u)) * rate * rate
-    if last > 0.0:
-        rate, deeper = p.haste / ((1.0 - SETTLE) * duration), p.penetration_offset * last
-        z[0] -= deeper * last
-        z[1] -= 2.0 * deeper * rate
-        z[2] -= 2.0 * p.penetration_offset * rate * rate
+    z[1] += glide * u * u * (12.0 - 28.0 * u + 15.0 * u * u) * rate
+    bend = 6.0 * up * u * w * ((w - u) ** 2 - u * w) + 60.0 * down * u * w * (w - u)
+    z[2] = (bend + glide * u * (24.0 - 84.0 * u + 60.0 * u * u)) * rate * rate

@@ -22,7 +22,7 @@ from harpy_pin.gaits.walking.pace import Pace, pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
-from harpy_pin.gaits.walking.swinging import NEAR
+from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR
 from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
 from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
 from harpy_pin.model.entry import as_state
@@ -45,6 +45,14 @@ SWAY = 0.01
 LEAN, STEEPEST = 0.45, 0.5
 """On two points: distance of the centre of mass from the foot that carries at which the next one should land, and
 largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the friction that it needs."""
+LOW, AIM = 0.02, 0.2
+"""Of trots and paces: height from which on a foot goes down slowly, in clearances, and how far below the ground
+it then aims, as a share of the penetration offset. A foot that lands hard slips: inertia of its leg turns it aside."""
+LOAD_RAMP, FAST_LOAD_RAMP, FIRST_LOAD, LAST_LOAD = 0.26, 0.4, 0.07, 0.01
+"""Likewise: how much of its largest normal force a foot may carry that is about to take over its share of the load, or
+begins to give it away, slow and at the largest speed; that has just landed; and that is about to be lifted."""
+LEAST_LOAD = 0.05
+"""The last two of other walks, where a foot may carry all of it at once."""
 LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
 SWING_WEIGHT = 1.0
@@ -208,7 +216,7 @@ class WalkingGait(KeepsViews):
         robot, feet, soles = self.robot, len(build.place), bool(self.robot.flat_feet)
         frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet]
         nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
-        groups = int(group.max()) + 1
+        groups, gentle = int(group.max()) + 1, pace.gentle
         balances = feet == 2 and not soles and groups == 2
         sways = groups == 2 and draw_together(nominal, group, build.narrow) > SWAY * build.rise
         aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
@@ -233,14 +241,22 @@ class WalkingGait(KeepsViews):
             step_duration=pace.step_duration,
             usual_step=pace.step_duration,
             stride=pace.stride,
-            double_support=pace.double_support,
+            double_support=pace.slow_double_support,
+            fast_double_support=pace.double_support,
+            slow_double_support=pace.slow_double_support,
+            low=LOW * settings["clearance"] if gentle else 0.0,
+            deeper=(AIM if gentle else 1.0) * settings["penetration_offset"],
+            fast_load_ramp=FAST_LOAD_RAMP if gentle else 1.0,
+            slow_load_ramp=LOAD_RAMP if gentle else 1.0,
+            first_load=FIRST_LOAD if gentle else LEAST_LOAD,
+            last_load=LAST_LOAD if gentle else LEAST_LOAD,
             max_speed=pace.max_speed,
             omega=float(np.sqrt(GRAVITY / build.rise)),
             height=build.height,
             reach=min(build.reach, STEEPEST * build.rise) if balances else build.reach,
             hip=build.hip,
             beside=build.beside,
-            arrives=NEAR if feet == 4 else 0.0,
+            arrives=(NEAR if gentle else STRAIGHT_NEAR) if feet == 4 else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
             most_aside=aside if balances else np.inf,
             reaction=build.reaction,
