@@ -8,7 +8,7 @@ from comparison.contenders import label
 from comparison.measure.walking import Rows, grouped
 from comparison.tables import Cell, Table
 
-__all__ = ["summary_tables"]
+__all__ = ["slip_and_falls", "summary_tables"]
 
 COURSES = {"course": "course", "friction 0.3": "course, friction 0.3", "ten metres": "ten metres"}
 """Columns of courses, which are walked in both engines."""
@@ -40,17 +40,17 @@ def _cells(robot: str, rows: Rows) -> list[Cell]:
     for column, what in COURSES.items():
         if column == "ten metres" and (what, plants[0]) not in by:
             continue
-        cells.append(Cell(robot, column, " / ".join(_slip(by.get((what, plant), [])) for plant in plants)))
+        cells.append(Cell(robot, column, " / ".join(slip_and_falls(by.get((what, plant), [])) for plant in plants)))
     course = by.get(("course", plants[0]), [])
     cells += [Cell(robot, "off path", row["path_rms_mm"], "mm") for row in course]
     for column, kinds in WALKS.items():
-        told = [_slip(by[what, plants[0]]) for what in kinds if (what, plants[0]) in by]
+        told = [slip_and_falls(by[what, plants[0]]) for what in kinds if (what, plants[0]) in by]
         if told:
             cells.append(Cell(robot, column, ", ".join(told)))
     return cells
 
 
-def _slip(rows: Rows) -> str:
+def slip_and_falls(rows: Rows) -> str:
     """Median slip per step, and the falls if there are any."""
     if not rows:
         return "–"

@@ -31,6 +31,7 @@ from comparison.sections.grounds import ground_tables
 from comparison.slopes import slope_tables
 from comparison.steering import steering_tables
 from comparison.tables import Table
+from comparison.walkers.study import walkers_tables
 from comparison.walking import walking_tables
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, RunFileError
@@ -67,6 +68,7 @@ SOURCES: Mapping[str, tuple[str, Tables]] = {
     "robots": ("robots", _walks(robot_tables)),
     "embedded": ("embedded", _walks(embedded_tables)),
     "slopes": ("slopes --out {folder}/slopes.jsonl", _walks(slope_tables)),
+    "walkers": ("walkers --out {folder}/walkers.jsonl", _walks(walkers_tables)),
     "walking": ("walking --out {folder}/walking.jsonl", _walks(walking_tables)),
     "crossings": ("crossings --out {folder}/crossings.jsonl", _walks(crossing_tables)),
 }

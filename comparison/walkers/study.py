@@ -19,6 +19,7 @@ from comparison.walkers.policy import package_in
 from comparison.walkers.soles import SolesWalk, soles_walked, soles_walks
 from comparison.walkers.walk import PLANTS, WALKERS, Command, WalkersWalk, walked
 from comparison.walking import DRAWN, SIDES, course
+from comparison.walking_summary import slip_and_falls
 from harpy_pin import checks
 
 __all__ = ["RANGE", "WalkersSettings", "walk_walkers", "walkers_tables"]
@@ -159,4 +160,16 @@ def walkers_tables(rows: Rows) -> list[Table]:
                     cells.append(Cell(walker, column, float(np.median(found)) if found else None, unit))
         name = re.sub(r"\W+", "_", f"walkers_{what}_{plant}")
         tables.append(Table(name, f"{what}, {plant}", tuple(cells), note))
-    return tables
+    return tables + [_slips(robot, rows) for robot in ("go1", "talos")]
+
+
+def _slips(robot: str, rows: Rows) -> Table:
+    """A row for each walker of a robot: slip and falls in all plants."""
+    cells = []
+    own = [row for row in rows if row["what"].startswith(robot)]
+    for (walker,), walks in grouped(own, "walker").items():
+        for (what,), same in grouped(walks, "what").items():
+            told = [slip_and_falls(in_plant) for in_plant in grouped(same, "plant").values()]
+            cells.append(Cell(walker, what.removeprefix(f"{robot}, "), " / ".join(told)))
+    note = "Slip, mm per step, medians over the walks, and how many fall; of one plant after the other."
+    return Table(f"walkers_{robot}", f"Walks of {robot.capitalize()}", tuple(cells), note)
