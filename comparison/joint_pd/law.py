@@ -225,7 +225,7 @@ def _contact_forces(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord) -> 
         square[i, i] = TINY if i < 3 else MOMENT * MOMENT
     for k in range(o.stance.shape[0]):
         if o.stance[k] != 0.0:
-            share = share_of_load(o, k, r.double_support)
+            share = share_of_load(o, k, r.double_support) * o.load[k]
             _grasp(r, p, k, grasp)
             for i in range(6):
                 for j in range(6):
@@ -238,7 +238,7 @@ def _contact_forces(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord) -> 
         f = r.force[3 * k : 3 * k + 3]
         f[:] = 0.0
         if o.stance[k] != 0.0:
-            share = share_of_load(o, k, r.double_support)
+            share = share_of_load(o, k, r.double_support) * o.load[k]
             _grasp(r, p, k, grasp)
             for c in range(3):
                 for i in range(6):
