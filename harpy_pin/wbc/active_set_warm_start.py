@@ -48,7 +48,7 @@ LARGEST_GRADIENT = 1e9
 TOLERANCE = 1e-7
 """Violation (N, N·m, m/s²) with which a guess still counts as right."""
 PULL = 1e-9
-"""Multiplier of the wrong sign with which a guess still counts as right. With 1e-7 torques of Talos are off by 2 %."""
+"""Multiplier of the wrong sign with which a guess still counts as right. Forces of heavy robots weigh some 1e-8."""
 SINGLE = {"TOLERANCE": 1e-4, "PULL": 1e-7}
 """In single precision: forces of hundreds of newtons are known to some 1e-5 N."""
 
