@@ -32,7 +32,7 @@ CASES = {
 @pytest.mark.parametrize("name", tuple(CASES))
 def test_nothing_is_compiled_after_the_first_tick(name: str) -> None:
     kind, options = CASES[name]
-    command = [sys.executable, str(TESTS / "scripts" / "late_kernels.py"), kind, json.dumps(options), name]
+    command = [sys.executable, str(TESTS / "support" / "late_kernels.py"), kind, json.dumps(options), name]
     paths = os.pathsep.join([str(TESTS / "support"), *sys.path])
     told = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": paths})
     assert (told.stdout.strip(), told.stderr) == ("", "")

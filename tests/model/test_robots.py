@@ -137,14 +137,20 @@ def test_posture_is_that_of_the_srdf(name):
 
 
 @needs_robots
-def test_posture_of_icub_is_that_of_the_srdf_but_for_level_soles():
+def test_icub_stands_on_level_soles_with_its_centre_of_mass_above_their_middle():
+    """Apart from the legs its posture is that of the SRDF, in which it leans on the front edge of tilted soles."""
     robot = hp.load_robot("icub")
-    pin.loadReferenceConfigurations(robot.model, str(FOLDER / "icub_description/srdf/icub.srdf"), False)
-    difference = robot.posture - robot.model.referenceConfigurations["half_sitting"][7:]
-    ankles = [robot.joints.index(f"{side}_ankle_pitch") for side in "lr"]
-    np.testing.assert_allclose(difference[ankles], 0.0636, atol=1e-4)
-    difference[ankles] = 0.0
-    assert not difference.any()
+    model, data = robot.model, robot.model.createData()
+    pin.loadReferenceConfigurations(model, str(FOLDER / "icub_description/srdf/icub.srdf"), False)
+    sagittal = [f"{side}_{name}" for side in "lr" for name in ("hip_pitch", "knee", "ankle_pitch")]
+    different = np.flatnonzero(robot.posture != model.referenceConfigurations["half_sitting"][7:])
+    assert sorted(robot.joints[j] for j in different) == sorted(sagittal)
+    q = np.concatenate((np.zeros(6), [1.0], robot.posture))
+    centre = pin.centerOfMass(model, data, q)
+    pin.updateFramePlacements(model, data)
+    corners = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
+    assert np.ptp(corners[:, 2]) < 1e-3
+    assert abs(centre[0] - corners[:, 0].mean()) < 0.01
 
 
 @needs_robots
