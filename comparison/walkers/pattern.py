@@ -63,7 +63,9 @@ def named_feet(robot: Robot) -> tuple[str, Vector]:
     for link in root.findall("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
             link.remove(shape)
-    links = {joint.get("name"): joint.find("child").get("link") for joint in root.findall("joint")}  # type: ignore[union-attr]
+    links = {
+        joint.get("name"): child.get("link") for joint in root.findall("joint") for child in joint.findall("child")
+    }
     base = next(name for link in root.findall("link") if (name := link.get("name")) not in links.values())
     corners = np.split(np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet]), 2)
     places = [corner.mean(axis=0) for corner in corners]

@@ -9,17 +9,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
+from comparison.cli import app
+from comparison.peers.environment import PLAYGROUND, default_folder, interpreter
+from comparison.peers.worker import WorkerError
+from comparison.walkers.go1 import FEET, robot_of
+from comparison.walkers.policy import WEIGHTS, Policy, observation
+from comparison.walkers.study import RANGE, WalkersSettings, _jobs, walkers_tables
+from comparison.walkers.walk import LAW, NETWORK, Law, WalkersWalk, followed, walked
+from comparison.walkers.watch import Watch, sliding
+from harpy_pin import InputError, State
 
-from comparison.cli import app  # noqa: E402
-from comparison.peers.environment import PLAYGROUND, default_folder, interpreter  # noqa: E402
-from comparison.peers.worker import WorkerError  # noqa: E402
-from comparison.walkers.go1 import FEET, robot_of  # noqa: E402
-from comparison.walkers.policy import WEIGHTS, Policy, observation  # noqa: E402
-from comparison.walkers.study import RANGE, WalkersSettings, _jobs, walkers_tables  # noqa: E402
-from comparison.walkers.walk import LAW, NETWORK, Law, WalkersWalk, followed, walked  # noqa: E402
-from comparison.walkers.watch import Watch, sliding  # noqa: E402
-from harpy_pin import InputError, State  # noqa: E402
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
 
 RADIUS = 0.02
 LEG = """
