@@ -12,28 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.campaign_run import run_campaign
+from comparison.campaign.execute import run_campaign
 from comparison.campaign.settings import CampaignSettings
 from comparison.measure.controllers import CONTENDERS
-from comparison.measure.interleave import Bench, TimingSettings
 from comparison.measure.machine import describe_all_versions, describe_machine
-from comparison.measure.states import StateSequence, pushed_walk, record_states
-from comparison.peers.compare import measure_peers
-from comparison.peers.environment import PEERS
-from comparison.peers.measure_peer import PeerSettings
+from comparison.measure.states import StateSequence, pushed_walk, record_states, walk
+from comparison.measure.timing import Bench, TimingSettings
 from comparison.report.limitations import LIMITATIONS, OF_THE_CAMPAIGN
-from comparison.sections.constraints import time_constraints
-from comparison.sections.formulation_times import time_formulations
-from comparison.sections.growth import FACES, count_cases, time_growth
-from comparison.sections.quality import achieved, pushed, walk_all
-from comparison.sections.simulator_speed import count_pieces, time_simulator
-from comparison.sections.tick_histograms import time_ticks
-from comparison.sections.timing import TimingResult, count_passes, time_contenders
-from harpy_pin import checks
+from comparison.sections.formulations import time_formulations
+from comparison.sections.growth import FACES, time_growth
+from comparison.sections.simulator import WALKERS, WALKS, time_simulator
+from comparison.sections.ticks import time_ticks
+from comparison.sections.timing import count_passes, time_contenders
+from harpy_pin import checks, measure
 from harpy_pin.files import finite
 from harpy_pin.model.robot import Robot, load_harpy
-
-__all__ = ["LOW_FRICTION", "SECTIONS", "Progress", "Section", "SectionInputs", "Settings", "compare"]
 
 LOW_FRICTION = 0.25
 """The paper's friction coefficient."""
@@ -42,7 +35,7 @@ RECORDED = ("governed", "wbc")
 """Whose walks give the states for the timing."""
 
 PUSHED = {"filter": "governed/filter", "wbc": "wbc"}
-"""Whose walks with pushes give the states for the sections on ticks, constraints and formulations."""
+"""Whose walks with pushes give the states for the sections on ticks and formulations."""
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and of how much."""
@@ -56,9 +49,7 @@ class Settings:
         friction: friction coefficient of the main condition.
         low_friction: of the further condition.
         duration: of a walk, s.
-        seed: of the order in which candidates are timed and of the pushes.
-        pushes: walks with a push per contender and friction coefficient.
-        push_speed: m/s.
+        seed: of the order in which candidates are timed.
         impulse: of the pushes during the walks on which every controller's tick is timed, N·s.
         faces: numbers of faces of the friction pyramid, of the section on growth.
         timing: how to time.
@@ -69,8 +60,6 @@ class Settings:
     low_friction: float = LOW_FRICTION
     duration: float = 6.0
     seed: int = 0
-    pushes: int = 5
-    push_speed: float = 0.1
     impulse: float = 3.0
     faces: tuple[int, ...] = FACES
     timing: TimingSettings = field(default_factory=TimingSettings)
@@ -79,7 +68,7 @@ class Settings:
     def __post_init__(self) -> None:
         checks.numbers(self, "friction", "low_friction", low=0.0, high=checks.MAX_FRICTION)
         checks.ticks(checks.number("duration", self.duration, low=0.2), 1e-3)
-        checks.numbers(self, "seed", "pushes", "push_speed", "impulse", low=0.0)
+        checks.numbers(self, "seed", "impulse", low=0.0)
         checks.number("repetitions", self.timing.repetitions, low=1.0)
         checks.number("warm_up", self.timing.warm_up, low=1.0)
         checks.number("block", self.timing.block, low=self.timing.settle, strict=True)
@@ -88,8 +77,7 @@ class Settings:
     def quick(cls, **changes: Any) -> Settings:
         """Shorter walks, fewer repetitions, fewer sizes: to see whether it works, not to quote."""
         timing = TimingSettings(repetitions=3, programs=500, samples=30)
-        campaign = CampaignSettings.quick()
-        given = {"duration": 2.0, "pushes": 2, "faces": FACES[:2], "timing": timing, "campaign": campaign, **changes}
+        given = {"duration": 2.0, "faces": FACES[:2], "timing": timing, "campaign": CampaignSettings.quick(), **changes}
         return cls(**given)
 
 
@@ -103,7 +91,6 @@ class SectionInputs:
         sequences: recorded states by condition: ``""`` and ``_low_friction``.
         pushed: states of walks with pushes on low friction: of the contact-force filter, and of the QP controller.
         rows: file of the campaign's rows; None where they are not to be kept.
-        stage: announces a stage of the work and its number of pieces; returns what to call after each piece.
         progress: of the comparison.
     """
 
@@ -112,13 +99,16 @@ class SectionInputs:
     sequences: dict[str, list[StateSequence]]
     pushed: list[StateSequence]
     rows: Path | None
-    stage: Callable[[str, int], Callable[[], None]]
     progress: Progress
 
-    def bench(self, name: str, stream: int, pieces: int | None = None) -> Bench:
-        """What a section needs to time: the low friction, and random numbers of its own.
+    def stage(self, what: str, total: int) -> Callable[[], None]:
+        """Announce a stage of the work and its number of pieces; returns what to call after each piece."""
+        return _stage(self.progress, what, total)
 
-        The stream makes the section's random numbers its own; progress has one piece for each repetition by default.
+    def bench(self, name: str, stream: int, pieces: int | None = None) -> Bench:
+        """What a section needs to time: the low friction, and random numbers of its own by their stream.
+
+        Progress has one piece for each repetition by default.
         """
         settings = self.settings
         return Bench(
@@ -130,64 +120,45 @@ class SectionInputs:
         )
 
 
-Section = Callable[[SectionInputs], dict[str, Any]]
-"""Measures something more; what it returns stands in the document under the section's name."""
-
-
 def _ticks(inputs: SectionInputs) -> dict[str, Any]:
-    """The complete tick of every controller and governor."""
     measured = time_ticks(inputs.bench("ticks", 1), inputs.pushed)
     return {"friction": inputs.settings.low_friction, "impulse": inputs.settings.impulse, "contenders": measured}
 
 
 def _growth(inputs: SectionInputs) -> dict[str, Any]:
-    """Growth with the size of the problem."""
-    settings = inputs.settings
-    step = inputs.stage("growth", count_cases(inputs.robot, settings.faces))
-    repetitions = settings.timing.repetitions
-    return time_growth(inputs.robot, repetitions=repetitions, seed=settings.seed, faces=settings.faces, on_case=step)
+    s, stage = inputs.settings, partial(inputs.stage, "growth")
+    return time_growth(inputs.robot, repetitions=s.timing.repetitions, seed=s.seed, faces=s.faces, stage=stage)
 
 
 def _simulator(inputs: SectionInputs) -> dict[str, Any]:
-    """Physics steps and whole walks."""
-    bench = inputs.bench("simulator", 4, count_pieces(inputs.settings.timing))
+    bench = inputs.bench("simulator", 4, WALKS * len(WALKERS))
     return time_simulator(bench, duration=min(inputs.settings.duration, 4.0))
-
-
-def _peers(inputs: SectionInputs) -> dict[str, Any]:
-    """Whole-body controllers and QP solvers of others; those that are absent are reported as such."""
-    settings = inputs.settings
-    return measure_peers(
-        inputs.robot,
-        inputs.sequences["_low_friction"],
-        friction=settings.low_friction,
-        settings=PeerSettings.of(settings.timing),
-        on_step=inputs.stage("peers", len(PEERS) + 3),
-    )
 
 
 def _campaign(inputs: SectionInputs) -> dict[str, Any]:
     """Many walks; nothing is timed meanwhile."""
-
     with TemporaryDirectory() as folder:
         rows = inputs.rows or Path(folder) / "rows.jsonl"
         return run_campaign(inputs.settings.campaign, rows, progress=partial(inputs.progress, "campaign"))
 
 
-SECTIONS: dict[str, Section] = {
+SECTIONS: dict[str, Callable[[SectionInputs], dict[str, Any]]] = {
     "ticks": _ticks,
-    "constraints": lambda inputs: time_constraints(inputs.bench("constraints", 2), inputs.pushed[0]),
     "formulations": lambda inputs: time_formulations(inputs.bench("formulations", 3), inputs.pushed[1]),
     "growth": _growth,
     "simulator": _simulator,
-    "peers": _peers,
     "campaign": _campaign,
 }
 """Optional sections of the document by name, in the order in which they are measured, one after the other.
 
-To add one, write a function of :class:`SectionInputs` and enter it here, before the campaign where it times something.
-Its tables are made in :mod:`comparison.report.contents`; there any nested result can be listed as a plain table.
+What a section returns stands in the document under its name; its tables are made in :mod:`comparison.report.contents`.
 """
+
+
+def _stage(progress: Progress, what: str, total: int) -> Callable[[], None]:
+    progress(what, 0, total)
+    done = count(1)
+    return lambda: progress(what, next(done), total)
 
 
 def compare(
@@ -210,60 +181,34 @@ def compare(
     """
     for name in sections:
         checks.one_of("section", name, SECTIONS)
-    machine = describe_machine()
-    robot = load_harpy()
-    rng = np.random.default_rng(settings.seed)
-
-    def stage(what: str, total: int) -> Callable[[], None]:
-        progress(what, 0, total)
-        done = count(1)
-        return lambda: progress(what, next(done), total)
-
-    # Nothing of these walks is timed: the first ones compile.
+    document: dict[str, Any] = {"machine": describe_machine()}
+    robot, rng, least = load_harpy(), np.random.default_rng(settings.seed), settings.timing.warm_up + 50
     conditions = {"": settings.friction, "_low_friction": settings.low_friction}
-    walks, pushes = {}, {}
     sequences: dict[str, list[StateSequence]] = {}
-    step = stage("walking", len(conditions) * len(CONTENDERS) * (1 + settings.pushes))
-    for key, friction in conditions.items():
-        runs = walk_all(friction=friction, duration=settings.duration, on_walk=step)
-        least = settings.timing.warm_up + 50
+    step = _stage(progress, "walking", len(conditions) * len(CONTENDERS))
+    for key, friction in conditions.items():  # nothing of these walks is timed: the first ones compile
+        runs = {}
+        for name in CONTENDERS:
+            runs[name] = walk(name, friction=friction, duration=settings.duration)
+            step()
         sequences[key] = [record_states(name, runs[name], least=least) for name in RECORDED]
-        walks[key] = achieved(runs)
-        pushes[key] = pushed(
-            friction=friction,
-            duration=settings.duration,
-            speed=settings.push_speed,
-            seeds=range(settings.seed, settings.seed + settings.pushes),
-            on_walk=step,
-        )
-
-    results: dict[str, TimingResult] = {}
-    step = stage("timing", sum(count_passes(settings.timing, len(s)) for s in sequences.values()))
+        document[f"walk{key}"] = {name: dict(measure(run).as_dict()) for name, run in runs.items()}
+    step = _stage(progress, "timing", sum(count_passes(settings.timing, len(s)) for s in sequences.values()))
     for key, friction in conditions.items():
         bench = Bench(robot=robot, friction=friction, settings=settings.timing, rng=rng, on_pass=step)
-        results[key] = time_contenders(bench, sequences[key])
-
-    parts: dict[str, dict[str, Any]] = {
-        "timing": {key: timed.timing for key, timed in results.items()},
-        "walk": walks,
-        "walk_pushed": pushes,
-        "checks": {key: timed.checks for key, timed in results.items()},
-        "activity": {key: timed.activity for key, timed in results.items()},
-    }
-    document: dict[str, Any] = {f"{name}{key}": part[key] for name, part in parts.items() for key in conditions}
-    pushed_states = []
+        document |= {f"{part}{key}": value for part, value in time_contenders(bench, sequences[key]).items()}
+    pushed = []
     if sections:
-        step = stage("pushed walks", len(PUSHED))
+        step = _stage(progress, "pushed walks", len(PUSHED))
+        how = {"friction": settings.low_friction, "duration": settings.duration, "impulse": settings.impulse}
         for name, contender in PUSHED.items():
-            how = {"friction": settings.low_friction, "duration": settings.duration, "impulse": settings.impulse}
-            pushed_states.append(record_states(name, pushed_walk(contender, **how), least=settings.timing.warm_up + 50))
+            pushed.append(record_states(name, pushed_walk(contender, **how), least=least))
             step()
-    inputs = SectionInputs(robot, settings, sequences, pushed_states, rows, stage, progress)
+    inputs = SectionInputs(robot, settings, sequences, pushed, rows, progress)
     document |= {name: section(inputs) for name, section in SECTIONS.items() if name in sections}
     states = " and ".join(f"{len(s)} of the walk of '{s.name}'" for s in sequences[""])
     states += ", each replayed in the order of time by every contender"
     document["settings"] = asdict(settings) | {"states": states}
-    document["machine"] = machine
     document["versions"] = describe_all_versions()
     document["limitations"] = [*LIMITATIONS, *(OF_THE_CAMPAIGN if "campaign" in document else ())]
     result: dict[str, Any] = finite(document)

@@ -9,8 +9,6 @@ from comparison.tuning.variants import VARIANTS
 from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 
-__all__ = ["BEST", "CONTENDERS", "ESTIMATES", "FORCES", "HARSH", "TUNED", "controller_part", "label", "short_name"]
-
 BEST = "paper/best"
 """The paper's governor in the variant, and with the settings, that ``python -m comparison tune`` found best."""
 
@@ -21,7 +19,7 @@ TUNED = tuple(name + end for name in VARIANTS for end in ("", "/tuned"))
 """Every tuned variant with its published settings, and with those that were found."""
 
 FORCES = "wbc/contact_force"
-"""The whole-body QP, stated in the contact forces alone; it walks the hard campaign, too."""
+"""The whole-body QP, stated in the contact forces alone; the section on ticks has it, too."""
 
 ESTIMATES = ("condensed/estimate", "wbc/estimate")
 """Law and QP with the friction estimated as they go (docs/friction.md); they walk the wide campaign, too."""
@@ -66,13 +64,11 @@ def short_name(contender: str) -> str:
 
 
 def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
-    """A contender as the controller of a scenario.
+    """A contender as the controller of a scenario; it assumes the ground's friction coefficient by default.
 
-    Args:
-        contender: ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``) or with
-            the formulation of its program (``wbc/contact_force``), or with ``estimate``, of the friction; or one of
-            :data:`TUNED`, or :data:`BEST`.
-        mu: friction coefficient that it assumes; the ground's by default.
+    A contender is ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``) or with
+    the formulation of its program (``wbc/contact_force``), or with ``estimate``, of the friction; or one of
+    :data:`TUNED`, or :data:`BEST`.
     """
     if contender == BEST or contender in TUNED:
         return variant_part(best_paper() if contender == BEST else contender, mu)

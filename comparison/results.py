@@ -22,8 +22,6 @@ from comparison.tables import Table, cell_text
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["markdown", "read_blocks", "rewritten", "sources_of"]
-
 _BLOCK = re.compile(r"(<!-- figures\n(.*?)\n-->\n)((?:\|[^\n]*\n)*)", re.DOTALL)
 _SETTINGS = ("table", "rows", "columns", "turned")
 

@@ -11,21 +11,6 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-__all__ = [
-    "PERCENTILES",
-    "Cell",
-    "Columns",
-    "Table",
-    "Value",
-    "cell_text",
-    "from_csv",
-    "in_columns",
-    "number_text",
-    "percentiles",
-    "to_csv",
-    "with_interval",
-]
-
 Value = float | int | str | bool | None
 """What a cell holds; None is "not known" or "does not apply"."""
 
@@ -33,7 +18,7 @@ Columns = Mapping[str, tuple[str, str]]
 """Headings and units of columns, by the key under which an entry holds their value."""
 
 PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
-"""Column of each percentile of :func:`comparison.measure.statistics.summarise`."""
+"""Column of each percentile of :func:`comparison.measure.timing.summarise`."""
 
 _WORDY = 30
 """Text longer than this stands below a table in the terminal, where it does not widen it."""

@@ -5,6 +5,7 @@ from time import perf_counter
 import numpy as np
 
 import harpy_pin as hp
+from harpy_pin.contrib.shield_batch import ShieldBatch
 
 MU, HEIGHT, N = 0.2, 0.6, 1000
 robot, random = hp.load_harpy(), np.random.default_rng(0)
@@ -20,10 +21,9 @@ def teach(x: np.ndarray) -> np.ndarray:
     return np.hstack((-400.0 * x[:, 6:12] - 3.0 * x[:, 18:24], spring, spring))
 
 
-# One hidden layer, drawn at random, and ridge regression.
 samples = random.normal(size=(5000, 24)) * np.repeat((0.1, 1.0), 12)
-inner = random.normal(size=(24, 64)) * np.repeat((0.5, 0.05), 12)[:, None]
-hidden = np.tanh(samples @ inner)
+inner = random.normal(size=(24, 64)) * np.repeat((0.5, 0.05), 12)[:, None]  # a random hidden layer
+hidden = np.tanh(samples @ inner)  # and ridge regression
 outer = np.linalg.solve(hidden.T @ hidden + 1e-6 * np.eye(64), hidden.T @ teach(samples))
 
 
@@ -53,7 +53,7 @@ for policy in (Network(None), Network(MU)):
     print(f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed")
 ticks = random.integers(len(run), size=N)
 arrays = [run[name][ticks] for name in ("q", "v", "foot_force", "torque", "thrust")]
-batch = hp.ShieldBatch(robot, N, mu=MU)
+batch = ShieldBatch(robot, N, mu=MU)
 batch(*arrays)
 begin = perf_counter()
 torque, thrust, report = batch(*arrays)

@@ -20,7 +20,7 @@ def policy(observation: np.ndarray) -> np.ndarray:
 scenario = hp.Scenario(ground=hp.Ground(mu_s=0.3), gait=hp.Straight(speed=0.0), duration=10.0, period=5e-3, dt=1e-3)
 for shield in (False, True):
     env = gymnasium.make_vec(
-        "harpy_pin.gym:Harpy-v0",
+        "harpy_pin.contrib.gym:Harpy-v0",
         num_envs=WORLDS,
         vectorization_mode="vector_entry_point",
         scenario=scenario,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
@@ -13,11 +13,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.deprecated import around_call
 from harpy_pin.errors import InputError, shown
 
 _Kind = TypeVar("_Kind")
-_Call = TypeVar("_Call", bound=Callable[..., Any])
 
 MAX_TICKS = 10_000_000
 """Of a run, whose log is kept in memory."""
@@ -191,26 +189,6 @@ def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int6
         message = f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
         raise InputError(message, name=name, value=which) from None
     return chosen.reshape(-1)
-
-
-def explained_arguments(**meant: str) -> Callable[[_Call], _Call]:
-    """Lets a function, or the making of a class, say what was meant by an argument that it does not have.
-
-    Args:
-        meant: the sentence for each such argument.
-
-    Raises:
-        TypeError: from the function, where it gets one of them.
-    """
-
-    def decorate(target: _Call) -> _Call:
-        def look(given: dict[str, Any]) -> None:
-            for name in meant.keys() & given.keys():
-                raise TypeError(f"{target.__name__}() has no argument '{name}': {meant[name]}")
-
-        return around_call(target, look)
-
-    return decorate
 
 
 def one_of(kind: str, value: object, valid: Iterable[str], *, hint: str = "") -> None:

@@ -13,12 +13,12 @@ import numpy as np
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.controllers.named_controllers import make_governor
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.named_gaits import make_named_gait
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State
 from harpy_pin.wbc import WholeBodyLimits
 from reproduction.claims import CLAIMS, Finding, judge
+from reproduction.gait.spatial import make_named_gait
 from reproduction.reduced_order import body_velocity
 
 __all__ = ["study_cost"]

@@ -26,7 +26,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_update
-from harpy_pin.governors.reduced.feedback import finite
+from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
@@ -144,7 +144,8 @@ class MarginGovernor(KeepsViews):
         )
         names = ("friction +x", "friction -x", "friction +y", "friction -y", "leg", "normal force")
         self.applied: Vector = field(self._record, "applied")
-        self.status = GovernorStatus.from_record(names, self._record)
+        h_r, h_w, rate = (field(self._record, name) for name in ("h_r", "h_w", "rate"))
+        self.status = GovernorStatus(names, h_r, h_w, rate)
 
     def reset(self, x_r: Vector) -> None:
         """Start over with c_w = c_r, at rest. It should be inside the constraints: from outside nothing is promised.
@@ -229,10 +230,18 @@ def _margin(x: Vector, w: Vector, p: MarginRecord) -> tuple[float, float]:
 
 
 @kernel
+def _possible(x: Vector, x_r: Vector, dt: float) -> bool:
+    """Whether a measured state and a target have the right sizes and possible numbers, and dt is a time."""
+    if x.shape != (9,) or x_r.shape != (6,) or not 0.0 <= dt < np.inf:
+        return False
+    return all_possible(x) and all_possible(x_r)
+
+
+@kernel
 def _margin_update(x: Vector, x_r: Vector, dt: float, p: MarginRecord) -> float:
     """One tick; returns the dynamic safety margin at the applied reference (negative: no promise)."""
     x_w = p.applied
-    if not finite(x, x_r, dt):
+    if not _possible(x, x_r, dt):
         p.rate[:] = 0.0
         return -np.inf  # a reading that is no number: the reference stays
     # What c_r would ask.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.errors import InputError
-from harpy_pin.governors.reduced.point_mass import Law, axial_force, model_record
-from harpy_pin.governors.reduced.rows import ForceRows
+from harpy_pin.governors.point_mass import Law, axial_force, model_record
+from harpy_pin.governors.rows import ForceRows
 from harpy_pin.log.run import Run
 from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.state import Vector

@@ -18,12 +18,10 @@ from harpy_pin.log.measures import Chattering, Measures
 from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import Robot
 from reproduction import figures
-from reproduction.claims import Finding, Verdict
+from reproduction.claims import DEPARTURES, Finding, Verdict
 from reproduction.cost import study_cost
-from reproduction.departures import DEPARTURES
-from reproduction.planar_claims import study_gait
 from reproduction.vlip_claims import VlipCase, VlipStudy, study_vlip
-from reproduction.walk_claims import MU, WALKS, WalkStudy, study_walk
+from reproduction.walk_claims import MU, WALKS, WalkStudy, study_gait, study_walk
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

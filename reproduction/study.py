@@ -11,15 +11,16 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.controllers.named_controllers import GOVERNORS
+from harpy_pin.ground.ground import Ground
 from harpy_pin.log.measures import LATE, chattering, contact_age, measure
 from harpy_pin.log.run import Run
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.robot import Robot
+from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Vector
-from harpy_pin.scenario import GAIT_PARTS, Disturbances, Governed, Scenario, read_part, walk
-from harpy_pin.simulation.ground import Ground
+from harpy_pin.scenario import Disturbances, Governed, Scenario, walk
 from harpy_pin.simulation.push import Push
+from reproduction.gait.spatial import make_named_gait
 from reproduction.reduced_order import model_rows
 from reproduction.vlip_simulation import VLIP_GOVERNORS, VlipParameters, simulate_vlip, vlip_governor, vlip_setting
 
@@ -200,7 +201,7 @@ def walk_method(
         friction: μ_s of the ground, known to the controller; μ_c is nine tenths of it.
         duration: s.
         push: lateral impulse on the body in the middle of a single support, N·s, over 0.1 s.
-        gait: see :data:`harpy_pin.gaits.GAITS`.
+        gait: see :data:`reproduction.gait.spatial.GAITS`.
         period: control period, s.
         dt: physics step, s.
 
@@ -213,11 +214,10 @@ def walk_method(
         ground=Ground(mu_s=friction),
         duration=duration,
         disturbances=Disturbances(pushes=(Push(PUSH_TIME, (0.0, push, 0.0)),) if push != 0.0 else ()),
-        gait=read_part(GAIT_PARTS, "gait", gait),
         period=period,
         dt=dt,
     )
-    return walk(scenario, metadata={"method": method})
+    return walk(scenario, gait=make_named_gait(load_harpy(), gait), metadata={"method": method})
 
 
 def demanded_force(robot: Robot, run: Run) -> Vector:
@@ -237,7 +237,7 @@ def demanded_force(robot: Robot, run: Run) -> Vector:
 
 def evaluate(robot: Robot, run: Run) -> WalkResult:
     """Measures of a run made by :func:`walk_method`."""
-    scenario = Scenario.of(run)
+    scenario = Scenario.from_dict(run.metadata["scenario"])
     mu, period = scenario.mu, scenario.period
     m = measure(run)
     demanded = demanded_force(robot, run)

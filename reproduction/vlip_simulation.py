@@ -15,17 +15,16 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.governor import Governor
-from harpy_pin.governors.reduced.cone import ConeGovernor
-from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
-from harpy_pin.governors.reduced.point_mass import Law, PointMassRecord, leg_force, model_record
-from harpy_pin.governors.reduced.polar import PolarAngleRow, PolarRows, polar_to_cartesian
-from harpy_pin.governors.reduced.rows import AngleRow, ForceRows, StackedRows
+from harpy_pin.governors.point_mass import Law, PointMassRecord, model_record
+from harpy_pin.governors.rows import ForceRows, StackedRows
 from harpy_pin.log.measures import chattering
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.model.thrust import CentreGains, centre_feedback
 from reproduction.margin import MarginGovernor
+from reproduction.vlip_model import AngleRow, PolarAngleRow, PolarRows, leg_force, polar_to_cartesian
 
 __all__ = [
     "COORDINATES",
@@ -43,7 +42,7 @@ __all__ = [
 
 STARTS = ("paper", "inside")
 COORDINATES = ("polar", "cartesian")
-VLIP_GOVERNORS = ("none", "paper", "cone", "margin")
+VLIP_GOVERNORS = ("none", "paper", "margin")
 LEG = (0.1, 0.8)
 """Shortest and longest leg that the governors beyond the paper's keep to, m."""
 PROJECTED = int(Law.PROJECTED)
@@ -218,7 +217,7 @@ def vlip_setting(name: str, parameters: VlipParameters | None = None) -> VlipPar
         k_pr, k_dr = p.gains.k_pr, p.gains.k_dr
         gains = CentreGains(k_pt=p.mass * k_pr, k_dt=p.mass * k_dr, k_pr=k_pr, k_dr=k_dr)
         return replace(p, coordinates="cartesian", gains=gains, gravity_compensation=True)
-    return p if name in ("none", "paper") else replace(p, coordinates="cartesian")
+    return p
 
 
 def vlip_governor(
@@ -245,10 +244,6 @@ def vlip_governor(
     if name == "paper":
         return _paper_governor(p, evaluate_at)
     least = p.min_normal_force
-    if name == "cone":
-        return ConeGovernor(
-            mass=p.mass, mu=p.mu, gains=p.gains, law=Law.PROJECTED, min_normal_force=least, leg=LEG, g=p.g
-        )
     return MarginGovernor(
         mass=p.mass, mu=p.mu, k_p=p.gains.k_pr, k_d=p.gains.k_dr, min_normal_force=least, leg=LEG, g=p.g
     )

@@ -7,14 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from harpy_pin.ground.ground import Ground
 from harpy_pin.log.measures import Chattering, Measures, chattering, measure
 from harpy_pin.log.run import Run
+from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.scenario import Governed, Scenario, walk
-from harpy_pin.simulation.ground import Ground
 from reproduction.claims import CLAIMS, Finding, judge
+from reproduction.gait.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
+from reproduction.gait.periodicity import analyse_periodicity
+from reproduction.gait.planar_model import PlanarModel
+from reproduction.gait.planar_walk import PlanarWalk
+from reproduction.gait.spatial import make_named_gait
 from reproduction.reduced_order import model_rows
 
-__all__ = ["MU", "WALKS", "WalkStudy", "study_walk", "walk_run"]
+__all__ = ["MU", "WALKS", "WalkStudy", "study_gait", "study_walk", "walk_run"]
 
 MU = 0.25
 """μ_s of the paper's 3D run; μ_c is 0.225."""
@@ -45,7 +51,7 @@ def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period:
     """One walk at the paper's friction.
 
     Args:
-        gait: see :data:`harpy_pin.gaits.GAITS`.
+        gait: see :data:`reproduction.gait.spatial.GAITS`.
         name: one of :data:`WALKS`.
         duration: s.
         dt: physics step, s.
@@ -58,20 +64,19 @@ def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period:
             evaluate_at=name if governed else "measured",
             thrust=name != "no thrusters",
         ),
-        gait=gait,
         ground=Ground(mu_s=MU),
         duration=duration,
         dt=dt,
         period=period,
     )
-    return walk(scenario)
+    return walk(scenario, gait=make_named_gait(load_harpy(), gait))
 
 
 def study_walk(gait: str, *, duration: float = 10.0, divisors: tuple[int, ...] = (1, 2, 4)) -> WalkStudy:
     """Walk with and without thrusters and governor, measure chattering at divided periods, and judge Q4 to Q7.
 
     Args:
-        gait: see :data:`harpy_pin.gaits.GAITS`.
+        gait: see :data:`reproduction.gait.spatial.GAITS`.
         duration: of the walks, s.
         divisors: of the control period of 1 ms; the physics step is the same 0.25 ms for all of them.
     """
@@ -86,24 +91,18 @@ def study_walk(gait: str, *, duration: float = 10.0, divisors: tuple[int, ...] =
                 chattering(run["x_w"][:, :3], period=period),
                 chattering(run["foot_force"][1:, :, 2].sum(axis=1), period=period),
             )
-    command = f"harpy walk --gait {gait} --friction {MU:g} --duration {duration:g}"
-    findings = (
-        _q4(measures, command),
-        _q5(measures, command),
-        _q6(runs["measured"], command),
-        _q7(chatter, runs, divisors),
-    )
+    findings = (_q4(measures), _q5(measures), _q6(runs["measured"]), _q7(chatter, runs, divisors))
     return WalkStudy(runs, measures, chatter, tuple(replace(finding, setting=gait) for finding in findings))
 
 
-def _q4(measures: dict[str, Measures], command: str) -> Finding:
+def _q4(measures: dict[str, Measures]) -> Finding:
     without, with_thrust = measures["no thrusters"], measures["no governor"]
     return Finding(
         CLAIMS["Q4"],
         judge(without.fell and not with_thrust.fell),
         f"without thrusters {'falls' if without.fell else 'does not fall'} after {without.duration_s:.2f} s; with them "
         f"{'falls' if with_thrust.fell else 'walks'} {with_thrust.distance_m:.2f} m in {with_thrust.duration_s:.1f} s",
-        f"{command} --governor none --no-thrust",
+        "python -m reproduction paper",
         {
             "without_duration_s": without.duration_s,
             "with_duration_s": with_thrust.duration_s,
@@ -112,7 +111,7 @@ def _q4(measures: dict[str, Measures], command: str) -> Finding:
     )
 
 
-def _q5(measures: dict[str, Measures], command: str) -> Finding:
+def _q5(measures: dict[str, Measures]) -> Finding:
     free = measures["no governor"]
     name = min(("measured", "tracked"), key=lambda n: (measures[n].fell, measures[n].slip_mm_per_step))
     best = measures[name]
@@ -123,7 +122,7 @@ def _q5(measures: dict[str, Measures], command: str) -> Finding:
         f"slip per step {best.slip_mm_per_step:.2f} mm in all, {best.late_slip_mm_per_step:.2f} mm after 50 ms, "
         f"sliding {100 * best.sliding:.1f} % of contact time ({name}); no governor {free.slip_mm_per_step:.2f} and "
         f"{free.late_slip_mm_per_step:.2f} mm, {100 * free.sliding:.1f} %",
-        f"{command} --evaluate-at {name}",
+        "python -m reproduction paper",
         {
             "slip_mm_per_step": best.slip_mm_per_step,
             "late_slip_mm_per_step": best.late_slip_mm_per_step,
@@ -138,7 +137,7 @@ def _ending(run: Run) -> str:
     return f"the walk {'falls' if run.fell else 'ends'} at {run.metadata['end_time']:.2f} s"
 
 
-def _q6(run: Run, command: str) -> Finding:
+def _q6(run: Run) -> Finding:
     violated = model_rows(run, mu=MU, reference="x_r")[:, NORMAL] < 0.0
     target = float(np.mean(violated))
     when = f"; first at t = {run['t'][int(violated.argmax())]:.2f} s, {_ending(run)}" if target > 0.0 else ""
@@ -148,7 +147,7 @@ def _q6(run: Run, command: str) -> Finding:
         judge(target > 0.01 and applied < 0.5 * target, target > 0.0),
         f"the model's normal force is under 20 N at {100 * target:.2f} % of the ticks with the target reference, at "
         f"{100 * applied:.2f} % with the applied one{when}",
-        f"{command} --evaluate-at measured",
+        "python -m reproduction paper",
         {"target_share": target, "applied_share": applied},
     )
 
@@ -174,3 +173,38 @@ def _growth(rates: Sequence[float]) -> float:
     if rates[0] > 0.0:
         return float(rates[-1] / rates[0])
     return np.inf if rates[-1] > 0.0 else 1.0
+
+
+DURATION = 30.0
+
+
+def study_gait(robot: Robot) -> dict[str, str]:
+    """What the packaged planar gaits do without thrust, in words and numbers, by heading."""
+    model = PlanarModel.from_robot(robot)
+    rows: dict[str, str] = {}
+    for title, path, mu in (
+        ("planar, friction 0.25", PACKAGED_GAIT, 0.25),
+        ("planar, friction 0.8", PACKAGED_GAIT, 0.8),
+        ("optimised (refined for space), friction 0.25", SPACE_GAIT, 0.25),
+        ("optimised (refined for space), friction 0.8", SPACE_GAIT, 0.8),
+        ("paper-curves, friction 0.8", PAPER_CURVES_GAIT, 0.8),
+        ("paper-curves, friction 0.25", PAPER_CURVES_GAIT, 0.25),
+    ):
+        found = load_gait(path)
+        ground = Ground(mu_s=mu)
+        s = PlanarWalk(model, found.gait, ground=ground).run(DURATION)
+        how = f"falls after {s.steps:.1f} steps" if s.fell else f"walks {s.steps:.1f} steps"
+        rows[title] = (
+            f"{how} at {s.speed:.3f} m/s, height {s.height_min:.3f} to {s.height_max:.3f} m, pitch up to "
+            f"{s.pitch_max:.3f} rad, slip {s.slip:.2f} mm per step, thrust {s.thrust_rms:.1f} N"
+        )
+        if path != PAPER_CURVES_GAIT and mu == 0.25:
+            name = title.split(",")[0]
+            rows[f"{name}, found by"] = str(found.record.get("command", "unknown"))
+            for memory, kind in ((False, "without the PID's integrals"), (True, "with them")):
+                p = analyse_periodicity(model, found.gait, ground=ground, memory=memory)
+                rows[f"{name}, spectral radius of the Poincaré map, {kind}"] = (
+                    f"{p.spectral_radius:.3f} ({p.spread[0]:.3f} to {p.spread[1]:.3f} over the difference steps), "
+                    f"residual of the fixed point {p.residual:.1e}"
+                )
+    return rows

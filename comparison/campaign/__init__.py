@@ -3,7 +3,6 @@
 :mod:`~comparison.campaign.settings` says how many and what varies, :mod:`~comparison.contenders` who walks;
 :mod:`~comparison.campaign.plan` draws the walks, :mod:`~comparison.campaign.walks` does one,
 :mod:`~comparison.campaign.store` keeps what is done, :mod:`~comparison.campaign.execute` has them done.
-:mod:`~comparison.campaign.summary` says what came out, :mod:`~comparison.campaign.ranking` who is ahead and
-:mod:`~comparison.campaign.breaking` who breaks first, and on what;
-:func:`~comparison.campaign.campaign_run.run_campaign` does all of it.
+:mod:`~comparison.campaign.summary` says what came out, :mod:`~comparison.campaign.exceptions` when a whole-body
+controller falls where others stand, and why.
 """

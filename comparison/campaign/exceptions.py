@@ -1,59 +1,85 @@
-"""Scenarios in which a whole-body controller falls, and somebody else stands."""
+"""Scenarios in which a whole-body controller falls and somebody else stands, and without which level it stands, too."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
-from comparison.campaign.levels import FACTOR_TEXTS, level_key, level_text
+from comparison.campaign.execute import Progress, execute
+from comparison.campaign.plan import Task, code_digest
+from comparison.campaign.settings import FACTORS, JOINT_DAMPING, level_key
+from comparison.campaign.store import Store
+from comparison.campaign.summary import WHOLE_BODY
 from comparison.contenders import label
 from comparison.tables import Cell, Table, number_text
+from harpy_pin.ground.ground import Ground
+from harpy_pin.scenario import Compliant, Straight
 
-__all__ = ["exceptions_of", "exceptions_table"]
+USUAL: Mapping[str, Any] = {
+    **dict.fromkeys(("push", "mass_error", "friction_error", "noise", "delay", "ice", "bandwidth"), 0.0),
+    "stiffness": Ground.stiffness,
+    "damping": 1.0,
+    "plant": Compliant.name,
+    "speed": Straight().speed,
+    "joint_damping": JOINT_DAMPING,
+    "torque_share": 1.0,
+}
+"""The level of each factor at which nothing is unusual; friction has none."""
 
-WHOLE_BODY = ("condensed", "wbc")
 _NOTE = (
     "By seed. 'Who' slipped least of those that stood. 'Stands without': the levels without any one of which all WBCs "
     "that fell stand."
 )
 
 
-def exceptions_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
-    """Scenarios in which the condensed WBC or the QP fell, and another contender did not.
+def variations(task: Task) -> dict[str, Task]:
+    """The walk with one factor as usual, by the factor; factors that are as usual are left out."""
+    unusual = (factor for factor in FACTORS if factor in USUAL and getattr(task, factor) != USUAL[factor])
+    return {factor: replace(task, **{factor: USUAL[factor]}) for factor in unusual}
+
+
+def with_reasons(
+    exceptions: Sequence[Mapping[str, Any]],
+    tasks: Sequence[Task],
+    path: Path,
+    *,
+    scheduler: str | None = None,
+    progress: Progress = lambda done, total: None,
+) -> list[dict[str, Any]]:
+    """Exceptions with ``reasons``: texts of the levels without any one of which the controllers that fell stand.
 
     Args:
-        frame: of the walks that are done, with ``seed``, ``contender``, ``fell``, ``fall_time_s``,
-            ``slip_mm_per_step`` and the factors.
-
-    Returns:
-        For each: ``seed``, ``fell`` (when, by WBC, s), ``stood`` (slip in mm per step of those without optimum, by
-        contender) and ``levels`` (key of the level, by factor; those with one level only are left out).
+        exceptions: of a campaign's summary.
+        tasks: of the campaign.
+        path: of the campaign's file, which keeps the further walks, too.
+        scheduler: see :func:`comparison.campaign.execute.execute`.
+        progress: is told how many walks are done.
     """
-    varied = [factor for factor in FACTOR_TEXTS if frame[factor].nunique() > 1]
-    found = []
-    for seed, walks in frame.groupby("seed"):
-        whole_body = walks[walks.contender.isin(WHOLE_BODY) & walks.fell.astype(bool)]
-        others = walks[~walks.contender.str.split("/").str[0].isin(WHOLE_BODY) & ~walks.fell.astype(bool)]
-        if len(whole_body) and len(others):
-            found.append(
-                {
-                    "seed": int(str(seed)),
-                    "fell": dict(zip(whole_body.contender, whole_body.fall_time_s.astype(float), strict=True)),
-                    "stood": dict(zip(others.contender, others.slip_mm_per_step.astype(float), strict=True)),
-                    "levels": {factor: level_key(walks[factor].iloc[0]) for factor in varied},
-                }
-            )
-    return found
+    code, by_place = code_digest(), {(task.seed, task.contender): task for task in tasks}
+    fell = [(entry, [by_place[entry["seed"], name] for name in entry["fell"]]) for entry in exceptions]
+    walks = [other for _, those in fell for task in those for other in variations(task).values()]
+    with Store(path) as store:
+        execute(walks, store, scheduler=scheduler, progress=progress)
+
+        def stands(task: Task) -> bool:
+            return not store.rows[task.key(code)]["measures"]["fell"]
+
+        return [{**entry, "reasons": _reasons(those, stands)} for entry, those in fell]
+
+
+def _reasons(fell: Sequence[Task], stands: Callable[[Task], bool]) -> list[str]:
+    """Levels without any one of which all that fell stand."""
+    return [
+        FACTORS[factor].text(level_key(getattr(fell[0], factor)))
+        for factor in variations(fell[0])
+        if all(stands(variations(task)[factor]) for task in fell)
+    ]
 
 
 def exceptions_table(summary: Mapping[str, Any]) -> Table:
-    """The table of :func:`exceptions_of`.
-
-    Args:
-        summary: of :func:`comparison.campaign.summary.summarise_rows`.
-    """
+    """The table of a summary's exceptions."""
     cells: list[Cell] = []
     for entry in summary["exceptions"]:
         row = str(entry["seed"])
@@ -62,7 +88,7 @@ def exceptions_table(summary: Mapping[str, Any]) -> Table:
             *(Cell(row, f"{label(name)} fell at", entry["fell"].get(name), "s") for name in WHOLE_BODY),
             Cell(row, "others that stood", len(entry["stood"])),
             Cell(row, "their least slip", entry["stood"][least], "mm"),
-            Cell(row, "scenario", ", ".join(level_text(*level) for level in entry["levels"].items())),
+            Cell(row, "scenario", ", ".join(FACTORS[factor].text(key) for factor, key in entry["levels"].items())),
             Cell(row, "who", f"{label(least)}, {number_text(entry['stood'][least])} mm"),
             Cell(row, "stands without", " or ".join(entry.get("reasons", ())) or None),
         ]

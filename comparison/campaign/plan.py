@@ -19,8 +19,6 @@ from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.simulation.mujoco import installed_version
 
-__all__ = ["SCHEMA", "Task", "code_digest", "plan"]
-
 SCHEMA = 4
 """Version of the rows' meaning; raise it when a measure or the way a walk is done changes."""
 
@@ -36,17 +34,17 @@ class Task:
 
     Attributes:
         contender: who walks, see :mod:`comparison.contenders`.
-        friction: of the ground.
-        push: lateral impulse, N·s.
-        mass_error: relative, of the simulated body.
+        friction: static coefficient of the ground.
+        push: lateral impulse in mid-stance, N·s.
+        mass_error: relative: the simulated body has 1 + error times the mass (and inertia) that is believed.
         friction_error: relative, of what the controller assumes.
-        noise: scale of the measurement noise.
+        noise: scale of the measurement noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
         delay: age of the measurements, s.
-        stiffness: of the ground, N/m.
+        stiffness: of the ground, N/m, known to the walk.
         damping: of the ground, in multiples of that of the paper's damping ratio.
-        plant: the engine.
+        plant: the engine, of :data:`~comparison.campaign.settings.ENGINES`.
         speed: m/s.
-        ice: friction coefficient of the strip in mid-walk; 0 where there is none.
+        ice: friction coefficient of a strip in mid-walk that the controller knows nothing of; 0 where there is none.
         joint_damping: of every joint, N·m·s/rad, known to the controllers.
         torque_share: the motors' largest torque, as a share of the peak torque, known to the controllers; 0 where the
             plant clips nothing, and the governed controllers do not either.
@@ -83,30 +81,24 @@ class Task:
 
 def plan(settings: CampaignSettings) -> list[Task]:
     """All walks of a campaign, scenario by scenario."""
-    names = settings.contenders
-    scenarios = -(-settings.walks // len(names))
+    scenarios = -(-settings.walks // len(settings.contenders))
     # One generator per factor: how many levels one factor has does not change the order of another.
     streams = np.random.default_rng([settings.seed, _DRAWING]).spawn(len(FACTORS))
-    drawn = [
-        _balanced(getattr(settings, levels), scenarios, stream)
-        for levels, stream in zip(FACTORS.values(), streams, strict=True)
-    ]
+    levels = [getattr(settings, factor.levels) for factor in FACTORS.values()]
+    drawn = [_balanced(some, scenarios, stream) for some, stream in zip(levels, streams, strict=True)]
     tasks = []
-    for i, levels in enumerate(zip(*drawn, strict=True)):
-        factors: dict[str, Any] = dict(zip(FACTORS, levels, strict=True))
-        task = Task(
-            contender="", jitter=settings.jitter, seed=1000 * settings.seed + i, duration=settings.duration, **factors
-        )
-        tasks += [replace(task, contender=name) for name in names]
+    for i, scenario in enumerate(zip(*drawn, strict=True)):
+        factors: dict[str, Any] = dict(zip(FACTORS, scenario, strict=True))
+        seed = 1000 * settings.seed + i
+        task = Task(contender="", jitter=settings.jitter, seed=seed, duration=settings.duration, **factors)
+        tasks += [replace(task, contender=name) for name in settings.contenders]
     return tasks
 
 
 def _balanced(levels: Sequence[_Level], count: int, rng: np.random.Generator) -> list[_Level]:
     """Shuffled rounds of all levels, cut off at a count."""
-    drawn: list[_Level] = []
-    while len(drawn) < count:
-        drawn += [levels[i] for i in rng.permutation(len(levels))]
-    return drawn[:count]
+    rounds = -(-count // len(levels))
+    return [levels[i] for _ in range(rounds) for i in rng.permutation(len(levels))][:count]
 
 
 @cache
@@ -116,8 +108,7 @@ def code_digest() -> str:
     Rows of other code are never mixed with today's; a campaign is resumed only by the code that began it.
     """
     total = hashlib.sha256()
-    package = Path(harpy_pin.__file__).parent
-    for folder in (package, Path(__file__).parent):
+    for folder in (Path(harpy_pin.__file__).parent, Path(__file__).parent):
         for path in sorted(folder.rglob("*.py")):
             if "view" not in path.relative_to(folder).parts:
                 total.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())

@@ -4,21 +4,11 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
-from comparison.campaign.plan import code_digest
-from comparison.measure.walking import Progress, Rows, one_by_one, tracked
 from harpy_pin.errors import RunFileError
-from harpy_pin.files import finite
-
-__all__ = ["Store", "kept_rows", "read_rows"]
-
-_Job = TypeVar("_Job")
 
 
 def read_rows(path: Path) -> dict[str, dict[str, Any]]:
@@ -29,39 +19,6 @@ def read_rows(path: Path) -> dict[str, dict[str, Any]]:
     """
     rows, _ = _read(path)
     return rows
-
-
-@contextmanager
-def store_at(path: Path | None) -> Iterator[Store]:
-    """The file of walks, or one that is not kept.
-
-    Args:
-        path: of the file; None keeps none.
-    """
-    with tempfile.TemporaryDirectory() as folder, Store(Path(folder) / "walks" if path is None else path) as store:
-        yield store
-
-
-def kept_rows(
-    jobs: Mapping[str, _Job], walked: Callable[[_Job], dict[str, Any]], progress: Progress | None, path: Path | None
-) -> Rows:
-    """A row for each walk, many of them in processes of their own. Walks that the file has are not repeated.
-
-    Args:
-        jobs: what the walks are, each by what tells it from the others.
-        walked: function of a module; gives the row of one.
-        progress: told after every row.
-        path: of the file, whose rows of other code are left aside; None keeps none.
-    """
-    code = code_digest()
-    named = {f"{code} {what}": job for what, job in jobs.items()}
-    with store_at(path) as store:
-        missing = {key: job for key, job in named.items() if key not in store.rows}
-        rows = one_by_one(walked, list(missing.values()))
-        for key in tracked(list(named), progress):
-            if key in missing:
-                store.append(key, finite(next(rows)))
-        return [store.rows[key] for key in named]
 
 
 class Store:

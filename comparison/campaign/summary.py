@@ -1,4 +1,4 @@
-"""Results of a campaign: tables that depend on the set of its rows only."""
+"""What came out of a campaign: shares and medians with their intervals, by contender and by level, and its tables."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest, quantile_test
 
-from comparison.campaign.exceptions import exceptions_of
-from comparison.campaign.levels import FACTOR_TEXTS, level_key
 from comparison.campaign.plan import Task, code_digest
-from comparison.campaign.ranking import ranked_engines, slip_interval, slip_median
+from comparison.campaign.settings import FACTORS, level_key
 from comparison.contenders import label
-from comparison.tables import Cell, Table, with_interval
+from comparison.tables import Cell, Table, number_text, with_interval
 from harpy_pin.errors import RunFileError
+from harpy_pin.model.state import Vector
 
-__all__ = ["summarise_rows", "summary_tables"]
-
+WHOLE_BODY = ("condensed", "wbc")
 _WHOLE = {
     "slip_mm_per_step": ("slip per step", "mm"),
     "net_slip_mm_per_step": ("net slip per step", "mm"),
@@ -31,7 +29,16 @@ _WHOLE = {
 }
 _VALUE = float | int | None
 _MEASURES = ("fell", "fall_time_s", "solver_failures", *_WHOLE)
-_NOTE = "In brackets: 95 % confidence interval over the drawn scenarios."
+_SPLIT = ("delay", "plant", "joint_damping", "torque_share", "bandwidth")
+"""Factors by whose levels falls are counted in the table of variants."""
+
+_NOTE = "In brackets: 95 % confidence interval over the drawn scenarios. A walk that fell counts up to its fall."
+_OF_VARIANTS = (
+    "Falls in all, and by level; intervals are of 95 %. The median of slip counts a fall as more than any, the mean "
+    "leaves out walks that fell. Tracking: median of the body's rms distance from its target, up to a fall. Thrust: "
+    "median of its rms. "
+    "Tuned: with the settings that 'python -m comparison tune' found on other walks."
+)
 
 
 def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -44,51 +51,85 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
     """
     code = code_digest()
     planned = {task.key(code): task for task in tasks}
-    for key in planned.keys() & rows.keys():
-        measures = rows[key].get("measures")
-        if not isinstance(measures, dict) or not all(isinstance(measures.get(name, ""), _VALUE) for name in _MEASURES):
-            raise RunFileError(f"the row '{key}' of the campaign does not hold its measures; delete its line")
-    found = [{**asdict(planned[key]), **rows[key]["measures"]} for key in sorted(planned.keys() & rows.keys())]
-    frame = pd.DataFrame(found, columns=list(found[0]) if found else ["contender", "seed", *FACTOR_TEXTS, *_MEASURES])
+    found = []
+    for key, task in planned.items():
+        if key in rows:
+            measures = rows[key].get("measures")
+            if not isinstance(measures, dict) or not all(isinstance(measures.get(n, ""), _VALUE) for n in _MEASURES):
+                raise RunFileError(f"the row '{key}' of the campaign does not hold its measures; delete its line")
+            found.append({**asdict(task), **measures})
+    frame = pd.DataFrame(found, columns=list(found[0]) if found else ["contender", "seed", *FACTORS, *_MEASURES])
     names = list(dict.fromkeys(task.contender for task in tasks))
-    whole: dict[str, Any] = {}
-    for name in names:
-        part = frame[frame.contender == name]
-        whole[name] = {"walks": len(part), "fell": int(part.fell.sum()), "falls": _share(part.fell)}
-        whole[name]["fall_time_s"] = _median(part.fall_time_s)
-        whole[name] |= {key: _median(part[key]) for key in _WHOLE}
-        upright = part.slip_mm_per_step[~part.fell.astype(bool)]
-        whole[name] |= {"slip_mean_mm": _statistic(upright.mean()), "slip_largest_mm": _statistic(upright.max())}
-        whole[name]["slip_median_mm"] = _statistic(slip_median(part))
-        whole[name]["slip_interval_mm"] = slip_interval(part)
-        whole[name]["net_slip_median_mm"] = _statistic(slip_median(part, "net_slip_mm_per_step"))
-        whole[name]["solver_failures"] = int(part.solver_failures.sum())
     factors: dict[str, Any] = {}
-    for factor in FACTOR_TEXTS:
+    for factor in FACTORS:
         levels = sorted({getattr(task, factor) for task in tasks})
-        if len(levels) == 1:
-            continue
-        factors[factor] = {level_key(level): {} for level in levels}
-        for level, name in ((level, name) for level in levels for name in names):
-            part = frame[(frame.contender == name) & (frame[factor] == level)]
-            factors[factor][level_key(level)][name] = {
-                "walks": len(part),
-                "falls": _share(part.fell),
-                "slip_mm_per_step": _median(part.slip_mm_per_step),
-                "slip_median_mm": _statistic(slip_median(part)),
+        if len(levels) > 1:
+            at = {level: frame[frame[factor] == level] for level in levels}
+            factors[factor] = {
+                level_key(level): {name: _of_level(here[here.contender == name]) for name in names}
+                for level, here in at.items()
             }
     return {
         "planned": len(planned),
         "done": len(found),
-        "whole": whole,
+        "whole": {name: _of_contender(frame[frame.contender == name]) for name in names},
         "factors": factors,
-        "engines": ranked_engines(frame, names),
         "exceptions": exceptions_of(frame),
     }
 
 
+def _of_level(part: pd.DataFrame) -> dict[str, Any]:
+    slips = {"slip_mm_per_step": _median(part.slip_mm_per_step), "slip_median_mm": _statistic(slip_median(part))}
+    return {"walks": len(part), "falls": _share(part.fell), **slips}
+
+
+def _of_contender(part: pd.DataFrame) -> dict[str, Any]:
+    upright = part.slip_mm_per_step[~part.fell.astype(bool)]
+    return {
+        "walks": len(part),
+        "fell": int(part.fell.sum()),
+        "falls": _share(part.fell),
+        "fall_time_s": _median(part.fall_time_s),
+        **{key: _median(part[key]) for key in _WHOLE},
+        "slip_mean_mm": _statistic(upright.mean()),
+        "slip_largest_mm": _statistic(upright.max()),
+        "slip_median_mm": _statistic(slip_median(part)),
+        "slip_interval_mm": slip_interval(part),
+        "net_slip_median_mm": _statistic(slip_median(part, "net_slip_mm_per_step")),
+        "solver_failures": int(part.solver_failures.sum()),
+    }
+
+
+def exceptions_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """Scenarios in which the condensed WBC or the QP fell, and another contender did not.
+
+    Args:
+        frame: of the walks that are done, with ``seed``, ``contender``, ``fell``, ``fall_time_s``,
+            ``slip_mm_per_step`` and the factors.
+
+    Returns:
+        For each: ``seed``, ``fell`` (when, by WBC, s), ``stood`` (slip in mm per step of those without optimum, by
+        contender) and ``levels`` (key of the level, by factor; those with one level only are left out).
+    """
+    varied = [factor for factor in FACTORS if frame[factor].nunique() > 1]
+    found = []
+    for seed, walks in frame.groupby("seed"):
+        whole_body = walks[walks.contender.isin(WHOLE_BODY) & walks.fell.astype(bool)]
+        others = walks[~walks.contender.str.split("/").str[0].isin(WHOLE_BODY) & ~walks.fell.astype(bool)]
+        if len(whole_body) and len(others):
+            found.append(
+                {
+                    "seed": int(str(seed)),
+                    "fell": dict(zip(whole_body.contender, whole_body.fall_time_s.astype(float), strict=True)),
+                    "stood": dict(zip(others.contender, others.slip_mm_per_step.astype(float), strict=True)),
+                    "levels": {factor: level_key(walks[factor].iloc[0]) for factor in varied},
+                }
+            )
+    return found
+
+
 def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
-    """The tables of a summary."""
+    """The tables of a summary: all contenders, then falls and slip by the levels of each factor."""
     whole: list[Cell] = []
     for name, entry in summary["whole"].items():
         row = label(name)
@@ -99,18 +140,69 @@ def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
         whole.append(Cell(row, "largest", entry["slip_largest_mm"], "mm"))
         whole.append(Cell(row, "failed solves", entry["solver_failures"]))
     title = f"Campaign: {summary['done']} of {summary['planned']} walks; shares and medians"
-    tables = [Table("campaign", title, tuple(whole), f"{_NOTE} A walk that fell counts up to its fall.")]
+    tables = [Table("campaign", title, tuple(whole), _NOTE)]
     for factor, levels in summary["factors"].items():
-        text, write = FACTOR_TEXTS[factor]
         for key, what, unit in (("falls", "share of falls", ""), ("slip_mm_per_step", "median slip per step", "mm")):
             cells = [
-                with_interval(label(name), write(level), entry[key], unit)
+                with_interval(label(name), FACTORS[factor].text(level), entry[key], unit)
                 for level, row_of in levels.items()
                 for name, entry in row_of.items()
             ]
-            in_unit = f", {unit}" if unit else ""
-            tables.append(Table(f"campaign_{factor}_{key}", f"Campaign: {what}{in_unit}, by {text}", tuple(cells)))
+            title = f"Campaign: {what}{', ' if unit else ''}{unit}, by {FACTORS[factor].name}"
+            tables.append(Table(f"campaign_{factor}_{key}", title, tuple(cells)))
     return tables
+
+
+def variants_table(summary: Mapping[str, Any]) -> Table:
+    """Falls, slip and tracking of every contender."""
+    cells = []
+    for name, entry in summary["whole"].items():
+        row, share, ends = label(name), entry["falls"], entry["slip_interval_mm"]
+        low_high = None if share["low"] is None else f"{100.0 * share['low']:.0f} to {100.0 * share['high']:.0f} %"
+        cells += [Cell(row, "walks", entry["walks"]), Cell(row, "fell", entry["fell"])]
+        cells.append(Cell(row, "fell, 95 %", low_high))
+        for factor in _SPLIT:
+            for level, row_of in summary["factors"].get(factor, {}).items():
+                value = row_of[name]["falls"]["value"]
+                fell = None if value is None else round(value * row_of[name]["walks"])
+                cells.append(Cell(row, f"fell, {FACTORS[factor].text(level)}", fell))
+        median, mean = (
+            "fell" if entry["walks"] and entry[key] is None else entry[key]
+            for key in ("slip_median_mm", "slip_mean_mm")
+        )
+        interval = None if ends is None else " to ".join(e if isinstance(e, str) else number_text(e, 2) for e in ends)
+        cells += [Cell(row, "slip, median", median, "mm"), Cell(row, "slip, 95 %", interval, "mm")]
+        cells.append(Cell(row, "slip, mean", mean, "mm"))
+        cells.append(Cell(row, "tracking", entry["tracking_rms_mm"]["value"], "mm"))
+        cells.append(Cell(row, "thrust", entry["thrust_rms_n"]["value"], "N"))
+    title = f"Variants: {summary['done']} of {summary['planned']} walks, the same scenarios for all"
+    return Table("variants", title, tuple(cells), _OF_VARIANTS)
+
+
+def slip_median(part: pd.DataFrame, measure: str = "slip_mm_per_step") -> float:
+    """Median slip per step, mm, where a fall counts as more slip than any; infinite if half of the walks fell."""
+    slip = _slips(part, measure)
+    return float(np.median(slip)) if len(slip) else float("nan")
+
+
+def slip_interval(part: pd.DataFrame) -> list[float | str] | None:
+    """The 95 % interval of :func:`slip_median` that order statistics give, mm; ``fell`` is an end that is a fall.
+
+    There is none for fewer than six walks.
+    """
+    slip = _slips(part, "slip_mm_per_step")
+    if len(slip) == 0:
+        return None
+    ends = quantile_test(slip, p=0.5).confidence_interval(0.95)
+    if np.isnan(ends.low) or np.isnan(ends.high):
+        return None
+    return ["fell" if np.isinf(end) else float(end) for end in (ends.low, ends.high)]
+
+
+def _slips(part: pd.DataFrame, measure: str) -> Vector:
+    """Slip of every walk; infinite where it fell."""
+    slip: Vector = part[measure].astype(float).where(~part.fell.astype(bool), np.inf).dropna().to_numpy(dtype=float)
+    return slip
 
 
 def _statistic(value: float) -> float | None:
@@ -132,5 +224,8 @@ def _median(values: pd.Series[float]) -> dict[str, float | None]:
     if len(known) == 0:
         return {"value": None, "low": None, "high": None}
     interval = quantile_test(known, p=0.5).confidence_interval(0.95)
-    ends = {"low": float(interval.low), "high": float(interval.high)}
-    return {"value": float(np.median(known)), **{k: v if np.isfinite(v) else None for k, v in ends.items()}}
+    return {
+        "value": float(np.median(known)),
+        "low": _statistic(float(interval.low)),
+        "high": _statistic(float(interval.high)),
+    }

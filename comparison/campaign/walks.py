@@ -22,8 +22,6 @@ from harpy_pin.scenario import ControllerPart, Governed
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
 
-__all__ = ["MEASURES", "damped_harpy", "draw_push", "scenario", "walk_task"]
-
 MEASURES = (
     "fell",
     "duration_s",
@@ -37,7 +35,7 @@ MEASURES = (
     "thrust_rms_n",
     "solver_failures",
 )
-"""What is kept of :class:`harpy_pin.Measures`."""
+"""What is kept of :class:`harpy_pin.log.Measures`."""
 
 ICE = (0.4, 0.7)
 """Where the strip of ice begins and ends, as shares of the way that the walk is to go: about two steps."""

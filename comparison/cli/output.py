@@ -5,10 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -17,7 +16,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextC
 from comparison.tables import Table
 from harpy_pin.files import check_writable, write_json
 
-__all__ = ["one_stage", "print_tables", "stages", "writing"]
+NumbersFile = Annotated[
+    Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
+]
 
 
 def print_tables(tables: Iterable[Table]) -> None:
@@ -41,31 +42,6 @@ def writing(path: Path | None) -> Iterator[dict[str, Any]]:
         write_json(path, document)
 
 
-def _bars(*, auto_refresh: bool) -> Progress:
-    """Progress bars on stderr."""
-    return Progress(
-        TextColumn("{task.description:<8}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        auto_refresh=auto_refresh,
-        transient=True,
-        disable=not sys.stderr.isatty(),
-    )
-
-
-@contextmanager
-def one_stage(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar for work in which nothing is timed; where the output is no terminal, lines."""
-    if not sys.stderr.isatty():
-        yield partial(_line_by_line(), what)
-        return
-    with _bars(auto_refresh=True) as bars:
-        task = bars.add_task(what, total=None)
-        yield lambda done, total: bars.update(task, completed=done, total=total)
-
-
 @contextmanager
 def stages() -> Iterator[Callable[[str, int, int], None]]:
     """A bar for each stage, drawn between pieces of work: a refreshing thread would wake up while the clock runs.
@@ -76,7 +52,8 @@ def stages() -> Iterator[Callable[[str, int, int], None]]:
         yield _line_by_line()
         return
     tasks: dict[str, TaskID] = {}
-    with _bars(auto_refresh=False) as bars:
+    columns = TextColumn("{task.description:<8}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), auto_refresh=False, transient=True) as bars:
 
         def progress(what: str, done: int, total: int) -> None:
             if what not in tasks:

@@ -8,15 +8,12 @@ from typing import Annotated
 import typer
 
 from comparison.benchmark import LOW_FRICTION, Settings
-from comparison.cli.options import NumbersFile
-from comparison.cli.output import print_tables, stages, writing
+from comparison.cli.output import NumbersFile, print_tables, stages, writing
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import PEERS, PLAYGROUND, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.peers.growth_of_peers import ROBOTS
 from comparison.peers.peer_tables import peer_tables
-
-__all__ = ["peers"]
 
 
 def peers(

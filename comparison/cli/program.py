@@ -10,14 +10,12 @@ import typer
 from comparison.cli.peers import peers
 from comparison.cli.public import public
 from comparison.cli.results import results
-from comparison.cli.studies import STUDIES, engines, grounds
+from comparison.cli.studies import STUDIES, command_of, films
 from comparison.cli.tuning import tune
 from comparison.cli.walks import campaign
 from comparison.cli.whole import diff, whole
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
-
-__all__ = ["app", "main"]
 
 app = typer.Typer(
     add_completion=False,
@@ -31,11 +29,10 @@ app.callback(invoke_without_command=True, epilog="Example:  python -m comparison
 
 _COMMANDS: dict[Callable[..., None], str] = {
     campaign: "campaign --quick --out campaign.jsonl",
-    grounds: "grounds --json grounds.json",
-    engines: "engines",
     peers: "peers --install && python -m comparison peers --json peers.json",
     public: "public --data clones --json public.json",
-    **STUDIES,
+    **{command_of(study): f"{name} {study.example or f'--json {name}.json'}" for name, study in STUDIES.items()},
+    films: "films flights.html",
     tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
     results: "results docs/results.md --data out/results",
     diff: "diff before.json after.json",

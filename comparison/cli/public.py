@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from comparison.cli.options import NumbersFile
-from comparison.cli.output import one_stage, print_tables, writing
+from comparison.cli.output import NumbersFile, print_tables, stages, writing
 from comparison.public.data_set import record_problems, write_problems
 from comparison.public.study import PublicSettings, measure_public, public_tables
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-
-__all__ = ["public"]
 
 
 def public(
@@ -30,17 +28,16 @@ def public(
             "else a folder of .npz files.",
         ),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A few programs and models: to see whether it works.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A few programs: to see whether it works.")] = False,
     seed: Annotated[int, typer.Option(help="Seed of the walks whose programs are recorded.")] = 0,
     json: NumbersFile = None,
 ) -> None:
     """Measure on benchmarks that no one here wrote.
 
-    Reads clones of mpc_qpbenchmark, maros_meszaros_qpbenchmark, libdwbc and dfki-quad, and says which are missing and
-    how to get them. Our dual active-set method solves the programs beside quadprog, DAQP, PIQP, ProxQP and Clarabel, to
-    the tolerances of qpbenchmark; our terms are compared with libdwbc's recorded states and timed on its models;
-    motions of dfki-quad are replayed. With --export it writes programs of Harpy's walks instead, as qpbenchmark reads
-    them. --data takes some minutes.
+    Reads clones of mpc_qpbenchmark and maros_meszaros_qpbenchmark, and says which is missing and how to get it. Our
+    dual active-set method solves the programs beside quadprog, DAQP, PIQP, ProxQP and Clarabel, to the tolerances of
+    qpbenchmark. With --export it writes programs of Harpy's walks instead, as qpbenchmark reads them. --data takes
+    some minutes.
     """
     checks.whole("seed", seed)
     if (data is None) == (export is None):
@@ -54,6 +51,6 @@ def public(
         return
     assert data is not None
     settings = PublicSettings.quick() if quick else PublicSettings()
-    with writing(json) as document, one_stage("public") as progress:
-        document |= measure_public(settings, data, progress)
+    with writing(json) as document, stages() as progress:
+        document |= measure_public(settings, data, partial(progress, "public"))
     print_tables(public_tables(document))

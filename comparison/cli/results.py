@@ -12,44 +12,29 @@ from typing import Annotated, Any
 
 import typer
 
-from comparison.campaign.breaking import breaking_tables
 from comparison.campaign.exceptions import exceptions_table
-from comparison.campaign.summary import summary_tables
-from comparison.campaign.variants_table import variants_table
-from comparison.contacts import contact_tables
-from comparison.crossings import crossing_tables
-from comparison.delay import delay_tables
-from comparison.edge import edge_tables
-from comparison.embedded import embedded_tables
-from comparison.ice import ice_tables
-from comparison.limits import limit_tables
-from comparison.measure.walking import Rows
+from comparison.campaign.summary import summary_tables, variants_table
+from comparison.cli.studies import STUDIES
 from comparison.report.contents import tables_of
 from comparison.results import rewritten, sources_of
-from comparison.robots import robot_tables
-from comparison.sections.grounds import ground_tables
-from comparison.slopes import slope_tables
-from comparison.steering import steering_tables
+from comparison.study import Study
 from comparison.tables import Table
-from comparison.walkers.study import walkers_tables
-from comparison.walking import walking_tables
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.files import check_writable, replacing
-
-__all__ = ["SOURCES", "results"]
 
 Tables = Callable[[dict[str, Any]], list[Table]]
 
 
 def _campaign(summary: dict[str, Any]) -> list[Table]:
     """Every table of a campaign."""
-    return [*breaking_tables(summary), variants_table(summary), exceptions_table(summary), *summary_tables(summary)]
+    return [variants_table(summary), exceptions_table(summary), *summary_tables(summary)]
 
 
-def _walks(tables: Callable[[Rows], list[Table]]) -> Tables:
-    """The tables of a study that keeps its walks."""
-    return lambda document: tables(document["walks"])
+def _study(study: Study) -> tuple[str, Tables]:
+    """Its command, which keeps what it has done, and the tables of its document."""
+    kept = "" if study.all_at_once is not None else f" --out {{folder}}/{study.name}.jsonl"
+    return f"{study.name}{kept}", lambda document: study.tables(document["walks"])
 
 
 SOURCES: Mapping[str, tuple[str, Tables]] = {
@@ -58,19 +43,7 @@ SOURCES: Mapping[str, tuple[str, Tables]] = {
     "variants": ("campaign --variants --out {folder}/variants.jsonl", _campaign),
     "damped": ("campaign --variants --walks 960 --joint-damping 5 --out {folder}/damped.jsonl", _campaign),
     "harsh": ("campaign --harsh --out {folder}/harsh.jsonl", _campaign),
-    "grounds": ("grounds", _walks(ground_tables)),
-    "contacts": ("contacts --out {folder}/contacts.jsonl", _walks(contact_tables)),
-    "limits": ("limits --out {folder}/limits.jsonl", _walks(limit_tables)),
-    "delay": ("delay", _walks(delay_tables)),
-    "ice": ("ice", _walks(ice_tables)),
-    "steering": ("steering", _walks(steering_tables)),
-    "edge": ("edge", _walks(edge_tables)),
-    "robots": ("robots", _walks(robot_tables)),
-    "embedded": ("embedded", _walks(embedded_tables)),
-    "slopes": ("slopes --out {folder}/slopes.jsonl", _walks(slope_tables)),
-    "walkers": ("walkers --out {folder}/walkers.jsonl", _walks(walkers_tables)),
-    "walking": ("walking --out {folder}/walking.jsonl", _walks(walking_tables)),
-    "crossings": ("crossings --out {folder}/crossings.jsonl", _walks(crossing_tables)),
+    **{name: _study(study) for name, study in STUDIES.items()},
 }
 """For each source of a page the command that measures it, without ``--json``, and the tables of what it writes."""
 
@@ -85,7 +58,7 @@ def results(
 
     Above each table of the page a comment says from which command it comes, and which rows and columns it shows. The
     commands whose JSON file is not in the folder are run first; the tables of one that fails stay as they are. Those of
-    docs/results.md take an hour, and need the extras compare, robots and drake, and what "embedded" needs.
+    docs/results.md take an hour, and need the extras compare and robots, and what "embedded" needs.
     """
     try:
         text = page.read_text(encoding="utf-8")

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from comparison.cli.output import one_stage, print_tables, writing
-from comparison.tuning.tune import TuneSettings
+from comparison.cli.output import print_tables, stages, writing
+from comparison.tuning.tune import TuneSettings, tuning_tables
 from comparison.tuning.tune import tune as search_settings
-from comparison.tuning.tuning_tables import tuning_tables
 from comparison.tuning.variants import VARIANTS
 from harpy_pin.files import check_writable
-
-__all__ = ["tune"]
 
 
 def tune(
@@ -65,6 +63,6 @@ def tune(
         seed=seed,
         variants=tuple(only) if only else TuneSettings.variants,
     )
-    with writing(json) as document, one_stage("settings") as progress:
-        document |= search_settings(settings, out, progress)
+    with writing(json) as document, stages() as progress:
+        document |= search_settings(settings, out, partial(progress, "settings"))
     print_tables(tuning_tables(document))

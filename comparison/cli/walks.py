@@ -8,18 +8,14 @@ from typing import Annotated, Any
 
 import typer
 
-from comparison.campaign.breaking import breaking_tables
-from comparison.campaign.campaign_run import run_campaign
-from comparison.campaign.exceptions import exceptions_table
+from comparison.campaign.exceptions import exceptions_table, with_reasons
+from comparison.campaign.execute import run_campaign
 from comparison.campaign.plan import plan
-from comparison.campaign.reasons import with_reasons
 from comparison.campaign.settings import KINDS
-from comparison.campaign.variants_table import variants_table
+from comparison.campaign.summary import variants_table
 from comparison.cli.output import print_tables, stages, writing
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_writable
-
-__all__ = ["campaign"]
 
 
 def _defaults(name: str) -> str:
@@ -33,14 +29,12 @@ def campaign(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
     ] = False,
-    hard: Annotated[
-        bool, typer.Option("--hard", help="Wider ranges, noise and delay, from a seed that nothing was tuned on.")
-    ] = False,
     wide: Annotated[
         bool,
         typer.Option(
             "--wide",
-            help="All that --hard varies, and stiffness and damping of the ground, speed and engine. Needs MuJoCo.",
+            help="Wider ranges, noise, delay, ice, stiffness and damping of the ground, speed and engine, from a seed "
+            "that nothing was tuned on. Needs MuJoCo.",
         ),
     ] = False,
     variants: Annotated[
@@ -98,16 +92,16 @@ def campaign(
 
     All walk the same ones.
     Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
-    assumes; --hard, --wide and --harsh vary more, and more widely. At most one of --quick, --hard, --wide, --variants
-    and --harsh is given. The tables say who falls first, and on what, and how far the feet slip. Every finished walk is
+    assumes; --wide and --harsh vary more, and more widely. At most one of --quick, --wide, --variants and --harsh is
+    given. The tables say who falls first, and on what, and how far the feet slip. Every finished walk is
     written to disk at once, so a campaign that was stopped continues when the same command is given again. Rows of
     other settings or other code in the file are ignored.
     """
     check_writable(out)
-    chosen_kinds = (("quick", quick), ("hard", hard), ("wide", wide), ("variants", variants), ("harsh", harsh))
+    chosen_kinds = (("quick", quick), ("wide", wide), ("variants", variants), ("harsh", harsh))
     kinds = [name for name, chosen in chosen_kinds if chosen]
     if len(kinds) > 1:
-        raise InputError("--quick, --hard, --wide, --variants and --harsh exclude each other", name=f"--{kinds[-1]}")
+        raise InputError("--quick, --wide, --variants and --harsh exclude each other", name=f"--{kinds[-1]}")
     damped = None if joint_damping is None else (joint_damping,)
     given: dict[str, Any] = {"walks": walks, "duration": duration, "seed": seed, "joint_dampings": damped}
     settings = KINDS[kinds[0] if kinds else "plain"](**{name: v for name, v in given.items() if v is not None})
@@ -117,5 +111,4 @@ def campaign(
             again = partial(progress, "reasons")
             found = with_reasons(summary["exceptions"], plan(settings), out, scheduler=scheduler, progress=again)
             summary["exceptions"] = found
-    tables = [variants_table(summary)] if variants or harsh else breaking_tables(summary)
-    print_tables([*tables, exceptions_table(summary)] if harsh else tables)
+    print_tables([variants_table(summary), *([exceptions_table(summary)] if harsh else [])])

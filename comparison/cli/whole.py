@@ -9,16 +9,13 @@ import typer
 from rich.console import Console
 
 from comparison.benchmark import SECTIONS, Settings, compare
-from comparison.cli.options import NumbersFile
-from comparison.cli.output import stages
+from comparison.cli.output import NumbersFile, stages
 from comparison.report.answer import answer_of, passed
 from comparison.report.contents import tables_of
 from comparison.report.diff import changes_text, read_document
 from comparison.report.html import figures_of, write_report
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, write_json
-
-__all__ = ["diff", "whole"]
 
 
 def whole(

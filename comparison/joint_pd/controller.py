@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from comparison.joint_pd.law import GRAVITY, JointPDRecord, joint_torques
 from harpy_pin import Command, Robot, State, WalkingGait
-from harpy_pin.compiled import kernel
-from harpy_pin.gaits.gait import GaitTargetRecord
-from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.compiled.calls import Call
 from harpy_pin.model.dynamics import dynamics_record
-from harpy_pin.model.entry import GOOD
-from harpy_pin.model.record import Records, field, make_record
-from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ticks import CompiledTick, note_array
+from harpy_pin.model.record import field, make_record
 
-__all__ = ["JointPD", "JointPDGains"]
-
+GAINS_FILE = Path(__file__).with_name("gains.json")
+"""What the search wrote: gains by robot, and what they came to."""
 DAMPING = 1e-4
 """Of the inverse kinematics, as a share of the squared length of a leg."""
 JOINTS = 3
@@ -47,6 +45,15 @@ class JointPDGains:
     swing_p: float = 2.0
     swing_d: float = 0.3
     follow: float = 0.5
+
+
+@cache
+def found_gains() -> dict[str, Any]:
+    """The file's document: what was found, by robot."""
+    if not GAINS_FILE.exists():
+        return {}
+    document: dict[str, Any] = json.loads(GAINS_FILE.read_text(encoding="utf-8"))
+    return document
 
 
 class JointPD:
@@ -85,6 +92,7 @@ class JointPD:
             dynamics=dynamics_record(robot),
             target=dynamics_record(robot),
         )
+        self._records = (self._record, gait.record, gait.target.record)
         self.command = (field(self._record, "torque"), np.zeros((0, 3)))
         self._command = Command(*self.command)
 
@@ -108,36 +116,17 @@ class JointPD:
         """
         self.gait.observe(state)
         self.gait.update(state.t)
-        _act((self._record, self.gait.record, self.gait.target.record), state.q, state.v, state.foot_force)
+        joint_torques(*self._records, state.q, state.v)
         return self._command
 
-    @property
-    def compiled(self) -> tuple[CompiledTick, CompiledTick] | None:
-        """The gait's tick and the controller's own for a compiled loop, where the gait has one."""
-        gait = self.gait.compiled
-        if gait is None:
-            return None
-        parts = (self._record, self.gait.record, self.gait.target.record)
-        return gait, CompiledTick(_act, _note, parts, ("stance",))
+    def calls(self, state: State) -> tuple[Call, ...] | None:
+        """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
 
-
-_Parts = tuple[Records[JointPDRecord], Records[WalkingRecord], Records[GaitTargetRecord]]
-
-
-@kernel
-def _act(parts: _Parts, q: Vector, v: Vector, foot_force: Vector) -> int:
-    """The tick in a compiled loop."""
-    own, gait, target = parts
-    joint_torques(own[0], gait[0], target[0], q, v)
-    return GOOD
-
-
-@kernel
-def _note(parts: _Parts, row: Vector, places: NDArray[np.int64], s: int) -> int:
-    """The signals of :meth:`JointPD.telemetry` but for the gait's."""
-    _, _, target = parts
-    note_array(target[0].stance, row, places[s])
-    return s + 1
+        Args:
+            state: arrays of the measured state, which stay where they are.
+        """
+        calls = self.gait.calls(state)
+        return None if calls is None else (*calls, Call(joint_torques, *self._records, state.q, state.v))
 
 
 def _joints_of(robot: Robot, foot: str) -> list[int]:

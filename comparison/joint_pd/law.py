@@ -26,8 +26,6 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-__all__: list[str] = []
-
 GRAVITY = 9.81
 """m/s²."""
 MOMENT = 0.1
@@ -144,7 +142,7 @@ def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vecto
         spin[2] = o.heading[1]
         place[2] -= p.height + p.raised + mean_felt(p) - o.body[2]
         for i in range(2):
-            rate[i] -= r.follow * (p.wanted[i] - o.body[3 + i])
+            rate[i] -= r.follow * (p.desired[i] - o.body[3 + i])
         rate[2] -= p.velocity[3] - o.body[5]
     else:
         frame[:] = turned

@@ -13,8 +13,6 @@ from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.scenario.build import Walk
 from harpy_pin.simulation.controller import Controller
 
-__all__ = ["time_ticks", "time_ticks_of_two"]
-
 FIRST = 10
 """Ticks that are not timed: they load what every tick needs."""
 

@@ -6,33 +6,22 @@ that no statement rests only on what the solver reports.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog, nnls
 
-from comparison.measure.controllers import make_contender, make_governed, make_whole_body
-from comparison.measure.isolated import GovernorTrace
+from comparison.measure.controllers import make_contender
+from comparison.measure.replay import GovernorTrace, TickReplay, replay
 from comparison.measure.states import StateSequence
-from comparison.measure.tick_replay import TickReplay, replay
 from harpy_pin.governors import Governor
 from harpy_pin.model.record import Record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram
 from harpy_pin.wbc.program import UNBOUNDED
-
-__all__ = [
-    "ExpectedReplay",
-    "ProgramTrace",
-    "RecordingGovernor",
-    "is_feasible",
-    "one_sided",
-    "record_expected",
-    "record_programs",
-    "stationarity",
-]
 
 ACTIVE = 1e-3
 """Distance from its bound at which a constraint counts as active, in the constraint's unit."""
@@ -45,39 +34,28 @@ class RecordingGovernor:
         self.inner = inner
         self.applied: Vector = inner.applied
         self.status = inner.status
-        self.starts: list[Vector] = []
-        self.measured: list[Vector] = []
-        self.references: list[Vector] = []
-        self.results: list[Vector] = []
-        self.active: list[bool] = []
-        self.infeasible: list[bool] = []
+        self.start = inner.applied
+        self.kept: list[tuple[Any, ...]] = []
 
     def reset(self, x_r: Vector) -> None:
         """See :class:`harpy_pin.governors.Governor`."""
-        self.starts.append(x_r.copy())
+        if not self.kept:
+            self.start = x_r.copy()
         self.inner.reset(x_r)
 
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governors.Governor`."""
-        self.measured.append(x.copy())
-        self.references.append(x_r.copy())
+        inputs = x.copy(), x_r.copy()
         self.applied = self.inner.update(x, x_r, dt)
         self.status = self.inner.status
-        self.results.append(self.applied.copy())
-        self.active.append(bool(np.any(self.status.h_r < 0.0) or np.any(self.status.h_w < 0.0)))
-        self.infeasible.append(bool(self.status.infeasible))
+        active = bool(np.any(self.status.h_r < 0.0) or np.any(self.status.h_w < 0.0))
+        self.kept.append((*inputs, self.applied.copy(), active, bool(self.status.infeasible)))
         return self.applied
 
     def trace(self) -> GovernorTrace:
         """What was kept, of one sequence."""
-        return GovernorTrace(
-            self.starts[0],
-            np.array(self.measured),
-            np.array(self.references),
-            np.array(self.results),
-            float(np.mean(self.active)),
-            float(np.mean(self.infeasible)),
-        )
+        measured, references, results, active, infeasible = (np.array(part) for part in zip(*self.kept, strict=True))
+        return GovernorTrace(self.start, measured, references, results, float(active.mean()), float(infeasible.mean()))
 
 
 @dataclass(frozen=True)
@@ -112,17 +90,17 @@ class ExpectedReplay:
     """What should come out of one sequence.
 
     Attributes:
-        commands: (ticks, size) of each contender.
         governor: inputs and outputs of the governor.
         strained: the same inputs and what a governor makes of them that assumes no friction, so that rows are violated
             throughout.
         program: the quadratic programs.
+        commands: (ticks, size) of each contender.
     """
 
     governor: GovernorTrace
     strained: GovernorTrace
     program: ProgramTrace
-    commands: dict[str, Vector] = field(default_factory=dict)
+    commands: dict[str, Vector]
 
 
 def record_expected(
@@ -133,24 +111,20 @@ def record_expected(
     Programs are kept from the first on; at most so many samples of solutions are checked for stationarity, and of
     failures for feasibility.
     """
-    plain = {
-        name: replay(TickReplay(make_contender(name, robot, friction)), sequence.states).commands
-        for name in ("ungoverned", "condensed")
+    governed = make_contender("governed", robot, friction)
+    governed.governor = recorder = RecordingGovernor(governed.governor)
+    controllers = {name: make_contender(name, robot, friction) for name in ("ungoverned", "condensed")}
+    commands = {
+        name: replay(TickReplay(controller), sequence.states).commands
+        for name, controller in {**controllers, "governed": governed}.items()
     }
-    governed = make_governed(robot, friction)
-    assert governed.governor is not None
-    recorder = RecordingGovernor(governed.governor)
-    governed.governor = recorder
-    commands = replay(TickReplay(governed), sequence.states).commands
     trace = recorder.trace()
-    inner = make_governed(robot, 0.0).governor
-    assert inner is not None
-    strained = RecordingGovernor(inner)
+    strained = RecordingGovernor(make_contender("governed", robot, 0.0).governor)
     strained.reset(trace.start)
     for x, x_r in zip(trace.measured, trace.references, strict=True):
         strained.update(x, x_r, governed.period)
     program, wbc = record_programs(robot, friction, sequence, keep=keep, samples=samples)
-    return ExpectedReplay(trace, strained.trace(), program, plain | {"governed": commands, "wbc": wbc})
+    return ExpectedReplay(trace, strained.trace(), program, commands | {"wbc": wbc})
 
 
 def record_programs(
@@ -160,21 +134,23 @@ def record_programs(
 
     For arguments see :func:`record_expected`.
     """
-    controller = make_whole_body(robot, friction)
+    controller = make_contender("wbc", robot, friction)
     controller.reset()
     p, ticks = controller.problem.program, len(sequence)
     keep = min(keep, ticks)
     programs, solutions = np.zeros(keep, p.record.dtype), np.full((keep, p.shape[0]), np.nan)
-    iterations, statuses, usable = np.zeros(ticks), np.zeros(ticks), np.zeros(ticks, dtype=np.bool_)
-    commands: list[Vector] = []
+    commands, told, residuals = [], [], []
     every = max(ticks // samples, 1)
     violation, failed_feasible, failed_sampled = 0.0, 0, 0
-    residuals: list[float] = []
     for i, state in enumerate(sequence.states):
         command = controller.step(state)
         commands.append(np.concatenate((command.torque, command.thrust.ravel())))
         solution = controller.solution
-        iterations[i], statuses[i], usable[i] = solution.iterations, int(solution.status), solution.usable
+        told.append((solution.iterations, int(solution.status), solution.usable))
+        if i < keep:
+            programs[i] = p.record[0]
+            if solution.usable:
+                solutions[i] = solution.z
         if solution.usable:
             violation = max(violation, p.violation(solution.z))
             if i % every == 0:
@@ -182,22 +158,9 @@ def record_programs(
         elif failed_sampled < samples:
             failed_feasible += is_feasible(p)
             failed_sampled += 1
-        if i < keep:
-            programs[i] = p.record[0]
-            if solution.usable:
-                solutions[i] = solution.z
-    trace = ProgramTrace(
-        programs,
-        solutions,
-        iterations,
-        statuses,
-        usable,
-        violation,
-        np.array(residuals),
-        failed_feasible,
-        failed_sampled,
-    )
-    return trace, np.array(commands)
+    iterations, statuses, usable = np.array(told, dtype=float).T
+    judged = violation, np.array(residuals), failed_feasible, failed_sampled
+    return ProgramTrace(programs, solutions, iterations, statuses, usable > 0.0, *judged), np.array(commands)
 
 
 def stationarity(program: QuadraticProgram, z: Vector) -> float:
@@ -220,24 +183,15 @@ def stationarity(program: QuadraticProgram, z: Vector) -> float:
 
 def one_sided(program: QuadraticProgram) -> tuple[Vector, Vector]:
     """(G, h) of G z ≤ h, bounds at infinity left out."""
-    below, above = program.lower > -UNBOUNDED, program.upper < UNBOUNDED
-    return (
-        np.vstack((program.inequality[above], -program.inequality[below])),
-        np.concatenate((program.upper[above], -program.lower[below])),
-    )
+    p, below, above = program, program.lower > -UNBOUNDED, program.upper < UNBOUNDED
+    rows = np.vstack((p.inequality[above], -p.inequality[below]))
+    return rows, np.concatenate((p.upper[above], -p.lower[below]))
 
 
 def is_feasible(program: QuadraticProgram) -> bool:
     """Whether a linear program finds a point that satisfies every constraint."""
     p = program
     rows, bounds = one_sided(p)
-    result = linprog(
-        np.zeros(len(p.gradient)),
-        A_ub=rows,
-        b_ub=bounds,
-        A_eq=p.equality if len(p.equality_value) else None,
-        b_eq=p.equality_value if len(p.equality_value) else None,
-        bounds=(None, None),
-        method="highs",
-    )
+    equalities = {"A_eq": p.equality, "b_eq": p.equality_value} if len(p.equality_value) else {}
+    result = linprog(np.zeros(len(p.gradient)), A_ub=rows, b_ub=bounds, bounds=(None, None), **equalities)
     return bool(result.status == 0)

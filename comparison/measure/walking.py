@@ -16,17 +16,6 @@ from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
 from harpy_pin.simulation.controller import Controller
 
-__all__ = [
-    "Progress",
-    "Rows",
-    "as_far_as_it_goes",
-    "grouped",
-    "in_processes",
-    "one_by_one",
-    "tracked",
-    "walk_as_far_as_it_goes",
-]
-
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
 
@@ -47,19 +36,13 @@ def tracked(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[_Job]:
             progress(done, len(jobs))
 
 
-def in_processes(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job], progress: Progress | None) -> Rows:
-    """A row for each job, in their order; many of them in processes of their own, one for each core.
+def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Iterator[dict[str, Any]]:
+    """A row for each job, each as soon as it and all before it are there; many in processes of their own, one a core.
 
     Args:
         walk: function of a module, of one job.
         jobs: what is walked.
-        progress: told after every row.
     """
-    return [row for _, row in zip(tracked(jobs, progress), one_by_one(walk, jobs), strict=True)]
-
-
-def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Iterator[dict[str, Any]]:
-    """The rows of :func:`in_processes`, each as soon as it and all before it are there."""
     if len(jobs) <= ALONE:
         yield from map(walk, jobs)
         return

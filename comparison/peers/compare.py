@@ -9,22 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.controllers import make_whole_body
-from comparison.measure.interleave import TimingSettings
+from comparison.measure.controllers import make_contender
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, record_states, walk
-from comparison.peers.check import TOLERANCE
-from comparison.peers.environment import PEERS, Peer, default_folder
+from comparison.measure.timing import TimingSettings
+from comparison.peers.environment import PEERS, Peer
 from comparison.peers.growth_of_peers import ROBOTS, measure_growth
-from comparison.peers.measure_peer import PeerSettings, measure_peer, summarise_times
+from comparison.peers.measure_peer import TOLERANCE, PeerSettings, measure_peer, summarise_times
 from comparison.peers.ours import OURS, Ours, the_peers_program, time_inside_c
 from comparison.peers.peer_problem import make_problem
 from comparison.peers.pinocchio_terms import compare_terms
 from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.files import finite
 from harpy_pin.model.robot import Robot, load_harpy
-
-__all__ = ["compare_peers", "measure_peers"]
 
 RECORDED = ("governed", "wbc")
 """Whose walks give the states."""
@@ -36,13 +33,13 @@ def measure_peers(
     *,
     friction: float,
     settings: PeerSettings,
-    folder: Path | None = None,
+    folder: Path,
     peers: Mapping[str, Peer] = PEERS,
     on_step: Callable[[], None] = lambda: None,
 ) -> dict[str, Any]:
     """Check and time every peer and our own controller.
 
-    Environments lie in the default folder if none is given. ``on_step`` is called ``len(peers) + 3`` times, never while
+    ``folder`` has the peers' environments. ``on_step`` is called ``len(peers) + 3`` times, never while
     a clock runs.
 
     Returns:
@@ -50,42 +47,39 @@ def measure_peers(
         differences from our solutions and the times of ``tick`` and ``solve`` in single and double support;
         ``terms``: see :func:`~comparison.peers.pinocchio_terms.compare_terms`.
     """
-    folder = default_folder() if folder is None else folder
-    problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=settings.most)
+    most, repetitions = settings.most, settings.repetitions
+    problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=most)
     # Ours before and after the others: a drift of the machine's speed shows in the spread of its medians.
-    before = (settings.repetitions + 1) // 2
-    ours = Ours(lambda: make_whole_body(robot, friction), sequences, settings.most)
-    same = Ours(lambda: WholeBodyController(*the_peers_program(robot, friction)), sequences, settings.most)
-    condensed = Ours(lambda: CondensedController(*the_peers_program(robot, friction)), sequences, settings.most)
-    for controller in (ours, same, condensed):
+    before = (repetitions + 1) // 2
+    ours = Ours(lambda: make_contender("wbc", robot, friction), sequences, most)
+    mine = {
+        "WBC QP": Ours(lambda: WholeBodyController(*the_peers_program(robot, friction)), sequences, most),
+        "condensed WBC": Ours(lambda: CondensedController(*the_peers_program(robot, friction)), sequences, most),
+    }
+    for controller in (ours, *mine.values()):
         controller.replay(before)
     on_step()
-    contenders: dict[str, Any] = {}
+    others: dict[str, Any] = {}
     for name, peer in peers.items():
-        contenders |= measure_peer(name, peer, problem, folder, settings.repetitions)
+        others |= measure_peer(name, peer, problem, folder, repetitions)
         on_step()
-    for controller in (ours, same, condensed):
-        controller.replay(settings.repetitions - before)
+    for controller in (ours, *mine.values()):
+        controller.replay(repetitions - before)
     on_step()
-    times = summarise_times(problem, np.array(ours.tick), np.array(ours.solve), ours.overhead)
-    mine = {"WBC QP": same, "condensed WBC": condensed}
-    contenders = {**{f"{OURS}, the peers' program, {name}": c.entry(problem) for name, c in mine.items()}, **contenders}
-    terms = compare_terms(
-        robot,
-        sequences,
-        friction=friction,
-        warm_up=settings.warm_up,
-        most=settings.most,
-        repetitions=settings.repetitions,
-    )
+    contenders: dict[str, Any] = {
+        OURS: {"reason": "", "times": summarise_times(problem, ours.times(), ours.overhead)},
+        **{f"{OURS}, the peers' program, {name}": c.entry(problem) for name, c in mine.items()},
+        **others,
+    }
+    terms = compare_terms(robot, sequences, friction=friction, settings=settings)
     on_step()
     return {
         "friction": friction,
         "ticks": len(problem),
         "unsolved_by_us": {name: int(np.count_nonzero(~e.solved)) for name, e in problem.expected.items()},
-        "repetitions": settings.repetitions,
+        "repetitions": repetitions,
         "tolerance": dict(TOLERANCE),
-        "contenders": {OURS: {"reason": "", "times": times}, **contenders},
+        "contenders": contenders,
         "terms": terms,
     }
 
@@ -107,27 +101,25 @@ def compare_peers(
     Returns:
         ``peers``, ``machine`` and ``versions``, ready for JSON.
     """
-    machine = describe_machine()
-    sequences = []
+    machine, sequences, settings = describe_machine(), [], PeerSettings.of(timing)
     for i, name in enumerate(RECORDED):
         progress("walking", i, len(RECORDED))
         run = walk(name, friction=friction, duration=duration)
         sequences.append(record_states(name, run, least=timing.warm_up + 50))
     progress("walking", len(RECORDED), len(RECORDED))
-    total = len(PEERS) + 4
+    total, steps = len(PEERS) + 4, count(1)
     progress("peers", 0, total)
-    steps = count(1)
     peers = measure_peers(
         load_harpy(),
         sequences,
         friction=friction,
-        settings=PeerSettings.of(timing),
+        settings=settings,
         folder=folder,
         on_step=lambda: progress("peers", next(steps), total),
     )
     inside = {"reason": "", "times": time_inside_c(friction, duration)}
     peers["contenders"] = {f"{OURS}, condensed WBC inside C, a walk of its own": inside, **peers["contenders"]}
-    peers["growth"] = measure_growth(folder, PeerSettings.of(timing), robots=growth)
+    peers["growth"] = measure_growth(folder, settings, robots=growth)
     progress("peers", total, total)
     document: dict[str, Any] = finite({"peers": peers, "machine": machine, "versions": describe_all_versions()})
     return document

@@ -11,8 +11,6 @@ from string import Template
 
 from harpy_pin.export.exported_controllers import Exportable
 
-__all__ = ["daqp_count", "daqp_source"]
-
 FETCH = 120.0
 """Time for the download, s."""
 TOLERANCE = 1e-7

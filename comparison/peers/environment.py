@@ -4,31 +4,14 @@ from __future__ import annotations
 
 import os
 import subprocess
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from venv import EnvBuilder
 
-__all__ = [
-    "PEERS",
-    "PLACO_VERSION",
-    "PLAYGROUND",
-    "TSID_CPP_VERSION",
-    "TSID_VERSION",
-    "Peer",
-    "default_folder",
-    "install",
-    "interpreter",
-    "last_line",
-]
-
 PLACO_VERSION = "0.10.2"
-TSID_VERSION = "1.7.1"
-"""The newest whose Python bindings run with a published Pinocchio: those of 1.10 end with ``MemoryError`` (pin 4.1) or
-abort with ``corrupted double-linked list`` (pin 4.0) when they take a model, and it cannot be installed with 3.9."""
-
-TSID_CPP_VERSION = "1.10.0"
-"""The newest; its C++ library runs."""
+TSID_VERSION = "1.10.0"
+"""The newest. Its C++ library runs; its Python bindings end with ``MemoryError`` (pin 4.1) or abort with ``corrupted
+double-linked list`` (pin 4.0) when they take a model, and cannot be installed with pin 3.9."""
 
 LIBRARIES_PYTHON = "3.14"
 """The only Python for which libtsid has a wheel, though the library in it links none."""
@@ -48,49 +31,30 @@ class Peer:
         worker: script that replays a problem through it.
         requirements: what to install, with exact versions where the wheel does not pin them itself.
         libraries: further ones, which hold no Python, from the wheels for Python :data:`LIBRARIES_PYTHON`.
-        variants: of the thrusts that it can pose; the others with the reason why not.
         alone: further ones that are installed without what they depend on.
     """
 
     name: str
     worker: Path
     requirements: tuple[str, ...]
-    variants: Mapping[str, str]
     libraries: tuple[str, ...] = ()
     alone: tuple[str, ...] = ()
 
 
+_TSID = (
+    *(f"libtsid=={TSID_VERSION}", "libpinocchio==4.0.0", "eiquadprog==1.3.2"),
+    *("cmeel-eigen==3.4.1", "cmeel-urdfdom==6.0.0", "cmeel-urdfdom-headers==3.0.0"),
+)
 PEERS = {
-    "placo": Peer("placo", _HERE / "placo_worker.py", (f"placo=={PLACO_VERSION}",), {"given": "", "decided": ""}),
-    "TSID": Peer(
-        "TSID",
-        _HERE / "tsid_worker.py",
-        # The wheel was built against libraries of these versions and names none of them.
-        (f"tsid=={TSID_VERSION}", "pin==3.4.0", "cmeel-urdfdom==4.0.1", "cmeel-tinyxml2==10.0.0"),
-        {"given": "its Python bindings have no external force", "decided": ""},
-    ),
-    "TSID-C++": Peer(
-        "TSID-C++",
-        _HERE / "tsid_cpp_worker.py",
-        ("numpy",),
-        {"given": "", "decided": ""},
-        libraries=(
-            f"libtsid=={TSID_CPP_VERSION}",
-            "libpinocchio==4.0.0",
-            "eiquadprog==1.3.2",
-            "cmeel-eigen==3.4.1",
-            "cmeel-urdfdom==6.0.0",
-            "cmeel-urdfdom-headers==3.0.0",
-        ),
-    ),
+    "placo": Peer("placo", _HERE / "placo_worker.py", (f"placo=={PLACO_VERSION}",)),
+    "TSID-C++": Peer("TSID-C++", _HERE / "tsid_cpp_worker.py", ("numpy",), libraries=_TSID),
 }
-"""Peers by name. Variants are those of :data:`comparison.peers.peer_problem.VARIANTS`."""
+"""Peers by name."""
 
 PLAYGROUND = Peer(
     "Playground",
     _HERE.parent / "walkers" / "policy_worker.py",
     ("onnxruntime==1.32.0", "numpy"),
-    {},
     # The last wheel that holds weights. It is not imported, so it needs neither JAX nor Brax.
     alone=("playground==0.0.4",),
 )
@@ -129,8 +93,9 @@ def install(folder: Path, name: str) -> str:
             _run([*pip, f"--target={packages}", f"--python-version={LIBRARIES_PYTHON}", *peer.libraries])
     except subprocess.TimeoutExpired:
         return f"not installed after {TIMEOUT:g} s"
-    except subprocess.CalledProcessError as error:
-        return _error(error.stderr)
+    except subprocess.CalledProcessError as error:  # hints and notices follow pip's last error
+        errors = [line for line in error.stderr.splitlines() if line.lower().startswith("error")]
+        return last_line(errors[-1] if errors else error.stderr)
     except (OSError, subprocess.SubprocessError) as error:
         return str(error)
     return ""
@@ -140,12 +105,6 @@ def _run(command: list[str]) -> str:
     """What a command prints."""
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=TIMEOUT, check=True)
     return done.stdout
-
-
-def _error(text: str) -> str:
-    """pip's last error; hints and notices follow it."""
-    errors = [line for line in text.splitlines() if line.lower().startswith("error")]
-    return last_line(errors[-1] if errors else text)
 
 
 def last_line(text: str) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,15 +22,13 @@ from comparison.peers.environment import PEERS, Peer
 from comparison.peers.measure_peer import PeerSettings, measure_peer
 from comparison.peers.ours import OURS, Ours, WholeBody, peers_parameters
 from comparison.peers.peer_problem import PeerProblem, make_problem
-from harpy_pin.controllers import CondensedController, WholeBodyController
+from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.gaits import Gait, Standing
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.model.state import State
 from harpy_pin.wbc import WholeBodyWeights
-
-__all__ = ["ROBOTS", "measure_growth", "standing_problem"]
 
 SHORT_LEGS = WholeBodyWeights(body=1e3, orientation=1e2, swing=5e3, arms=1e3, thrust=5.0, force=1e-2)
 """For legs of three joints: the default weights times 1,000 but that of the legs' posture, 1e-6.
@@ -59,8 +58,8 @@ _AMPLITUDE = 0.02
 
 def standing_problem(
     name: str, folder: Path, *, warm_up: int, most: int = _SWAYS
-) -> tuple[PeerProblem, Callable[[], Gait], StateSequence] | str:
-    """A robot that stands and sways.
+) -> tuple[PeerProblem, Callable[[], Gait], StateSequence]:
+    """A robot that stands and sways: the problem, what makes its gait, and its states.
 
     Args:
         name: of the robot.
@@ -68,26 +67,34 @@ def standing_problem(
         warm_up: ticks that are not counted.
         most: ticks.
 
-    Returns:
-        The problem, what makes its gait, and its states; or why there are none.
+    Raises:
+        HarpyError: there is no such robot here.
     """
-    try:
-        robot, posture = load_robot(name), None
-        weights, feet = ROBOTS[name]
-        if feet:
-            posture = Standing(robot).initial_state()[0][7:]
-            robot = load_robot(robot.urdf, feet=feet)
-        gait = Standing(robot, posture)
-        sequence = _sway(name, robot, gait, most)
-        problem = make_problem(
-            robot, [sequence], friction=_FRICTION, warm_up=warm_up, most=most, gait=gait, weights=weights
-        )
-    except HarpyError as error:
-        return str(error).splitlines()[0]
-    urdf = folder / f"{name}.urdf"
-    _without_meshes(robot.urdf, urdf)
-    problem = replace(problem, settings={**problem.settings, "urdf": str(urdf)})
-    return problem, lambda: Standing(robot, posture), sequence
+    robot, posture = load_robot(name), None
+    weights, feet = ROBOTS[name]
+    if feet:
+        posture = Standing(robot).initial_state()[0][7:]
+        robot = load_robot(robot.urdf, feet=feet)
+    sequence = _sway(name, robot, Standing(robot, posture), most)
+    problem = make_problem(
+        robot,
+        [sequence],
+        friction=_FRICTION,
+        warm_up=warm_up,
+        most=most,
+        gait=Standing(robot, posture),
+        weights=weights,
+    )
+    tree, urdf = ElementTree.parse(robot.urdf), folder / f"{name}.urdf"
+    for link in tree.getroot().iter("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
+    tree.write(urdf)
+    return (
+        replace(problem, settings={**problem.settings, "urdf": str(urdf)}),
+        partial(Standing, robot, posture),
+        sequence,
+    )
 
 
 def _sway(name: str, robot: Robot, gait: Gait, most: int) -> StateSequence:
@@ -105,73 +112,55 @@ def _sway(name: str, robot: Robot, gait: Gait, most: int) -> StateSequence:
     return StateSequence(name, tuple(states))
 
 
-def _without_meshes(urdf: Path, out: Path) -> None:
-    tree = ElementTree.parse(urdf)
-    for link in tree.getroot().iter("link"):
-        for shape in (*link.findall("visual"), *link.findall("collision")):
-            link.remove(shape)
-    tree.write(out)
-
-
-def _row(name: str, problem: PeerProblem, entries: Mapping[str, Any]) -> dict[str, Any]:
-    """What is told of a robot: its size, and of every contender the median tick, µs, or why there is none."""
-    row: dict[str, Any] = {
-        "joints": problem.expected["decided"].torque.shape[1],
-        "feet": len(problem.settings["feet"]),
-        "ticks": len(problem),
-        "unsolved_by_us": int(np.count_nonzero(~problem.expected["decided"].solved)),
-        "contenders": {},
-    }
-    for contender, entry in entries.items():
-        (times,) = list(entry.get("times", {}).values())[:1] or [None]
-        row["contenders"][contender] = {
-            "reason": entry["reason"],
-            "p50_us": None if times is None else times["tick"]["p50_us"],
-            "difference": entry.get("difference_max", {}).get("torque"),
-        }
-    return row
-
-
 def measure_growth(
     folder: Path, settings: PeerSettings, *, robots: Sequence[str] = tuple(ROBOTS), peers: Mapping[str, Peer] = PEERS
 ) -> dict[str, Any]:
-    """A tick of everybody on each robot; a reason where there is none.
+    """A tick of everybody on each of some of :data:`ROBOTS`; a reason where there is none.
 
-    Args:
-        folder: of the environments.
-        settings: warm-up, repetitions, and five times the ticks.
-        robots: some of :data:`ROBOTS`.
-        peers: by name.
+    The peers' environments are in a folder. Of the ticks there are a fifth of what the settings say.
     """
     rows: dict[str, Any] = {}
     for robot in robots:
         with TemporaryDirectory() as scratch:
-            made = standing_problem(robot, Path(scratch), warm_up=settings.warm_up, most=settings.most // 5)
-            if isinstance(made, str):
-                rows[robot] = {"reason": made}
+            try:
+                problem, gait, sequence = standing_problem(
+                    robot, Path(scratch), warm_up=settings.warm_up, most=settings.most // 5
+                )
+            except HarpyError as error:
+                rows[robot] = {"reason": str(error).splitlines()[0]}
                 continue
-            problem, gait, sequence = made
-            entries, repetitions = {}, settings.repetitions
+            entries: dict[str, Any] = {}
+            parameters = peers_parameters(_FRICTION, ROBOTS[robot][0])
             for name, kind in (("WBC QP", WholeBodyController), ("condensed WBC", CondensedController)):
-                entries[f"{OURS}, {name}"] = _grown(kind, ROBOTS[robot][0], problem, gait, sequence, repetitions)
+                try:
+                    ours = Ours(partial(_made, kind, gait, parameters), [sequence], len(sequence))
+                    ours.replay(settings.repetitions)
+                    entries[f"{OURS}, {name}"] = ours.entry(problem)
+                except InputError as error:
+                    entries[f"{OURS}, {name}"] = {"reason": str(error).splitlines()[0]}
             for name, peer in peers.items():
-                variants = measure_peer(name, peer, problem, folder, repetitions)
+                variants = measure_peer(name, peer, problem, folder, settings.repetitions)
                 entries[name] = variants[f"{name}, thrusts decided"]
-        rows[robot] = _row(robot, problem, entries)
+        rows[robot] = {
+            "joints": problem.expected["decided"].torque.shape[1],
+            "feet": len(problem.settings["feet"]),
+            "ticks": len(problem),
+            "unsolved_by_us": int(np.count_nonzero(~problem.expected["decided"].solved)),
+            "contenders": {name: _told(entry) for name, entry in entries.items()},
+        }
     return rows
 
 
-def _grown(
-    kind: type[WholeBody],
-    weights: WholeBodyWeights,
-    problem: PeerProblem,
-    gait: Callable[[], Gait],
-    sequence: StateSequence,
-    repetitions: int,
-) -> dict[str, Any]:
-    try:
-        ours = Ours(lambda: kind(gait(), peers_parameters(_FRICTION, weights)), [sequence], len(sequence))
-    except InputError as error:
-        return {"reason": str(error).splitlines()[0]}
-    ours.replay(repetitions)
-    return ours.entry(problem)
+def _made(kind: type[WholeBody], gait: Callable[[], Gait], parameters: WholeBodyParameters) -> WholeBody:
+    """A controller with a gait of its own."""
+    return kind(gait(), parameters)
+
+
+def _told(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What is told of a contender: its median tick, µs, or why there is none."""
+    times = next(iter(entry.get("times", {}).values()), None)
+    return {
+        "reason": entry["reason"],
+        "p50_us": None if times is None else times["tick"]["p50_us"],
+        "difference": entry.get("difference_max", {}).get("torque"),
+    }

@@ -1,34 +1,33 @@
-"""One peer: posed the problem, checked, and its times."""
+"""One peer: posed the problem, checked, and its times. Without the check that it solved the problem no time counts."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+import json
+import zipfile
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from comparison.measure.interleave import TimingSettings
-from comparison.measure.statistics import Laps, summarise_repetitions
-from comparison.peers.check import Answer, check, load_answers
+from comparison.measure.timing import Laps, TimingSettings, summarise_repetitions
 from comparison.peers.environment import Peer, interpreter
-from comparison.peers.peer_problem import PeerProblem
+from comparison.peers.peer_problem import VARIANTS, Expected, PeerProblem
 from comparison.peers.worker import WorkerError, run_worker
+from harpy_pin.model.state import Vector
 
-__all__ = ["PeerSettings", "measure_peer", "summarise_times"]
+TOLERANCE = {"acceleration": 1e-4, "torque": 1e-3, "force": 1e-3, "thrust": 1e-3}
+"""Largest accepted difference from our solution, in the unit of each quantity.
+
+The program is strictly convex, so that its solution is one point; but how forces share a load weighs 1e-5 per N²,
+and where two solvers stop at a gap of 1e-8 their forces may differ by some 1e-2 N in theory, by 2e-5 N as measured.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PeerSettings:
-    """How much to measure.
-
-    Attributes:
-        most: ticks of each sequence, from its start.
-        warm_up: ticks of each sequence that are not counted.
-        repetitions: of every replay.
-    """
+    """How much to measure: ticks of each sequence from its start, those not counted, and repetitions of the replay."""
 
     most: int = 4000
     warm_up: int = 50
@@ -37,54 +36,120 @@ class PeerSettings:
     @classmethod
     def of(cls, timing: TimingSettings) -> PeerSettings:
         """As thorough as the rest of a comparison."""
-        return cls(
-            most=max(2 * timing.programs, 2 * timing.warm_up),
-            warm_up=timing.warm_up,
-            repetitions=min(timing.repetitions, 5),
-        )
+        most = max(2 * timing.programs, 2 * timing.warm_up)
+        return cls(most=most, warm_up=timing.warm_up, repetitions=min(timing.repetitions, 5))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Solutions and times of one variant of the problem.
+
+    Attributes:
+        quantities: arrays shaped as those of :class:`~comparison.peers.peer_problem.Expected`, NaN where unsolved; the
+            thrusts are absent where they were given.
+        laps: (repetitions, ticks) times, ns: of the complete ``tick``, perhaps of the ``solve``, the solver's call
+            only, and of the ``terms``, Pinocchio's rigid-body terms alone.
+        overhead: of the timer, ns.
+        versions: of what was run.
+    """
+
+    quantities: dict[str, Vector]
+    laps: dict[str, Laps]
+    overhead: float
+    versions: dict[str, str]
+
+    def entry(self, problem: PeerProblem, variant: str) -> dict[str, Any]:
+        """What is told of an answer: how far it is from our solutions, and its times if it is near enough."""
+        entry = {**check(self.quantities, problem.expected[variant]), "versions": self.versions}
+        if not entry["reason"]:
+            entry["times"] = summarise_times(problem, self.laps, self.overhead)
+        return entry
 
 
 def measure_peer(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetitions: int) -> dict[str, Any]:
-    """Entries of all variants of a peer."""
-    entries: dict[str, Any] = {}
+    """Entries of both variants of a peer."""
+    names = {variant: f"{name}, thrusts {variant}" for variant in VARIANTS}
     try:
-        answers = _answers(name, peer, problem, folder, repetitions)
+        with TemporaryDirectory() as scratch:
+            asked, result = Path(scratch) / "problem.npz", Path(scratch) / "result.npz"
+            problem.save(asked, repetitions)
+            run_worker(interpreter(folder, name), peer.worker, asked, result)
+            answers = load_answers(result, problem)
     except WorkerError as error:
-        return {f"{name}, thrusts {v}": {"reason": peer.variants[v] or str(error)} for v in peer.variants}
-    for variant, impossible in peer.variants.items():
-        key = f"{name}, thrusts {variant}"
-        answer = answers.get(variant)
-        if answer is None:
-            entries[key] = {"reason": impossible or "its result lacks this variant"}
-            continue
-        verdict = check(answer, problem.expected[variant])
-        entries[key] = {**asdict(verdict), "versions": answer.versions}
-        if verdict.passed:
-            entries[key]["times"] = summarise_times(problem, answer.tick, answer.solve, answer.overhead, answer.terms)
-    return entries
+        return {key: {"reason": str(error)} for key in names.values()}
+    return {key: answers[variant].entry(problem, variant) for variant, key in names.items()}
 
 
-def _answers(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetitions: int) -> dict[str, Answer]:
-    with TemporaryDirectory() as scratch:
-        asked, result = Path(scratch) / "problem.npz", Path(scratch) / "result.npz"
-        problem.save(asked, repetitions)
-        run_worker(interpreter(folder, name), peer.worker, asked, result)
-        return load_answers(result, problem)
+def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:
+    """Read a worker's file: the answers by variant.
+
+    Args:
+        path: ``.npz`` with ``<variant>_<quantity>``, ``<variant>_tick_ns``, ``<variant>_solve_ns``, ``overhead_ns``,
+            perhaps ``<variant>_terms_ns``, and ``versions`` (JSON).
+        problem: that was posed; gives the shapes.
+
+    Raises:
+        WorkerError: the file is not such a file.
+    """
+    answers = {}
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            found = {key: file[key] for key in file.files}
+        versions = {str(name): str(value) for name, value in json.loads(str(found["versions"])).items()}
+        for variant, expected in problem.expected.items():
+            quantities, laps = {}, {}
+            for name in [name for name in TOLERANCE if (name, variant) != ("thrust", "given")]:
+                quantities[name] = np.asarray(found[f"{variant}_{name}"], dtype=np.float64)
+                if quantities[name].shape != getattr(expected, name).shape:
+                    raise ValueError(f"{variant}_{name} has shape {quantities[name].shape}")
+            for name in ("tick", "solve", *(["terms"] if f"{variant}_terms_ns" in found else [])):
+                value = np.asarray(found[f"{variant}_{name}_ns"])
+                if value.ndim != 2 or value.shape[1] != len(expected.solved) or value.dtype.kind not in "iu":
+                    raise ValueError(f"{variant}_{name}_ns is no table of integer times, one column per tick")
+                laps[name] = value.astype(np.int64)
+            answers[variant] = Answer(quantities, laps, float(found["overhead_ns"]), versions)
+    except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
+        raise WorkerError(f"its result cannot be read: {error}") from error
+    return answers
 
 
-def summarise_times(
-    problem: PeerProblem, tick: Laps, solve: Laps | None, overhead: float, terms: Laps | None = None
-) -> dict[str, Any]:
+def check(quantities: dict[str, Vector], expected: Expected) -> dict[str, Any]:
+    """Compare an answer with our solutions, at every tick that our own solver solved.
+
+    Returns:
+        ``reason`` why it is not ours, empty if it is; ticks ``compared`` and ``differing``, those among them that the
+        peer did not solve; largest difference and median of the ticks' largest differences by quantity.
+    """
+    ticks = expected.solved
+    compared = int(np.count_nonzero(ticks))
+    largest: dict[str, float] = {}
+    median: dict[str, float] = {}
+    told = {"compared": compared, "differing": 0, "difference_max": largest, "difference_median": median}
+    if compared == 0:
+        return {"reason": "our own solver solved nothing to compare with", **told}
+    wrong, unsolved = np.zeros(compared, dtype=np.bool_), np.zeros(compared, dtype=np.bool_)
+    for name, value in quantities.items():
+        if value.size == 0:
+            continue  # a robot without thrusters
+        each = np.abs(value - getattr(expected, name))[ticks].reshape(compared, -1).max(axis=1)
+        finite = each[np.isfinite(each)]
+        largest[name] = float(finite.max()) if len(finite) else float("nan")
+        median[name] = float(np.median(finite)) if len(finite) else float("nan")
+        unsolved |= ~np.isfinite(each)
+        wrong |= ~(each <= TOLERANCE[name])
+    differing, lost = int(np.count_nonzero(wrong)), int(np.count_nonzero(unsolved))
+    reason = f"not comparable: {differing} of {compared} ticks differ from our solution" if differing else ""
+    reason += f", {lost} of them unsolved" if lost else ""
+    return {"reason": reason, **told, "differing": differing}
+
+
+def summarise_times(problem: PeerProblem, laps: dict[str, Laps], overhead: float) -> dict[str, Any]:
     """Summaries by support and by what was timed, with the least and largest median of a repetition."""
-    counted: NDArray[np.bool_] = problem.counted > 0.0
     result: dict[str, Any] = {}
     for support, mask in problem.supports.items():
-        chosen = mask & counted
-        if not chosen.any():
-            continue
-        result[support] = {}
-        for what, laps in (("tick", tick), ("solve", solve), ("terms", terms)):
-            if laps is None:
-                continue
-            result[support][what] = summarise_repetitions([row[chosen] for row in laps], overhead)
+        chosen = mask & (problem.counted > 0.0)
+        if chosen.any():
+            result[support] = {
+                what: summarise_repetitions([row[chosen] for row in rows], overhead) for what, rows in laps.items()
+            }
     return result

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
 from comparison.measure.states import StateSequence
-from comparison.measure.statistics import Laps, summarise_repetitions
-from comparison.measure.tick_replay import WBC_PHASES, TickReplay, WholeBodyChain, replay, timer_overhead, without_gc
-from comparison.peers.check import Answer, check
-from comparison.peers.measure_peer import summarise_times
+from comparison.measure.timing import Laps, summarise_repetitions, timer_overhead, without_gc
+from comparison.peers.measure_peer import Answer
 from comparison.peers.peer_problem import FACES, PeerProblem
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import Gait, make_gait
+from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario import Scenario, build
-from harpy_pin.simulation import Ground
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
-
-__all__ = ["OURS", "Ours", "WholeBody", "peers_parameters", "the_peers_program", "time_inside_c"]
 
 OURS = "harpy_pin"
 """Our own controller's row; its tick includes the gait and decides the thrusts within their limits."""
@@ -50,42 +47,39 @@ class Ours:
 
     def __init__(self, make: Callable[[], WholeBody], sequences: Sequence[StateSequence], most: int) -> None:
         self.states = [sequence.states[:most] for sequence in sequences]
-        self.ticks, chain = TickReplay(make()), make()
-        self.chain = WholeBodyChain(chain) if isinstance(chain, WholeBodyController) else None
-        self.tick: list[Laps] = []
-        self.solve: list[Laps] = []
+        chain = make()
+        self.timers = {"tick": TickReplay(make())}
+        if isinstance(chain, WholeBodyController):
+            self.timers["solve"] = WholeBodyChain(chain)
+        self.laps: dict[str, list[Laps]] = {what: [] for what in self.timers}
         self.commands = np.zeros((0, 0))
         self.overhead = timer_overhead()
 
     def replay(self, repetitions: int) -> None:
         """Time all states so many times."""
-        solve = WBC_PHASES.index("solve")
         for _ in range(repetitions):
             with without_gc():
-                tick, commands = [], []
-                for states in self.states:
-                    timer = replay(self.ticks, states)
-                    tick.append(timer.laps[:, 0])
-                    commands.append(timer.commands)
-                self.tick.append(np.concatenate(tick))
-                self.commands = np.concatenate(commands)
-                chain = self.chain
-                if chain is not None:
-                    self.solve.append(np.concatenate([replay(chain, states).laps[:, solve] for states in self.states]))
+                for what, timer in self.timers.items():
+                    column = WBC_PHASES.index("solve") if what == "solve" else 0
+                    laps, commands = [], []
+                    for states in self.states:
+                        done = replay(timer, states)
+                        laps.append(done.laps[:, column])
+                        commands.append(done.commands)
+                    self.laps[what].append(np.concatenate(laps))
+                    if what == "tick":
+                        self.commands = np.concatenate(commands)
+
+    def times(self) -> dict[str, Laps]:
+        """(repetitions, ticks) of the tick, and of the solver's call."""
+        return {what: np.array(rows) for what, rows in self.laps.items()}
 
     def entry(self, problem: PeerProblem) -> dict[str, Any]:
         """Checked as the peers are, on the commands of the last timed replay."""
-        tick, solve = np.array(self.tick), np.array(self.solve) if self.solve else None
         joints = problem.expected["decided"].torque.shape[1]
-        quantities = {
-            "torque": self.commands[:, :joints],
-            "thrust": self.commands[:, joints:].reshape(len(self.commands), -1, 3),
-        }
-        verdict = check(Answer(quantities, tick, tick, self.overhead, {}), problem.expected["decided"])
-        entry = asdict(verdict)
-        if verdict.passed:
-            entry["times"] = summarise_times(problem, tick, solve, self.overhead)
-        return entry
+        thrust = self.commands[:, joints:].reshape(len(self.commands), -1, 3)
+        quantities = {"torque": self.commands[:, :joints], "thrust": thrust}
+        return Answer(quantities, self.times(), self.overhead, {}).entry(problem, "decided")
 
 
 def time_inside_c(friction: float, duration: float) -> dict[str, Any]:
@@ -93,10 +87,10 @@ def time_inside_c(friction: float, duration: float) -> dict[str, Any]:
     scenario = Scenario(controller="condensed", ground=Ground(mu_s=friction), duration=duration)
     runs = [build(scenario).run() for _ in range(3)]
     held = runs[0]["held"][_SETTLED:].sum(axis=1)
-    supports = {"single": held == 1.0, "double": held == 2.0}
     laps = [run["tick_ns"][_SETTLED:] for run in runs]
+    masks = {"single": held == 1.0, "double": held == 2.0}
     return {
         name: {"tick": summarise_repetitions([row[mask] for row in laps], 0.0)}
-        for name, mask in supports.items()
+        for name, mask in masks.items()
         if mask.any()
     }

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights, make_solver
 from harpy_pin.wbc.tasks.built_in import joint_weights
 
-__all__ = ["VARIANTS", "Expected", "PeerProblem", "make_problem"]
-
 VARIANTS = ("given", "decided")
 """How the thrusts enter the problem."""
 
@@ -38,6 +36,9 @@ FACES = 4
 
 _FREE = 1e4
 """A bound that no force reaches, N."""
+
+TARGETS = ("body", "orientation", "feet", "joints", "held")
+ARRAYS = ("q", "v", *TARGETS, "thrust", "thrust_force", "damping_force", "counted")
 
 
 @dataclass(frozen=True)
@@ -99,18 +100,13 @@ class PeerProblem:
     @property
     def supports(self) -> dict[str, NDArray[np.bool_]]:
         """(ticks,) masks of single and double support; with more than two feet, of all held."""
-        held = self.held.sum(axis=1)
-        masks = {"single": held == 1.0, "double": held == 2.0}
-        return masks if len(self.settings["feet"]) == 2 else {"all": held == len(self.settings["feet"])}
+        held, feet = self.held.sum(axis=1), len(self.settings["feet"])
+        return {"single": held == 1.0, "double": held == 2.0} if feet == 2 else {"all": held == feet}
 
     def save(self, path: Path, repetitions: int) -> None:
         """Write the file that a worker reads."""
-        arrays = {name: getattr(self, name) for name in _ARRAYS}
         settings = json.dumps({**self.settings, "repetitions": repetitions})
-        np.savez(path, settings=np.array(settings), **arrays)
-
-
-_ARRAYS = tuple(field.name for field in fields(PeerProblem) if field.name not in ("settings", "expected"))
+        np.savez(path, settings=np.array(settings), **{name: getattr(self, name) for name in ARRAYS})
 
 
 def make_problem(
@@ -132,14 +128,13 @@ def make_problem(
     weights = WholeBodyWeights() if weights is None else weights
     parameters = WholeBodyParameters(formulation="full", limits=limits, weights=weights)
     controller = WholeBodyController(make_gait(robot) if gait is None else gait, parameters)
-    problem, p = controller.problem, controller.parameters
+    problem, p, t = controller.problem, controller.parameters, controller.targets
     program, n_thrust = problem.program, problem.n_thrust
     normal = program.bounded + np.arange(1, problem.feet + 1) * problem.foot_rows - 1  # rows of f_z
     box = program.lower[:n_thrust].copy(), program.upper[:n_thrust].copy()
     solvers = {name: make_solver("proxqp", program, reuse=True) for name in ("complete", *VARIANTS)}
-    rows: dict[str, list[Vector]] = {name: [] for name in _ARRAYS}
-    solutions: dict[str, list[tuple[Vector, ...]]] = {name: [] for name in VARIANTS}
-    solved: dict[str, list[bool]] = {name: [] for name in VARIANTS}
+    rows: list[tuple[Vector, ...]] = []
+    solutions: dict[str, list[tuple[Any, ...]]] = {name: [] for name in VARIANTS}
     inputs = np.zeros(n_thrust + problem.joints)
     for sequence in sequences:
         controller.reset()
@@ -147,11 +142,9 @@ def make_problem(
             controller.prepare(state)
             program.lower[:n_thrust], program.upper[:n_thrust] = box
             controller.build(state)
-            t, d = controller.targets, controller.dynamics
             complete = solvers["complete"].solve(program)
             problem.inputs(complete.z, inputs)
-            thrust = inputs[:n_thrust].copy()
-            usable = complete.usable
+            thrust, usable = inputs[:n_thrust].copy(), complete.usable
             # No range of the normal force but f_z ≥ 0.
             program.lower[normal] = np.where(t.held != 0.0, 0.0, -1.0)
             program.upper[normal] = np.where(t.held != 0.0, _FREE, 1.0)
@@ -159,25 +152,20 @@ def make_problem(
                 program.lower[:n_thrust], program.upper[:n_thrust] = bounds
                 solution = solvers[name].solve(program)
                 problem.inputs(solution.z, inputs)
-                z = solution.z
-                solutions[name].append((problem.acceleration(z), problem.contact_force(z), inputs.copy()))
-                solved[name].append(bool(usable and solution.status == 0))
-            rows["q"].append(state.q)
-            rows["v"].append(state.v)
-            for key in ("body", "orientation", "feet", "joints", "held"):
-                rows[key].append(getattr(t, key).copy())
-            rows["thrust"].append(thrust.reshape(-1, 3))
-            rows["thrust_force"].append(thrust @ d.thruster_jacobian)
-            rows["damping_force"].append(robot.model.damping * state.v)
-            rows["counted"].append(np.array(float(i >= warm_up)))
+                z, solved = solution.z, bool(usable and solution.status == 0)
+                solutions[name].append((problem.acceleration(z), problem.contact_force(z), inputs.copy(), solved))
+            forces = thrust @ controller.dynamics.thruster_jacobian, robot.model.damping * state.v
+            targets = (getattr(t, key).copy() for key in TARGETS)
+            rows.append((state.q, state.v, *targets, thrust.reshape(-1, 3), *forces, np.array(float(i >= warm_up))))
     expected = {}
     for name in VARIANTS:
-        acceleration, force, given = (np.array(part) for part in zip(*solutions[name], strict=True))
+        acceleration, force, given, found = (np.array(part) for part in zip(*solutions[name], strict=True))
         thrusts = given[:, :n_thrust].reshape(len(given), -1, 3)
-        expected[name] = Expected(acceleration, given[:, n_thrust:], force, thrusts, np.array(solved[name]))
+        expected[name] = Expected(acceleration, given[:, n_thrust:], force, thrusts, found)
     settings = {
         "urdf": str(robot.urdf),
-        "base": _base(robot),
+        # The link that the free flyer carries.
+        "base": next(f.name for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == 1),
         "joints": robot.joints,
         "feet": robot.feet,
         "thrusters": robot.thrusters,
@@ -189,9 +177,5 @@ def make_problem(
         "gains": {"orientation": p.orientation, "posture": p.posture, "contact": p.contact_damping},
         "posture": controller.gait.initial_state()[0][7:].tolist(),
     }
-    return PeerProblem(settings, **{k: np.array(rows[k]) for k in _ARRAYS}, expected=expected)
-
-
-def _base(robot: Robot) -> str:
-    """Name of the link that the free flyer carries."""
-    return str(next(f.name for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == 1))
+    arrays = {name: np.array(part) for name, part in zip(ARRAYS, zip(*rows, strict=True), strict=True)}
+    return PeerProblem(settings, **arrays, expected=expected)

@@ -5,46 +5,54 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from comparison.peers.check import UNITS
 from comparison.peers.pinocchio_terms import SOURCES
 from comparison.tables import Cell, Table, percentiles
 
-__all__ = ["peer_tables"]
-
+UNITS = {"acceleration": "m/s², rad/s²", "torque": "N·m", "force": "N", "thrust": "N"}
 _WHICH = {"max": "largest", "median": "median"}
-_WHAT = {"tick": "complete tick", "solve": "solver's call only"}
 _PARTS = {"terms": "terms", "condensed": "condensed WBC's tick", "qp": "WBC QP's tick"}
-_NOTES = {
-    "tick": "Each peer runs in its own process, called from Python (TSID-C++: without Python), on the same states in "
-    "the order of time; tasks and given thrusts are made outside its clock, and it holds neither a range of the normal "
-    "force nor limits of thrust, and four faces of friction. Our tick includes the gait and holds all that and eight "
-    "faces; on the peers' program it holds what they hold, gait included.",
-    "solve": "The calls do not span the same: placo's contains rigid-body terms and assembly, TSID's the solver's "
-    "arrays and the solver, ours the solver.",
+_TIMES = {
+    "tick": (
+        "complete tick",
+        "Each peer runs in its own process, called from Python (TSID-C++: without Python), on the same states in "
+        "the order of time; tasks and given thrusts are made outside its clock, and it holds neither a range of the "
+        "normal force nor limits of thrust, and four faces of friction. Our tick includes the gait and holds all that "
+        "and eight faces; on the peers' program it holds what they hold, gait included.",
+    ),
+    "solve": (
+        "solver's call only",
+        "The calls do not span the same: placo's contains rigid-body terms and assembly, TSID's the solver's "
+        "arrays and the solver, ours the solver.",
+    ),
 }
 
 
 def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
     """Times, growth, terms, differences and versions."""
-    tables = [*(_times(peers, what) for what in _WHAT), _growth(peers), _terms(peers)]
-    tables += [_differences(peers), _versions(peers)]
+    contenders = peers["contenders"]
+    versions = (Cell(n, *item) for n, entry in contenders.items() for item in entry.get("versions", {}).items())
+    tables = [*(_times(peers, what) for what in _TIMES), _growth(peers), _terms(peers), _differences(peers)]
+    tables.append(Table("peers_versions", "Peers: versions", tuple(versions)))
     return [table for table in tables if table.cells]
 
 
+def _p50(row: str, column: str, times: Mapping[str, Any]) -> Cell:
+    """A median between those of the repetitions."""
+    return Cell(row, column, times["p50_us"], "µs", times["low_us"], times["high_us"])
+
+
 def _times(peers: Mapping[str, Any], what: str) -> Table:
+    text, note = _TIMES[what]
     cells: list[Cell] = []
     for name, entry in peers["contenders"].items():
         if "times" not in entry:
             cells.append(Cell(name, "no times", entry["reason"]))
-            continue
-        for support, times in entry["times"].items():
-            if what not in times:
-                continue
-            row, t = f"{name}: {support}", times[what]
-            cells.append(Cell(row, "p50", t["p50_us"], "µs", t["low_us"], t["high_us"]))
-            cells += percentiles(row, t, first="p95_us")
-    note = "In brackets: least and largest median of a repetition. " + _NOTES[what]
-    title = f"Peers: {_WHAT[what]} in single and double support, µs, friction {peers['friction']:g}"
+        for support, times in entry.get("times", {}).items():
+            if what in times:
+                row = f"{name}: {support}"
+                cells += [_p50(row, "p50", times[what]), *percentiles(row, times[what], first="p95_us")]
+    title = f"Peers: {text} in single and double support, µs, friction {peers['friction']:g}"
+    note = f"In brackets: least and largest median of a repetition. {note}"
     return Table(f"peers_{what}", title, tuple(cells), note)
 
 
@@ -71,19 +79,14 @@ def _growth(peers: Mapping[str, Any]) -> Table:
 
 
 def _terms(peers: Mapping[str, Any]) -> Table:
-    entry, cells = peers.get("terms"), list[Cell]()
+    entry = peers.get("terms")
     if entry is None:
         return Table("peers_terms", "", ())
-    for name, text in SOURCES.items():
-        for part, column in _PARTS.items():
-            t = entry["times"][name][part]
-            cells.append(Cell(text, column, t["p50_us"], "µs", t["low_us"], t["high_us"]))
+    cells = [_p50(text, _PARTS[part], entry["times"][name][part]) for name, text in SOURCES.items() for part in _PARTS]
     for name, contender in peers["contenders"].items():
         for support, times in contender.get("times", {}).items():
             if "terms" in times:
-                t = times["terms"]
-                row = f"Pinocchio inside {name}: {support}"
-                cells.append(Cell(row, _PARTS["terms"], t["p50_us"], "µs", t["low_us"], t["high_us"]))
+                cells.append(_p50(f"Pinocchio inside {name}: {support}", _PARTS["terms"], times["terms"]))
     note = (
         f"Tick: terms, program and solve, without the gait; in turns at {entry['ticks']} states, unsolved: "
         f"{entry['unsolved']}. Largest difference of a command between the two sources, N and N·m: condensed WBC "
@@ -99,24 +102,13 @@ def _differences(peers: Mapping[str, Any]) -> Table:
             if entry["reason"]:
                 cells.append(Cell(name, "no result", entry["reason"]))
             continue
-        for which in ("max", "median"):
-            row = f"{name}: {_WHICH[which]}"
-            cells += [
-                Cell(row, quantity, entry[f"difference_{which}"][quantity], unit)
-                for quantity, unit in UNITS.items()
-                if quantity in entry[f"difference_{which}"]
-            ]
-        cells.append(Cell(f"{name}: largest", "ticks", entry["compared"]))
-        cells.append(Cell(f"{name}: largest", "differing", entry["differing"]))
+        for which, text in _WHICH.items():
+            found = entry[f"difference_{which}"]
+            cells += [Cell(f"{name}: {text}", q, found[q], unit) for q, unit in UNITS.items() if q in found]
+        cells += [Cell(f"{name}: largest", column, entry[key]) for column, key in _COUNTS.items()]
     limits = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items())
     note = f"Times count only if no tick differs by more than: {limits}."
     return Table("peers_check", "Peers: differences from our solution of the same program", tuple(cells), note)
 
 
-def _versions(peers: Mapping[str, Any]) -> Table:
-    cells = [
-        Cell(name, package, number)
-        for name, entry in peers["contenders"].items()
-        for package, number in entry.get("versions", {}).items()
-    ]
-    return Table("peers_versions", "Peers: versions", tuple(cells))
+_COUNTS = {"ticks": "compared", "differing": "differing"}

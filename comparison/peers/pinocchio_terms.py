@@ -7,23 +7,22 @@ Solvers of this library take any :class:`~harpy_pin.model.dynamics.Dynamics`, wh
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from time import perf_counter_ns
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from comparison.measure.controllers import make_whole_body
+from comparison.measure.controllers import make_contender
 from comparison.measure.states import StateSequence
-from comparison.measure.statistics import Laps, summarise_repetitions
-from comparison.measure.tick_replay import timer_overhead, without_gc
+from comparison.measure.timing import Laps, summarise_repetitions, timer_overhead, without_gc
+from comparison.peers.measure_peer import PeerSettings
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed import CondensedSolver
-
-__all__ = ["SOURCES", "PinocchioTerms", "compare_terms"]
 
 SOURCES = {"kernel": "our kernel", "pinocchio": "Pinocchio, called from Python"}
 """Where terms come from, as readers see it."""
@@ -32,14 +31,7 @@ _WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 class PinocchioTerms:
-    """Fills the arrays of a :class:`~harpy_pin.model.dynamics.Dynamics`.
-
-    Args:
-        robot: without rotors: its thrusters push any way.
-
-    Raises:
-        InputError: a robot with rotors.
-    """
+    """Fills the arrays of a :class:`~harpy_pin.model.dynamics.Dynamics` of a robot without rotors."""
 
     def __init__(self, robot: Robot) -> None:
         if robot.rotors:
@@ -69,7 +61,7 @@ class PinocchioTerms:
 
 
 def compare_terms(
-    robot: Robot, sequences: Sequence[StateSequence], *, friction: float, warm_up: int, most: int, repetitions: int
+    robot: Robot, sequences: Sequence[StateSequence], *, friction: float, settings: PeerSettings
 ) -> dict[str, Any]:
     """Condensed WBC and WBC QP with terms of both sources, in turns at every state; targets are made outside the clock.
 
@@ -77,45 +69,49 @@ def compare_terms(
         ``times`` of terms, condensed WBC and WBC QP by source, µs; ``difference``: largest one of a command, N and N·m,
         by controller; ``unsolved``: ticks that one of them did not solve.
     """
-    controller = make_whole_body(robot, friction)
+    controller = make_contender("wbc", robot, friction)
     parameters, problem = controller.parameters, controller.problem
-    pinocchio, dynamics, targets = PinocchioTerms(robot), controller.dynamics, controller.targets
+    dynamics, targets = controller.dynamics, controller.targets
+    fill = {"kernel": dynamics.update, "pinocchio": partial(PinocchioTerms(robot).fill, dynamics)}
     condensed = {name: CondensedSolver(robot, parameters.weights, parameters.limits) for name in SOURCES}
-    states = [s for sequence in sequences for s in sequence.states[:most]]
-    counted = np.concatenate([np.arange(min(most, len(s))) >= warm_up for s in sequences])
-    parts = ("terms", "condensed", "qp")
-    laps: dict[str, dict[str, list[Laps]]] = {name: {part: [] for part in parts} for name in SOURCES}
+    states = [s for sequence in sequences for s in sequence.states[: settings.most]]
+    counted = np.concatenate([np.arange(min(settings.most, len(s))) >= settings.warm_up for s in sequences])
+    laps: dict[str, list[Laps]] = {name: [] for name in SOURCES}
     largest, unsolved = {"condensed": 0.0, "qp": 0.0}, 0
     inputs = {name: np.zeros(problem.n_thrust + problem.joints) for name in SOURCES}
     clock = perf_counter_ns
     with without_gc():
         overhead = timer_overhead()
-        for _ in range(repetitions):
+        for _ in range(settings.repetitions):
             controller.reset()
             rows = {name: np.zeros((len(states), 3), dtype=np.int64) for name in SOURCES}
             for i, state in enumerate(states):
                 controller.prepare(state)
                 for name in SOURCES:
+                    update, law = fill[name], condensed[name]
                     t0 = clock()
-                    if name == "kernel":
-                        dynamics.update(state.q, state.v)
-                    else:
-                        pinocchio.fill(dynamics, state.q, state.v)
+                    update(state.q, state.v)
                     t1 = clock()
-                    condensed[name].solve(dynamics, state.v, dynamics.rotation, targets)
+                    law.solve(dynamics, state.v, dynamics.rotation, targets)
                     t2 = clock()
                     controller.build(state)
                     controller.solve()
                     t3 = clock()
                     rows[name][i] = t1 - t0, t2 - t1 + t1 - t0, t3 - t2 + t1 - t0
-                    unsolved += int(condensed[name].status) > 3 or not controller.solution.usable
+                    unsolved += int(law.status) > 3 or not controller.solution.usable
                     problem.inputs(controller.solution.z, inputs[name])
-                a, b = (condensed[name].inputs for name in SOURCES)
-                largest["condensed"] = max(largest["condensed"], float(np.abs(a - b).max()))
-                c, d = (inputs[name] for name in SOURCES)
-                largest["qp"] = max(largest["qp"], float(np.abs(c - d).max()))
+                for part, (a, b) in (
+                    ("condensed", [condensed[name].inputs for name in SOURCES]),
+                    ("qp", [inputs[name] for name in SOURCES]),
+                ):
+                    largest[part] = max(largest[part], float(np.abs(a - b).max()))
             for name in SOURCES:
-                for k, part in enumerate(parts):
-                    laps[name][part].append(rows[name][counted, k])
-    times = {name: {part: summarise_repetitions(rows, overhead) for part, rows in laps[name].items()} for name in laps}
+                laps[name].append(rows[name][counted])
+    times = {
+        name: {
+            part: summarise_repetitions([row[:, k] for row in laps[name]], overhead)
+            for k, part in enumerate(("terms", "condensed", "qp"))
+        }
+        for name in SOURCES
+    }
     return {"times": times, "difference": largest, "unsolved": unsolved, "ticks": int(np.count_nonzero(counted))}

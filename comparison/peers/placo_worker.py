@@ -2,8 +2,8 @@
 
     python placo_worker.py PROBLEM RESULT
 
-The files are those of :mod:`comparison.peers.replaying`. Nothing of this library is imported here: placo needs another
-version of Pinocchio.
+Both files are ``.npz``, described in :mod:`comparison.peers.peer_problem` and :mod:`comparison.peers.measure_peer`.
+Nothing of this library is imported here: placo needs another version of Pinocchio.
 
 placo's objective is ½ Σ weight ‖task‖², as ours is. Its regularisation and its torque cost, which our program does not
 have, are set to zero: the weights of forces and posture make the optimum unique already. Its point contact knows the
@@ -12,9 +12,10 @@ friction pyramid and f_z ≥ 0, but no further range of the normal force; the ex
 
 from __future__ import annotations
 
-import runpy
+import gc
+import json
 import sys
-from pathlib import Path
+from importlib.metadata import version
 from time import perf_counter_ns
 from typing import Any
 
@@ -25,10 +26,8 @@ import placo
 class Tick:
     """placo's solver, with the tasks and contacts of the program.
 
-    Args:
-        problem: arrays and settings.
-        variant: the thrusts are ``decided`` by the solver, as forces of contacts without friction (without limits), or
-            ``given``, as a generalised force.
+    Thrusts are ``decided`` by the solver, as forces of contacts without friction (without limits), or ``given``, as a
+    generalised force.
     """
 
     def __init__(self, problem: dict[str, Any], variant: str) -> None:
@@ -86,69 +85,77 @@ class Tick:
     def switch(self, held: list[bool]) -> None:
         """A foot is held (hard task and contact), or swings (soft task, no contact)."""
         for k, on in enumerate(held):
-            if on:
-                self.feet[k].configure(self.names[k], "hard")
-            else:
-                self.feet[k].configure(self.names[k], "soft", self.swing_weight)
+            self.feet[k].configure(self.names[k], *(("hard",) if on else ("soft", self.swing_weight)))
             self.contacts[k].active = on
         self.now = held
 
-    def replay(self, clocked: str) -> np.ndarray:
-        """See :class:`comparison.peers.replaying.Replay`."""
-        n = len(self.q)
-        laps = np.zeros(n, dtype=np.int64)
-        self.timed_torque = torque = np.full((n, len(self.v[0]) - 6), np.nan)
-        whole = clocked == "tick"
+    def step(self, i: int) -> tuple[Any, Any, int, int]:
+        """A tick: the result, its torques, and the times of the tick and of the solver's call alone, ns."""
         robot, solver, state, body, clock = self.robot, self.solver, self.robot.state, self.body, perf_counter_ns
-        feet = self.feet
-        self.now = None
-        for i in range(n):
-            q, v, b, targets = self.q[i], self.v[i], self.body_target[i], self.foot_target[i]
-            e, held = self.extra[i], self.held[i]
-            t0 = clock()
-            state.q = q
-            state.qd = v
-            robot.update_kinematics()
-            if held != self.now:
-                self.switch(held)
-            body.ddtarget_world = b
-            for foot, target in zip(feet, targets, strict=True):
-                foot.ddtarget_world = target
-            solver.extra_force = e
-            t1 = clock()
-            result = solver.solve()
-            t2 = clock()
-            tau = result.tau
-            t3 = clock()
-            laps[i] = t3 - t0 if whole else t2 - t1
-            if result.success:
-                torque[i] = tau[6:]
-        return laps
-
-    def solution(self, i: int) -> dict[str, Any] | None:
-        """See :class:`comparison.peers.replaying.Replay`."""
-        self.robot.state.q = self.q[i]
-        self.robot.state.qd = self.v[i]
-        self.robot.update_kinematics()
-        self.switch(self.held[i])
-        self.body.ddtarget_world = self.body_target[i]
-        for foot, target in zip(self.feet, self.foot_target[i], strict=True):
+        q, v, b, feet, targets = self.q[i], self.v[i], self.body_target[i], self.feet, self.foot_target[i]
+        e, held = self.extra[i], self.held[i]
+        t0 = clock()
+        state.q = q
+        state.qd = v
+        robot.update_kinematics()
+        if held != self.now:
+            self.switch(held)
+        body.ddtarget_world = b
+        for foot, target in zip(feet, targets, strict=True):
             foot.ddtarget_world = target
-        self.solver.extra_force = self.extra[i]
-        result = self.solver.solve()
+        solver.extra_force = e
+        t1 = clock()
+        result = solver.solve()
+        t2 = clock()
+        tau = result.tau
+        t3 = clock()
+        return result, tau[6:], t3 - t0, t2 - t1
+
+    def solution(self, i: int) -> dict[str, Any]:
+        """``acceleration``, ``force`` and ``thrust`` at a tick; nothing where the solver failed."""
+        result, *_ = self.step(i)
         if not result.success:
-            return None
-        held = zip(self.contacts, self.held[i], strict=True)
-        found = {
-            "acceleration": result.qdd,
-            "torque": result.tau[6:],
-            "force": [contact.wrench if on else np.zeros(3) for contact, on in held],
-        }
-        if self.mounts:
-            found["thrust"] = [contact.wrench for contact in self.mounts]
-        return found
+            return {}
+        force = [c.wrench if on else np.zeros(3) for c, on in zip(self.contacts, self.held[i], strict=True)]
+        mounts = {"thrust": [contact.wrench for contact in self.mounts]} if self.mounts else {}
+        return {"acceleration": result.qdd, "force": force, **mounts}
+
+
+def answer(problem: dict[str, Any], variant: str) -> dict[str, Any]:
+    """Solutions of all states, NaN where the solver failed, and the times of every repetition, torques with them."""
+    (n, nv), s, peer = problem["v"].shape, problem["settings"], Tick(problem, variant)
+    shapes = {"acceleration": (nv,), "force": (len(s["feet"]), 3), "thrust": (len(s["thrusters"]), 3)}
+    found = {key: np.full((n, *shape), np.nan) for key, shape in shapes.items()}
+    for i in range(n):
+        for key, value in peer.solution(i).items():
+            found[key][i] = np.reshape(value, found[key][i].shape)  # without thrusters a list is empty
+    laps = np.zeros((2, s["repetitions"], n), dtype=np.int64)
+    torque = np.full((n, nv - 6), np.nan)  # what was timed is what is checked
+    gc.collect()
+    gc.disable()
+    for repetition in range(s["repetitions"]):
+        peer.now = None
+        for i in range(n):
+            result, tau, *laps[:, repetition, i] = peer.step(i)
+            torque[i] = tau if result.success else np.nan
+    gc.enable()
+    return {**found, "torque": torque, "tick_ns": laps[0], "solve_ns": laps[1]}
+
+
+def main(problem_file: str, result_file: str) -> None:
+    """Solve, time and write both variants."""
+    with np.load(problem_file) as file:
+        problem: dict[str, Any] = {key: file[key] for key in file.files}
+    problem["settings"] = json.loads(str(problem["settings"]))
+    out: dict[str, Any] = {"versions": json.dumps({name: version(name) for name in ("placo", "pin", "numpy")})}
+    for variant in ("given", "decided"):
+        out |= {f"{variant}_{key}": values for key, values in answer(problem, variant).items()}
+    laps = np.zeros(20_000, dtype=np.int64)
+    for i in range(len(laps)):
+        begin = perf_counter_ns()
+        laps[i] = perf_counter_ns() - begin
+    np.savez(result_file, overhead_ns=np.median(laps), **out)
 
 
 if __name__ == "__main__":
-    main = runpy.run_path(str(Path(__file__).with_name("replaying.py")))["main"]
-    main(Tick, ("placo", "pin", "numpy"), ("given", "decided"), *sys.argv[1:])
+    main(*sys.argv[1:])

@@ -2,7 +2,7 @@
 
     python tsid_cpp_worker.py PROBLEM RESULT
 
-The files are those of :mod:`comparison.peers.replaying`. TSID's C++ wheel runs where its Python bindings abort. The
+The files are those of :mod:`comparison.peers.placo_worker`. TSID's C++ wheel runs where its Python bindings abort. The
 program ``tsid_driver.cpp`` is compiled once against the headers of the wheels and kept in the environment.
 """
 
@@ -27,19 +27,10 @@ LIBRARIES = ("tsid", "pinocchio_default", "pinocchio_parsers", "eiquadprog", "bo
 # What the wheels were built with, from their CMake files; without an architecture, as they are: Eigen's alignment of
 # arrays depends on it.
 FLAGS = (
-    "-O3",
-    "-DNDEBUG",
-    "-std=c++17",
-    "-w",
-    "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
-    "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30",
-    "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
-    "-DBOOST_FUSION_INVOKE_MAX_ARITY=12",
-    "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION",
-    "-DPINOCCHIO_WITH_URDFDOM",
-    "-DPINOCCHIO_URDFDOM_HEADERS_MAJOR_VERSION=3",
-    "-DPINOCCHIO_URDFDOM_HEADERS_MINOR_VERSION=0",
-    "-DPINOCCHIO_URDFDOM_HEADERS_PATCH_VERSION=0",
+    *("-O3", "-DNDEBUG", "-std=c++17", "-w"),
+    *("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS"),
+    *("-DBOOST_FUSION_INVOKE_MAX_ARITY=12", "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION", "-DPINOCCHIO_WITH_URDFDOM"),
+    *(f"-DPINOCCHIO_URDFDOM_HEADERS_{part}_VERSION={n}" for part, n in (("MAJOR", 3), ("MINOR", 0), ("PATCH", 0))),
 )
 FOLDERS = ("", "pinocchio/deprecated", "eigen3", "urdfdom", "urdfdom_headers")
 
@@ -98,14 +89,15 @@ def replay(program: Path, problem: dict[str, Any], given: bool, out: dict[str, A
     row = nv + joints + 3 * (feet + thrusters)
     solutions, timed = np.split(found, [n * row])
     parts = np.split(solutions.reshape(n, row), np.cumsum([nv, joints, 3 * feet]), axis=1)
-    out[f"{variant}_acceleration"] = parts[0]
-    out[f"{variant}_force"] = parts[2].reshape(n, feet, 3)
-    out[f"{variant}_thrust"] = parts[3].reshape(n, thrusters, 3)
-    timed = timed.reshape(repetitions, n * (3 + joints))
-    out[f"{variant}_tick_ns"] = timed[:, :n].astype(np.int64)
-    out[f"{variant}_solve_ns"] = timed[:, n : 2 * n].astype(np.int64)
-    out[f"{variant}_terms_ns"] = timed[:, 2 * n : 3 * n].astype(np.int64)
-    out[f"{variant}_torque"] = timed[-1, 3 * n :].reshape(n, joints)  # what was timed is what is checked
+    *laps, torque = np.split(timed.reshape(repetitions, n * (3 + joints)), [n, 2 * n, 3 * n], axis=1)
+    answers = {
+        "acceleration": parts[0],
+        "torque": torque[-1].reshape(n, joints),  # what was timed is what is checked
+        "force": parts[2].reshape(n, feet, 3),
+        "thrust": parts[3].reshape(n, thrusters, 3),
+        **{f"{what}_ns": lap.astype(np.int64) for what, lap in zip(("tick", "solve", "terms"), laps, strict=True)},
+    }
+    out |= {f"{variant}_{key}": value for key, value in answers.items()}
 
 
 def main(problem_file: str, result_file: str) -> None:

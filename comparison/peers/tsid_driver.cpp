@@ -2,8 +2,11 @@
 //
 //     tsid_driver HEADER DATA RESULT
 //
-// The program is that of tsid_worker.py, whose docstring says how thrusts that are decided are posed and why
-// REGULARISATION is taken out of the weights. Thrusts that are given are measured forces, which TSID has since 1.8.
+// Thrusts that are given are measured forces, which TSID has since 1.8. One that is decided is a point contact whose
+// normal is the zero vector, which empties its friction rows and leaves a free force; its motion task counts nothing.
+// The solver adds REGULARISATION to the Hessian's diagonal and has no switch for it: the weights of forces and posture
+// are lowered by as much, so that the sum is the program's. It pulls accelerations to zero: with gains of the posture
+// raised as much, weight times target stays the same.
 // HEADER is text, DATA and RESULT are float64 in the order in which they are read and written below.
 
 #include <tsid/contacts/contact-point.hpp>

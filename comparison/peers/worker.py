@@ -8,8 +8,6 @@ from pathlib import Path
 
 from comparison.peers.environment import last_line
 
-__all__ = ["NOT_INSTALLED", "WorkerError", "run_worker"]
-
 NOT_INSTALLED = "not installed: run python -m comparison peers --install"
 
 TIMEOUT = 300.0
@@ -37,13 +35,10 @@ def run_worker(python: Path, worker: Path, problem: Path, result: Path, *, timeo
     except OSError as error:
         raise WorkerError(f"cannot be started: {error.strerror or error}") from error
     if done.returncode < 0:
-        raise WorkerError(f"ended by {_signal(-done.returncode)}: {last_line(done.stderr)}")
+        names = {int(known): known.name for known in signal.Signals}
+        name = names.get(-done.returncode, f"signal {-done.returncode}")
+        raise WorkerError(f"ended by {name}: {last_line(done.stderr)}")
     if done.returncode > 0:
         raise WorkerError(last_line(done.stderr))
     if not result.exists():
         raise WorkerError("ended without a result")
-
-
-def _signal(number: int) -> str:
-    known = {int(known): known.name for known in signal.Signals}
-    return known.get(number, f"signal {number}")

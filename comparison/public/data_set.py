@@ -8,15 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.states import draw_push, record_states, walk
+from comparison.measure.states import record_states, walk
 from comparison.public.problems import KEYS, Problem
 from harpy_pin import InputError, load_harpy, make_gait
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.files import replacing
 from harpy_pin.wbc import FORMULATIONS, QuadraticProgram, WholeBodyLimits
 from harpy_pin.wbc.program import UNBOUNDED
-
-__all__ = ["problem_of", "record_problems", "write_problems"]
 
 FRICTIONS = (0.8, 0.25)
 PUSH = 0.15
@@ -45,7 +43,9 @@ def record_problems(count: int, *, duration: float, seed: int) -> list[Problem]:
     """
     rng, robot, problems = np.random.default_rng(seed), load_harpy(), []
     for friction in FRICTIONS:
-        run = walk("wbc", friction=friction, duration=duration, push=draw_push(rng, PUSH))
+        angle = rng.uniform(0.0, 2.0 * np.pi)
+        push = PUSH * np.array([np.cos(angle), np.sin(angle)])
+        run = walk("wbc", friction=friction, duration=duration, push=push)
         states = record_states("wbc", run, least=1).states
         ticks = np.unique(np.linspace(0, len(states) - 1, max(count // len(FRICTIONS), 1)).astype(int))
         for formulation in FORMULATIONS:

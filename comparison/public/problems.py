@@ -17,8 +17,6 @@ from scipy.sparse import csc_matrix
 from comparison.public.sources import reading
 from harpy_pin.model.state import Vector
 
-__all__ = ["KEYS", "Answer", "Problem", "is_convex", "mat_problems", "npz_problems", "residuals"]
-
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
 """Fields of a program in files."""
 MPC_DENSE = ("LIPMWALK", "WHLIPBAL")

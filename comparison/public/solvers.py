@@ -11,15 +11,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from comparison.measure.tick_replay import without_gc
+from comparison.measure.timing import without_gc
 from comparison.measure.walking import Progress
 from comparison.public.problems import KEYS, Answer, Problem, residuals
 from harpy_pin.model.record import field
 from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, DualActiveSet
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPStatus
-
-__all__ = ["CONTENDERS", "LEVELS", "solve_with_dual", "time_solvers"]
 
 LEVELS = {"low": 1e-3, "mid": 1e-6, "high": 1e-9}
 """Bound on both residuals and on the gap, at each of qpbenchmark's accuracies."""

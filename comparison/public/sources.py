@@ -11,21 +11,14 @@ from scipy.io.matlab import MatReadError
 
 from harpy_pin.errors import InputError
 
-__all__ = ["SOURCES", "find_sources", "how_to_get", "reading"]
-
-SOURCES = {
-    "mpc": ("qpsolvers/mpc_qpbenchmark", "data"),
-    "maros": ("qpsolvers/maros_meszaros_qpbenchmark", "data"),
-    "libdwbc": ("saga0619/libdwbc", "tests"),
-    "flips": ("dfki-ric-underactuated-lab/dfki-quad", "ws/src"),
-}
-"""Name on GitHub, and the folder in it that is read. Licences: Apache-2.0, Apache-2.0, none is stated, BSD-3-Clause."""
+SOURCES = {"mpc": "qpsolvers/mpc_qpbenchmark", "maros": "qpsolvers/maros_meszaros_qpbenchmark"}
+"""Names on GitHub, whose folder ``data`` is read. Their licence is Apache-2.0."""
 
 
 def how_to_get(names: Sequence[str], folder: Path) -> list[str]:
     """The commands that bring these repositories."""
-    clones = ((SOURCES[name][0], folder / SOURCES[name][0].split("/")[1]) for name in names)
-    return [f"git clone https://github.com/{repository} '{clone}'" for repository, clone in clones]
+    clones = {SOURCES[name]: folder / Path(SOURCES[name]).name for name in names}
+    return [f"git clone https://github.com/{repository} '{clone}'" for repository, clone in clones.items()]
 
 
 def find_sources(folder: Path) -> tuple[dict[str, Path], tuple[str, ...]]:
@@ -34,13 +27,14 @@ def find_sources(folder: Path) -> tuple[dict[str, Path], tuple[str, ...]]:
     Raises:
         InputError: all are; the message has the commands that bring them.
     """
-    paths = {name: folder / repository.split("/")[1] / inner for name, (repository, inner) in SOURCES.items()}
+    paths = {name: folder / Path(repository).name / "data" for name, repository in SOURCES.items()}
     found = {name: path for name, path in paths.items() if path.is_dir()}
     missing = tuple(name for name in SOURCES if name not in found)
     if not found:
-        wanted = ", ".join(repository for repository, _ in SOURCES.values())
         commands = " && ".join(how_to_get(missing, folder))
-        message = f"'{folder}' has a clone of none of {wanted}; to get them from GitHub: {commands}"
+        message = (
+            f"'{folder}' has a clone of none of {', '.join(SOURCES.values())}; to get them from GitHub: {commands}"
+        )
         raise InputError(message, name="data", value=folder)
     return found, missing
 

@@ -11,11 +11,6 @@ from typing import Any
 from comparison.contenders import BEST, label
 from comparison.tables import number_text
 
-__all__ = ["COLUMNS", "WIDTH", "Answer", "answer_of", "passed"]
-
-WIDTH = 80
-"""Columns that the printed answer never exceeds (but for a long path)."""
-
 _HEADINGS = {
     "governed/none": ("no", "governor"),
     "governed/paper": ("paper's,", "printed"),
@@ -42,12 +37,7 @@ _MEASURES = {
 
 @dataclass(frozen=True)
 class Answer:
-    """What was found.
-
-    Attributes:
-        sentences: the finding in words.
-        rows: of the table: heading, and for each of :data:`COLUMNS` its text and whether it is the best of its row.
-    """
+    """The finding in words, and a table: by heading for each of :data:`COLUMNS` its text and whether it is the best."""
 
     sentences: tuple[str, ...]
     rows: tuple[tuple[str, tuple[tuple[str, bool], ...]], ...]
@@ -55,7 +45,7 @@ class Answer:
 
     def to_string(self, report: Path | str = "") -> str:
         """At most 25 lines of at most 80 columns, without colours."""
-        wrap = textwrap.TextWrapper(WIDTH - 1, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+        wrap = textwrap.TextWrapper(79, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
         first = max(len(heading) for heading, _ in self.rows)
         lines = [*map(wrap.fill, self.sentences), ""]
         lines += ["".join([" " * first, *(f"{pair[k]:>9} " for pair in _HEADINGS.values())]).rstrip() for k in (0, 1)]
@@ -66,10 +56,7 @@ class Answer:
 
 
 def answer_of(document: Mapping[str, Any]) -> Answer | None:
-    """Which controller keeps the feet from slipping, and what a tick costs; None where one of the two was not measured.
-
-    The document needs the sections ``ticks`` and ``campaign``.
-    """
+    """Which controller keeps the feet from slipping, and what a tick costs; None where one was not measured."""
     if "ticks" not in document or "campaign" not in document:
         return None
     ticks, whole = document["ticks"]["contenders"], document["campaign"]["whole"]
@@ -77,12 +64,14 @@ def answer_of(document: Mapping[str, Any]) -> Answer | None:
         key: {name: _value(entry[name].get(key)) for entry in (ticks, whole) for name in COLUMNS if key in entry[name]}
         for key in _MEASURES
     }
-    rows = tuple(
-        (heading, tuple(_marked(values[key][name], values[key], scale) for name in COLUMNS))
-        for key, (heading, scale) in _MEASURES.items()
-    )
+    rows = [(heading, values[key], scale) for key, (heading, scale) in _MEASURES.items()]
+    levels = document["campaign"].get("factors", {}).get("friction", {})
+    if levels:
+        hardest = min(levels, key=float)
+        slips = {name: _value(levels[hardest][name]["slip_mm_per_step"]) for name in COLUMNS}
+        rows.insert(0, (f"slip, friction {hardest}", slips, 1.0))
+    marked = tuple((heading, tuple(_marked(row[name], row, scale) for name in COLUMNS)) for heading, row, scale in rows)
     walks = max(whole[name]["walks"] for name in COLUMNS)
-    rows = _slips_at_least_friction(document["campaign"]) + rows
     settings, friction = document["campaign"]["settings"], document["ticks"]["friction"]
     least, most = min(settings["frictions"]), max(settings["frictions"])
     note = (
@@ -90,24 +79,17 @@ def answer_of(document: Mapping[str, Any]) -> Answer | None:
         f"The rest: medians of {walks} walks each, {settings['duration']:g} s, friction {least:g} to {most:g}, "
         "with pushes and model errors. Slip: mm per step."
     )
-    slips = {name: entry["slip_mm_per_step"] for name, entry in whole.items()}
-    sentences = (_slip(slips), _paper(slips), _falls(whole), _cost(values["p50_us"]), _trust(document))
-    return Answer(tuple(s for s in sentences if s), rows, note)
+    spreads = {name: entry["slip_mm_per_step"] for name, entry in whole.items()}
+    trust = "Every timed command equals an untimed one."
+    if not passed(document):
+        trust = "DO NOT USE THESE TIMES: a timed command was not what it should be."
+    sentences = (_slip(spreads), _paper(spreads), _falls(whole), _cost(values["p50_us"]), trust)
+    return Answer(tuple(s for s in sentences if s), marked, note)
 
 
 def passed(document: Mapping[str, Any]) -> bool:
     """Whether every timed result was what it should be."""
     return all(document[f"checks{key}"]["passed"] for key in ("", "_low_friction"))
-
-
-def _slips_at_least_friction(campaign: Mapping[str, Any]) -> tuple[tuple[str, tuple[tuple[str, bool], ...]], ...]:
-    """The row of the walks at the least friction; none where all were walked at the same."""
-    levels = campaign.get("factors", {}).get("friction", {})
-    if not levels:
-        return ()
-    least = min(levels, key=float)
-    slips = {name: _value(levels[least][name]["slip_mm_per_step"]) for name in COLUMNS}
-    return ((f"slip, friction {least}", tuple(_marked(slip, slips, 1.0) for slip in slips.values())),)
 
 
 def _value(entry: Any) -> float | None:
@@ -171,9 +153,3 @@ def _overlap(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
     """Whether two intervals overlap; one that is not known may lie anywhere."""
     ends = (a["low"], a["high"], b["low"], b["high"])
     return any(end is None for end in ends) or bool(a["low"] <= b["high"] and b["low"] <= a["high"])
-
-
-def _trust(document: Mapping[str, Any]) -> str:
-    if not passed(document):
-        return "DO NOT USE THESE TIMES: a timed command was not what it should be."
-    return "Every timed command equals an untimed one."

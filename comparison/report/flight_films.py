@@ -12,15 +12,13 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from PIL import Image, ImageSequence
 
-from comparison.flights import FLIGHTS, FRICTION, flown
 from comparison.measure.walking import Progress, tracked
+from comparison.studies.flights import FLIGHTS, FRICTION, flown
 from comparison.tables import number_text
 from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
 from harpy_pin.view.page.film import GIF_RATE, Film
 from harpy_pin.view.robot_of import robot_of
-
-__all__ = ["FILMS", "caption", "film_flights"]
 
 FILMS = {
     "walk without thrust": "Walk without thrust",
@@ -31,7 +29,7 @@ FILMS = {
     "fly 2 m to 15° up, walk on": "Landing on 15°",
     "half a fan, found": "Half a fan lost, and found",
 }
-"""Titles of the films, by the names of :data:`~comparison.flights.FLIGHTS`."""
+"""Titles of the films, by the names of :data:`~comparison.studies.flights.FLIGHTS`."""
 LONGEST = 9.0
 """Of a film, s."""
 SIZE = (360, 300)
@@ -72,7 +70,7 @@ def caption(name: str, measures: Mapping[str, Any]) -> list[str]:
     """What a try reached, what it cost, and how hard it landed.
 
     Args:
-        name: of :data:`~comparison.flights.FLIGHTS`.
+        name: of :data:`~comparison.studies.flights.FLIGHTS`.
         measures: of the try.
     """
     if not measures["stands"]:

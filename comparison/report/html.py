@@ -12,36 +12,30 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from comparison.report.answer import COLUMNS, answer_of, passed
 from comparison.report.contents import tables_of
-from comparison.report.growth_figure import growth_figure
-from comparison.report.pareto_figure import latency_figure, pareto_figure
+from comparison.report.figures import growth_figure, pareto_figure
 from comparison.tables import Table, to_csv
 from harpy_pin.files import replacing, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["figures_of", "render", "write_report"]
-
 _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "overview": ("Cost and quality", ("pareto",)),
     "ticks": ("The complete tick of every controller", ("ticks", "misses")),
-    "constraints": ("Cost of holding the constraints", ("constraints",)),
     "formulations": ("Formulations and solvers", ("formulations",)),
     "timing": ("Where the time goes", ("timing", "ratios")),
     "campaign": ("The campaign", ("campaign",)),
-    "walks": ("Undisturbed and pushed walks", ("walk", "walk_pushed")),
+    "walks": ("Undisturbed walks", ("walk",)),
     "growth": ("Growth", ("growth",)),
     "simulator": ("The simulator", ("simulator",)),
-    "peers": ("Peers", ("peers",)),
     "checks": ("What was checked", ("checks", "activity")),
     "setup": ("Machine, versions, settings", ("machine", "versions", "settings")),
 }
-_FIGURES = {"overview": "pareto", "ticks": "latency", "growth": "growth"}
-"""The figure of a section; that of the ticks stands below its tables."""
+_FIGURES = {"overview": "pareto", "growth": "growth"}
+"""The figure of a section."""
 _CAPTIONS = {
     "pareto": "Each point is a controller with its governor. Dashed line: no other controller is better in both.",
     "growth": "Medians. Lines join the cases of one robot (for feet held) or all cases (otherwise).",
-    "latency": "Times of all counted ticks of all repetitions, interleaved on the same states.",
 }
 
 
@@ -50,8 +44,6 @@ def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
     figures: dict[str, Figure] = {}
     if "pareto" in tables:
         figures["pareto"] = pareto_figure(tables["pareto"])
-    if "latency" in tables:
-        figures["latency"] = latency_figure(tables["latency"])
     if "growth_faces" in tables:
         figures["growth"] = growth_figure(tables)
     return figures
@@ -82,13 +74,7 @@ def render(document: Mapping[str, Any]) -> str:
     tables = {table.name: table for table in tables_of(document)}
     figures = {name: _image(figure, _CAPTIONS[name]) for name, figure in figures_of(tables).items()}
     sections = [
-        {
-            "anchor": anchor,
-            "title": title,
-            "tables": found,
-            "figure": figures.get(_FIGURES.get(anchor, "")),
-            "last": anchor == "ticks",
-        }
+        {"anchor": anchor, "title": title, "tables": found, "figure": figures.get(_FIGURES.get(anchor, ""))}
         for anchor, (title, prefixes) in _SECTIONS.items()
         if (found := [table for name, table in tables.items() if _belongs(name, prefixes)])
     ]
@@ -104,12 +90,8 @@ def render(document: Mapping[str, Any]) -> str:
 
 
 def _belongs(name: str, prefixes: tuple[str, ...]) -> bool:
-    """Whether a table is in a section: its name is one of the section's, or begins with that of an open one."""
-    return any(
-        name in (p, f"{p}_low_friction")
-        or (p in ("campaign", "growth", "simulator", "peers") and name.startswith(f"{p}_"))
-        for p in prefixes
-    )
+    """Whether a table is in a section: its name is one of the section's, or goes on after it."""
+    return any(name == prefix or name.startswith(f"{prefix}_") for prefix in prefixes)
 
 
 def _image(figure: Figure, caption: str) -> dict[str, str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["LIMITATIONS", "OF_THE_CAMPAIGN"]
-
 LIMITATIONS = (
     "One machine, not reserved for this: other processes disturb the tails (p99, max) more than the medians. "
     "No core is reserved, no frequency fixed, no real-time priority set.",
@@ -46,7 +44,7 @@ LIMITATIONS = (
     "The paper's governor is walked as printed (measured state, PID, published gains), and in the best variant that "
     "the search found. It slides in both; whether it falls depends on choices that the paper leaves open.",
     "One robot, one gait on flat ground, one speed, one set of gains for each controller. Walks are "
-    "deterministic; the pushed walks show how much the measures depend on the start.",
+    "deterministic; the campaign shows how much the measures depend on the scenario.",
 )
 """Printed with every result."""
 

@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from comparison.measure.walking import Rows, grouped
-from comparison.slopes import WALKERS, how_it_stands
+from comparison.studies.slopes import WALKERS, how_it_stands
 from harpy_pin.view.figures.style import styled
 from harpy_pin.view.palette import CONTACT, SLIDING, THRUST
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["slopes_figure"]
 
 COLOURS = {"stands": CONTACT, "slides": THRUST, "falls": SLIDING, "not possible": "#d9dee4"}
 """Of what happens; the last one where statics do not allow to stand, and it does not."""
@@ -27,7 +25,7 @@ def slopes_figure(rows: Rows) -> Figure:
     """A panel for each walker.
 
     Args:
-        rows: of :func:`comparison.slopes.stand_on_slopes`.
+        rows: of the study :mod:`comparison.studies.slopes`.
     """
     from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from comparison.measure.statistics import Laps, summarise
-from comparison.measure.tick_replay import timer_overhead, without_gc
+from comparison.measure.timing import Laps, summarise, timer_overhead, without_gc
 from comparison.tables import Cell, Table
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
@@ -25,8 +24,6 @@ from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.model.state import Command, State
 from harpy_pin.wbc import QPStatus, WholeBodyLimits, WholeBodyTargets, installed_solvers, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver
-
-__all__ = ["FACES", "ROBOTS", "Case", "exponent_of", "growth_tables", "time_case", "time_growth"]
 
 FACES = (4, 8, 16, 32)
 """Of the friction pyramid."""
@@ -40,6 +37,7 @@ ROBOTS: dict[str, tuple[str, ...]] = {
     "G1": ("left_ankle_roll_link", "right_ankle_roll_link"),
 }
 """The frames taken as point feet, by the robot's name in the catalogue, in lower case there."""
+
 PARTS = {
     "terms": "rigid-body terms",
     "full": "whole-body QP, full",
@@ -50,12 +48,18 @@ PARTS = {
 }
 """What is timed, as readers see it; a program is built and solved."""
 
-EXPECTED = {
-    "faces": "rows are built and checked once a solve: at most in proportion, exponent 1",
-    "contacts": "three rows and columns each: between 1 and, where factorisations dominate, 3",
-    "freedoms": "terms in proportion to bodies times depth; dense factorisations up to 3, less on trees",
+KINDS = {
+    "faces": (
+        "faces of the friction pyramid",
+        "rows are built and checked once a solve: at most in proportion, exponent 1",
+    ),
+    "contacts": ("feet held", "three rows and columns each: between 1 and, where factorisations dominate, 3"),
+    "freedoms": (
+        "degrees of freedom",
+        "terms in proportion to bodies times depth; dense factorisations up to 3, less on trees",
+    ),
 }
-"""Exponents of growth that the algorithms suggest."""
+"""What grows, and the exponents of growth that the algorithms suggest."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +71,25 @@ class Case:
     held: int = 2
 
 
-def find_robot(name: str) -> Robot | str:
-    """A robot of :data:`ROBOTS`, or why there is none."""
-    try:
-        return load_robot(CATALOGUE[name.lower()].path(), feet=ROBOTS[name])
-    except HarpyError as error:
-        return str(error).splitlines()[0]
+def growth_cases(robot: Robot, faces: Sequence[int]) -> tuple[dict[str, dict[str, tuple[float, Case]]], dict[str, str]]:
+    """By what grows the cases with their sizes, and robots that are absent with the reason."""
+    robots, absent = {"Harpy": robot}, {}
+    for name, feet in ROBOTS.items():
+        try:
+            robots[name] = load_robot(CATALOGUE[name.lower()].path(), feet=feet)
+        except HarpyError as error:
+            absent[name] = str(error).splitlines()[0]
+    cases: dict[str, dict[str, tuple[float, Case]]] = {
+        "faces": {f"Harpy, {n} faces": (n, Case(robot, faces=n)) for n in faces},
+        "contacts": {
+            f"{name}, {n} held": (n, Case(r, held=n))
+            for name, r in robots.items()
+            if name in ("Harpy", "Solo12")
+            for n in range(1, len(r.feet) + 1)
+        },
+        "freedoms": {f"{name}, two feet held": (r.model.nv, Case(r)) for name, r in robots.items()},
+    }
+    return cases, absent
 
 
 def time_growth(
@@ -81,82 +98,62 @@ def time_growth(
     repetitions: int,
     seed: int,
     faces: Sequence[int] = FACES,
-    on_case: Callable[[], None] = lambda: None,
+    stage: Callable[[int], Callable[[], None]] = lambda count: lambda: None,
 ) -> dict[str, Any]:
-    """Time terms, two formulations of the program, the condensed WBC and the contact-force filter, for growing
-    problems.
+    """Time terms, two formulations of the program, the condensed WBC and the filter, for growing problems.
+
+    ``stage`` is told how many cases there are, and what it returns is called after each.
 
     Returns:
         For each kind of growth the cases with their sizes and medians, µs, and for each part the exponent of growth
         (slope of a straight line in logarithms; null with fewer than two sizes); and robots that are absent, with the
         reason.
     """
-    found = {name: find_robot(name) for name in ROBOTS}
-    absent = {name: reason for name, reason in found.items() if isinstance(reason, str)}
-    others = {name: other for name, other in found.items() if isinstance(other, Robot)}
-    kinds: dict[str, dict[str, tuple[float, Case]]] = {
-        "faces": {f"Harpy, {n} faces": (n, Case(robot, faces=n)) for n in faces},
-        "contacts": {
-            f"{name}, {n} held": (n, Case(r, held=n))
-            for name, r in (("Harpy", robot), *((k, v) for k, v in others.items() if k == "Solo12"))
-            for n in range(1, len(r.feet) + 1)
-        },
-        "freedoms": {
-            f"{name}, two feet held": (r.model.nv, Case(r)) for name, r in (("Harpy", robot), *others.items())
-        },
-    }
+    kinds, absent = growth_cases(robot, faces)
+    step = stage(sum(map(len, kinds.values())))
     result: dict[str, Any] = {}
     for kind, cases in kinds.items():
-        rows: dict[str, dict[str, float | int]] = {}
+        rows: dict[str, dict[str, float]] = {}
         for name, (size, case) in cases.items():
-            times = time_case(case, repetitions, np.random.default_rng(seed))
-            rows[name] = {"size": size, **times}
-            on_case()
+            rows[name] = {"size": size, **time_case(case, repetitions, np.random.default_rng(seed))}
+            step()
         growing = rows if kind != "contacts" else {k: v for k, v in rows.items() if k.startswith("Solo12")} or rows
         exponents = {part: exponent_of([(r["size"], r[part]) for r in growing.values()]) for part in PARTS}
         result[kind] = {"cases": rows, "exponents": exponents}
-    result["absent"] = absent
-    return result
+    return {**result, "absent": absent}
 
 
-def count_cases(robot: Robot, faces: Sequence[int] = FACES) -> int:
-    """How often :func:`time_growth` reports progress."""
-    others = [name for name in ROBOTS if not isinstance(find_robot(name), str)]
-    return len(faces) + len(robot.feet) + 4 * ("Solo12" in others) + 1 + len(others)
-
-
-def _motion(case: Case, rng: np.random.Generator) -> tuple[list[State], list[WholeBodyTargets]]:
-    """A smooth sway, and the targets of each state."""
+def _motion(case: Case, rng: np.random.Generator) -> list[tuple[State, WholeBodyTargets]]:
+    """A smooth sway, with the targets of each state."""
     robot, model = case.robot, case.robot.model
     dynamics = Dynamics(robot)
     posture = pin.neutral(model)
-    lower, upper = robot.joint_lower, robot.joint_upper
-    middle = np.clip(rng.uniform(0.2, 0.6, len(robot.joints)), np.maximum(lower, -1.5), np.minimum(upper, 1.5))
-    posture[7:] = middle
+    middle = rng.uniform(0.2, 0.6, len(robot.joints))
+    posture[7:] = np.clip(middle, np.maximum(robot.joint_lower, -1.5), np.minimum(robot.joint_upper, 1.5))
     amplitude = 0.05 * rng.standard_normal(model.nv)
-    states, targets = [], []
     desired = rng.standard_normal(6)
+    weight = robot.mass * 9.81
+    motion = []
     for k in range(STATES):
         phase = 2.0 * np.pi * k / STATES
         q = pin.integrate(model, posture, amplitude * np.sin(phase))
         v = amplitude * np.cos(phase)
         dynamics.update(q, v)
         force = np.zeros((len(robot.feet), 3))
-        force[: case.held, 2] = robot.mass * 9.81 / case.held
-        states.append(State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force))
+        force[: case.held, 2] = weight / case.held
+        state = State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force)
         target = WholeBodyTargets(robot)
         target.body[:], target.orientation[:] = desired[:3], desired[3:]
         target.held[case.held :] = 0.0
-        target.force_range[:] = (0.0, 10.0 * robot.mass * 9.81)
-        targets.append(target)
-    return states, targets
+        target.force_range[:] = (0.0, 10.0 * weight)
+        motion.append((state, target))
+    return motion
 
 
 def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[str, float]:
     """Medians of every part, µs, over a sway drawn by ``rng``; programs not solved, and how often the filter acts."""
     robot = case.robot
-    states, targets = _motion(case, rng)
-    dynamics = Dynamics(robot)
+    motion, dynamics = _motion(case, rng), Dynamics(robot)
     limits = WholeBodyLimits(mu=MU, faces=case.faces)
     problems = {name: make_problem(name, robot, limits=limits) for name in ("full", "input_space")}
     solvers = {name: make_solver("proxqp", problem.program, reuse=True) for name, problem in problems.items()}
@@ -164,7 +161,10 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
         problems["scratch"] = make_problem("input_space", robot, limits=limits)
         solvers["scratch"] = make_solver("daqp", problems["scratch"].program)
     governor = ContactForceFilter(robot, ContactForceFilterParameters(mu=MU))
-    law = _law(robot, limits)
+    try:
+        law: CondensedSolver | None = CondensedSolver(robot, limits=limits)
+    except InputError:  # limbs that it does not take
+        law = None
     command = Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
     laps: dict[str, Laps] = {part: np.zeros((repetitions, STATES), dtype=np.int64) for part in PARTS}
     rotation = np.zeros((3, 3))
@@ -172,7 +172,7 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
     with without_gc():
         overhead = timer_overhead()
         for repetition in range(repetitions):
-            for k, (state, target) in enumerate(zip(states, targets, strict=True)):
+            for k, (state, target) in enumerate(motion):
                 t0 = perf_counter_ns()
                 dynamics.update(state.q, state.v)
                 laps["terms"][repetition, k] = perf_counter_ns() - t0
@@ -199,14 +199,6 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
     return {**medians, "unsolved": float(unsolved), "acting": acting / (repetitions * STATES)}
 
 
-def _law(robot: Robot, limits: WholeBodyLimits) -> CondensedSolver | None:
-    """The condensed WBC, where the robot has limbs that it takes."""
-    try:
-        return CondensedSolver(robot, limits=limits)
-    except InputError:
-        return None
-
-
 def exponent_of(points: list[tuple[float, float]]) -> float | None:
     """Slope of a straight line through the logarithms of sizes and times."""
     known = [(size, time) for size, time in points if time > 0.0]
@@ -218,9 +210,8 @@ def exponent_of(points: list[tuple[float, float]]) -> float | None:
 
 def growth_tables(entry: Mapping[str, Any]) -> list[Table]:
     """The tables of :func:`time_growth`."""
-    titles = {"faces": "faces of the friction pyramid", "contacts": "feet held", "freedoms": "degrees of freedom"}
     tables = []
-    for kind, title in titles.items():
+    for kind, (title, expected) in KINDS.items():
         cells: list[Cell] = []
         for name, row in entry[kind]["cases"].items():
             cells.append(Cell(name, "size", row["size"]))
@@ -230,7 +221,7 @@ def growth_tables(entry: Mapping[str, Any]) -> list[Table]:
         for part, text in PARTS.items():
             cells.append(Cell("exponent of growth", text, entry[kind]["exponents"][part]))
         note = (
-            f"Medians; a QP is built and solved. Expected: {EXPECTED[kind]}. The motion is slow and smooth: the reused "
+            f"Medians; a QP is built and solved. Expected: {expected}. The motion is slow and smooth: the reused "
             "active set is at its best here, and the governor acts wherever stated. Cases are timed one after the "
             "other, not interleaved: where the rigid-body terms change without reason, the machine's speed changed."
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -15,16 +15,34 @@ from comparison.campaign.plan import Task, code_digest
 from comparison.campaign.settings import JOINT_DAMPING
 from comparison.campaign.store import Store
 from comparison.measure.walking import Progress
-from comparison.tuning.objective import Outcome, Score, walk_scenario
-from comparison.tuning.search import propose
-from comparison.tuning.training import JUDGING_SEED, TRAINING_SEED, judging_tasks, scenario_with, training_tasks
-from comparison.tuning.variants import PAPER, VARIANTS, Point, Variant
+from comparison.tables import Cell, Table
+from comparison.tuning import walks
+from comparison.tuning.variants import PAPER, VARIANTS, Point, Range, Variant
+from comparison.tuning.walks import (
+    JUDGING_SEED,
+    TRAINING_SEED,
+    Outcome,
+    Score,
+    judging_tasks,
+    scenario_with,
+    training_tasks,
+    walk_scenario,
+)
 from harpy_pin import checks
 
-__all__ = ["TuneSettings", "tune"]
-
+RANDOM_SHARE = 0.3
+"""Share of the budget that is drawn from the whole space."""
+FIRST_STEP, LAST_STEP = 0.3, 0.05
+"""Standard deviation of a change at the beginning and at the end, as a share of the range's logarithm."""
+CHANGED = 0.3
+"""Probability with which a change of the best touches a setting."""
 FIRST_SHARE = 0.35
 """Share of the walks after which settings that are worse than the best ones there are given up."""
+
+_NOTE = (
+    "Falls, median slip per step (a fall counts as more than any) and median tracking error of the walks that did not "
+    "fall, with published and with found settings."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,89 +101,104 @@ def tune(settings: TuneSettings, path: Path, progress: Progress | None = None) -
                     progress(first + index, each * len(settings.variants))
 
             start = found.get(f"none/{name.rpartition('/')[2]}", {}).get("factors")
-            found[name] = _Search(name, settings, store, start).run(done)
-    seeds = {"proposals": settings.seed, "training": TRAINING_SEED, "judging": JUDGING_SEED}
+            found[name] = _search(name, settings, store, start, done)
     how = {name: getattr(settings, name) for name in ("budget", "train", "judge", "duration", "joint_damping")}
+    seeds = {"proposals": settings.seed, "training": TRAINING_SEED, "judging": JUDGING_SEED}
     document: dict[str, Any] = {**how, "seeds": seeds, "variants": found}
     papers = [name for name in found if name in PAPER]
     if papers:
-        document["best_paper"] = _better(min(papers, key=lambda name: float(found[name]["training"]["cost"])), found)
+        best = min(papers, key=lambda name: float(found[name]["training"]["cost"]))
+        published = found[best]["factors"] == VARIANTS[best].published
+        document["best_paper"] = best if published else f"{best}/tuned"
     return document
 
 
-def _better(name: str, found: Mapping[str, Any]) -> str:
-    """The variant with the settings that were found, or its own name where the published ones are the best."""
-    return name if found[name]["factors"] == VARIANTS[name].published else f"{name}/tuned"
+def _search(
+    name: str, settings: TuneSettings, store: Store, start: Point | None, done: Callable[[int], None]
+) -> dict[str, Any]:
+    """The best settings of a variant, and what they and the published ones came to.
 
-
-class _Search:
-    """The search of one variant.
-
-    Args:
-        name: of the variant.
-        settings: how much is searched.
-        store: of finished settings.
-        start: gains that were found without a governor.
+    ``start`` are gains that were found without a governor; ``done`` is called with how many settings are done.
     """
+    variant = VARIANTS[name]
+    how = settings.duration, settings.joint_damping
+    training, judging = training_tasks(settings.train, *how), judging_tasks(settings.judge, *how)
+    best: Point = variant.published
+    row = published = _row(name, best, training, store)
+    for index in range(1, settings.budget):
+        done(index)
+        rng = np.random.default_rng([settings.seed, *name.encode(), index])
+        point = propose(variant, index, settings.budget, best, rng, start)
+        tried = _row(name, point, training, store, row["costs"])
+        if not _hopeless(tried["costs"], row["costs"]) and sum(tried["costs"]) < sum(row["costs"]):
+            best, row = point, tried
+    done(settings.budget)
+    scores = {"published, training": published["score"], "training": row["score"]}
+    scores["published, judging"] = _row(name, variant.published, judging, store)["score"]
+    done(settings.budget + 1)
+    scores["judging"] = _row(name, best, judging, store)["score"]
+    done(settings.budget + 2)
+    return {"factors": dict(best), "controller": variant.settings(best), **scores}
 
-    def __init__(self, name: str, settings: TuneSettings, store: Store, start: Point | None = None) -> None:
-        self.name, self.settings, self.store, self.start = name, settings, store, start
-        self.variant: Variant = VARIANTS[name]
-        self.training = training_tasks(settings.train, settings.duration, settings.joint_damping)
-        self.judging = judging_tasks(settings.judge, settings.duration, settings.joint_damping)
 
-    def run(self, done: Any) -> dict[str, Any]:
-        """The best settings, and what they and the published ones came to.
+def propose(
+    variant: Variant, index: int, budget: int, best: Point, rng: np.random.Generator, start: Point | None = None
+) -> Point:
+    """Settings number ``index`` of a search: the published ones, random ones, then changes of the best so far.
 
-        Args:
-            done: called with how many settings are done.
-        """
-        best: Point = self.variant.published
-        row = published = self._row(best, self.training)
-        for index in range(1, self.settings.budget):
-            done(index)
-            rng = np.random.default_rng([self.settings.seed, *self.name.encode(), index])
-            point = propose(self.variant, index, self.settings.budget, best, rng, self.start)
-            tried = self._row(point, self.training, row["costs"])
-            if not _hopeless(tried["costs"], row["costs"]) and sum(tried["costs"]) < sum(row["costs"]):
-                best, row = point, tried
-        done(self.settings.budget)
-        scores = {"published, training": published["score"], "training": row["score"]}
-        scores["published, judging"] = self._row(self.variant.published, self.judging)["score"]
-        done(self.settings.budget + 1)
-        scores["judging"] = self._row(best, self.judging)["score"]
-        done(self.settings.budget + 2)
-        return {"factors": dict(best), "controller": self.variant.settings(best), **scores}
+    Changes become smaller. The second settings may be a start that is known to be good, of any of the variant's paths;
+    the others are at their published values.
+    """
+    if index == 0:
+        return variant.published
+    if index == 1 and start is not None:
+        return {**variant.published, **start}
+    if index <= RANDOM_SHARE * budget:
+        return {path: _random(span, rng) for path, span in variant.space.items()}
+    progress = (index - RANDOM_SHARE * budget) / max((1.0 - RANDOM_SHARE) * budget, 1.0)
+    step = FIRST_STEP * (LAST_STEP / FIRST_STEP) ** progress
+    paths = list(variant.space)
+    touched = [path for path in paths if rng.random() < CHANGED] or [paths[int(rng.integers(len(paths)))]]
+    return {**best, **{path: _changed(variant.space[path], best[path], step, rng) for path in touched}}
 
-    def _row(self, point: Point, tasks: Sequence[Task], best: Sequence[float] = ()) -> dict[str, Any]:
-        """What settings come to on walks, from the journal where it has them.
 
-        Args:
-            point: the settings.
-            tasks: the walks.
-            best: costs of the best settings so far, walk by walk. Walks end where these settings are hopeless.
-        """
-        key = self._key(point, tasks, best)
-        if key not in self.store.rows:
-            outcomes: list[Outcome] = []
-            controller = self.variant.controller(point)
-            for task in tasks:
-                outcomes.append(walk_scenario(scenario_with(task, controller)))
-                if _hopeless([one.cost for one in outcomes], best):
-                    break
-            found = {"variant": self.name, "point": dict(point), "costs": [one.cost for one in outcomes]}
-            self.store.append(key, {**found, "score": asdict(Score.of(outcomes))})
-        return self.store.rows[key]
+def _random(span: Any, rng: np.random.Generator) -> Any:
+    if isinstance(span, Range):
+        return float(np.exp(rng.uniform(np.log(span.low), np.log(span.high))))
+    return span.values[int(rng.integers(len(span.values)))]
 
-    def _key(self, point: Point, tasks: Sequence[Task], best: Sequence[float]) -> str:
-        """Identifies settings, walks, what ends them early, and the code that does them."""
-        what = {
-            "code": [code_digest(), _own_digest()],
-            "controller": self.variant.settings(point),
-            "tasks": [asdict(t) for t in tasks],
-            "best": list(best),
-        }
-        return hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:24]
+
+def _changed(span: Any, value: Any, step: float, rng: np.random.Generator) -> Any:
+    if not isinstance(span, Range):
+        return _random(span, rng)
+    moved = value * np.exp(step * np.log(span.high / span.low) * rng.standard_normal())
+    return float(np.clip(moved, span.low, span.high))
+
+
+def _row(name: str, point: Point, tasks: Sequence[Task], store: Store, best: Sequence[float] = ()) -> dict[str, Any]:
+    """What settings of a variant come to on walks, from the journal where it has them.
+
+    ``best`` are the costs of the best settings so far, walk by walk: walks end where these settings are hopeless.
+    """
+    variant = VARIANTS[name]
+    # Settings, walks, what ends them early, and the code that does them.
+    what = {
+        "code": [code_digest(), hashlib.sha256(Path(walks.__file__).read_bytes()).hexdigest()[:24]],
+        "controller": variant.settings(point),
+        "tasks": [asdict(t) for t in tasks],
+        "best": list(best),
+    }
+    key = hashlib.sha256(json.dumps(what, sort_keys=True).encode()).hexdigest()[:24]
+    if key not in store.rows:
+        outcomes: list[Outcome] = []
+        controller = variant.controller(point)
+        for task in tasks:
+            outcomes.append(walk_scenario(scenario_with(task, controller)))
+            if _hopeless([one.cost for one in outcomes], best):
+                break
+        found = {"variant": name, "point": dict(point), "costs": [one.cost for one in outcomes]}
+        store.append(key, {**found, "score": asdict(Score.of(outcomes))})
+    return store.rows[key]
 
 
 def _hopeless(costs: Sequence[float], best: Sequence[float]) -> bool:
@@ -181,8 +214,34 @@ def _hopeless(costs: Sequence[float], best: Sequence[float]) -> bool:
     return bool(best) and sum(costs) > sum(best)
 
 
-def _own_digest() -> str:
-    """Hash of what walks and scores."""
-    folder = Path(__file__).parent
-    parts = (folder / name for name in ("objective.py", "training.py"))
-    return hashlib.sha256(b"\0".join(part.read_bytes() for part in parts)).hexdigest()[:24]
+def tuning_tables(document: Mapping[str, Any]) -> list[Table]:
+    """A table of the scores on training walks, one on judging walks, and the settings that were found."""
+    found = document["variants"]
+    tables = []
+    for which in ("training", "judging"):
+        cells: list[Cell] = []
+        for name, entry in found.items():
+            row = VARIANTS[name].label
+            for settings, key in (("published", f"published, {which}"), ("found", which)):
+                score = entry[key]
+                slip = "fell" if score["slip_median"] is None else score["slip_median"]
+                cells.append(Cell(row, f"falls, {settings}", score["falls"]))
+                cells.append(Cell(row, f"slip, {settings}", slip, "mm"))
+                cells.append(Cell(row, f"tracking, {settings}", score["tracking_median"], "mm"))
+        each = max(entry[which]["walks"] for entry in found.values())
+        title = f"Tuning: {each} {which} walks each; best of {document['budget']} settings"
+        tables.append(Table(f"tuning_{which}", title, tuple(cells), _NOTE))
+    return [*tables, *(_settings_table(name, entry) for name, entry in found.items())]
+
+
+def _settings_table(name: str, entry: Mapping[str, Any]) -> Table:
+    cells = []
+    for path, factor in entry["factors"].items():
+        value = entry["controller"]
+        for part in path.split("."):
+            value = value.get(part) if isinstance(value, Mapping) else None
+        shown = ", ".join(f"{number:.3g}" for number in value) if isinstance(value, list) else value
+        row = path.partition(".")[2]
+        cells.append(Cell(row, "found", "as published" if shown is None else shown))
+        cells.append(Cell(row, "multiple", factor if isinstance(factor, float) else None))
+    return Table(f"tuning_{name}", f"Settings found: {VARIANTS[name].label}", tuple(cells))

@@ -11,15 +11,10 @@ from comparison.tuning.variants import VARIANTS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.parts import read_part
 
-__all__ = ["TUNED_FILE", "best_paper", "searched", "tuned", "variant_part"]
-
 TUNED_FILE = Path(__file__).with_name("tuned.json")
 """What the command wrote; the file says with how large a budget, and on how many walks."""
 
 WHOLE_BODY = ("condensed", "wbc")
-
-FOUND = "/tuned"
-"""Ends the name of a variant with the settings that were found; without it they are the published ones."""
 
 
 @cache
@@ -39,9 +34,6 @@ def searched(variant: str) -> str:
 
     The two whole-body controllers have one optimum, and so one best setting: both have what was found for the one with
     the least cost on the training walks.
-
-    Args:
-        variant: of :data:`~comparison.tuning.variants.VARIANTS`.
     """
     if variant not in WHOLE_BODY:
         return variant
@@ -49,13 +41,8 @@ def searched(variant: str) -> str:
 
 
 def variant_part(name: str, mu: float | None = None) -> ControllerPart:
-    """A variant as the controller of a scenario.
-
-    Args:
-        name: of :data:`~comparison.tuning.variants.VARIANTS`, with ``/tuned`` for the settings that were found.
-        mu: friction coefficient that it assumes; the ground's by default.
-    """
-    variant = name.removesuffix(FOUND)
+    """A variant as the controller of a scenario, with ``/tuned`` after its name with the settings that were found."""
+    variant = name.removesuffix("/tuned")
     part = VARIANTS[variant].part
-    found = tuned()["variants"][searched(variant)]["controller"] if name.endswith(FOUND) else {}
+    found = tuned()["variants"][searched(variant)]["controller"] if name.endswith("/tuned") else {}
     return read_part(CONTROLLER_PARTS, "controller", {**part, **found, "name": part["name"], "mu": mu})

@@ -11,20 +11,13 @@ from harpy_pin.governors import ContactForceFilterParameters, PaperGovernorParam
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.parts import read_part
 
-__all__ = ["PAPER", "VARIANTS", "Choice", "Point", "Range", "Variant"]
-
 Point = Mapping[str, Any]
 """A value for each setting of a space: the factor of a :class:`Range`, the value of a :class:`Choice`."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """A setting that is searched as a multiple of its published value, uniformly in the logarithm.
-
-    Attributes:
-        low: least multiple.
-        high: largest multiple.
-    """
+    """A setting that is searched as a multiple of its published value, uniformly in the logarithm."""
 
     low: float
     high: float
@@ -32,11 +25,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Choice:
-    """A setting with few values; the published one comes first.
-
-    Attributes:
-        values: to choose from.
-    """
+    """A setting with few values; the published one comes first."""
 
     values: tuple[Any, ...]
 
@@ -144,12 +133,7 @@ class Variant:
         return settings
 
     def controller(self, point: Point, mu: float | None = None) -> ControllerPart:
-        """The controller of a scenario with the settings of a point.
-
-        Args:
-            point: of its space.
-            mu: friction coefficient that it assumes; the ground's by default.
-        """
+        """The controller of a scenario with the settings of a point; it assumes the ground's friction by default."""
         return read_part(CONTROLLER_PARTS, "controller", {**self.settings(point), "mu": mu})
 
     def _record(self, group: str) -> Any:
@@ -166,12 +150,8 @@ def _governed(governor: str, legs: str, own: Space, **more: Any) -> Variant:
     """The governed controller with one governor and one control law of the legs."""
     names = {"none": "no governor", "paper": "paper's governor", "filter": "contact-force filter"}
     words = [names[governor], *more.values(), "PID" if legs == "pid" else "feedforward"]
-    part = {
-        "name": "governed",
-        "governor": governor,
-        **more,
-        **({} if legs == "pid" else {"parameters": {"legs": legs}}),
-    }
+    other_legs = {} if legs == "pid" else {"parameters": {"legs": legs}}
+    part = {"name": "governed", "governor": governor, **more, **other_legs}
     return Variant(", ".join(words), part, {**own, **_THRUSTERS, **_LEGS[legs]})
 
 

@@ -13,9 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import Robot
-from harpy_pin.simulation.mujoco.mujoco_model import import_mujoco
-
-__all__ = ["FEET", "described", "robot_of", "torque_driven"]
+from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
 SCENE = Path("_src", "locomotion", "go1", "xmls", "scene_mjx_feetonly_flat_terrain.xml")
 FEET = ("FR", "FL", "RR", "RL")

@@ -14,8 +14,6 @@ from comparison.peers.worker import NOT_INSTALLED, WorkerError
 from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
 
-__all__ = ["PERIOD", "Policy", "observation", "package_in"]
-
 PERIOD = 0.02
 """Between two actions, s."""
 SCALE = 0.5

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import thread_time_ns
 from typing import Any
@@ -17,9 +16,7 @@ from comparison.walkers.watch import Watch
 from harpy_pin import Robot, State, WalkingGait, make_controller
 from harpy_pin.errors import ControlError
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.mujoco.mujoco_model import import_mujoco
-
-__all__ = ["LAW", "LEARNING", "NETWORK", "PLANTS", "WALKERS", "Command", "Law", "WalkersWalk", "followed", "walked"]
+from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco
 
 NETWORK, LAW, LEARNING = "policy", "condensed", "condensed, joint friction"
 WALKERS = (NETWORK, LAW, LEARNING)
@@ -33,40 +30,13 @@ CALLS = 200
 PUSH = 0.1
 """Duration, s."""
 
-Command = tuple[float, float, float, float]
-"""Time from which on it holds, s; forward, to the left, turning."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class WalkersWalk:
-    """One walk.
-
-    Attributes:
-        what: kind of the walk.
-        walker: one of :data:`WALKERS`.
-        plant: one of :data:`PLANTS`.
-        number: of the sequence, or of the push.
-        friction: of the ground.
-        commands: in the order of time.
-        push: time, s, and velocity, m/s, by which the robot is pushed: its impulse over its mass.
-        duration: s.
-    """
-
-    what: str
-    walker: str
-    plant: str
-    number: int
-    friction: float
-    commands: tuple[Command, ...]
-    push: tuple[float, float, float] | None = None
-    duration: float
-
-
-def walked(job: WalkersWalk, folder: Path) -> dict[str, Any]:
-    """What the walk was, and its measures.
+def walked(job: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Measures of a walk.
 
     Args:
-        job: the walk.
+        job: ``walker``, ``plant``, ``friction`` and ``duration``, s; ``commands``, each with the time from which on it
+            holds, s, forward, to the left and turning; ``push``, its time, s, and impulse over mass, m/s, or None.
         folder: of the peers' environments.
 
     Raises:
@@ -74,18 +44,16 @@ def walked(job: WalkersWalk, folder: Path) -> dict[str, Any]:
     """
     spec = described(package_in(folder))
     model = spec.compile()
-    for name, value in PLANTS[job.plant].items():
+    for name, value in PLANTS[job["plant"]].items():
         setattr(model.opt, name, value)
-    model.geom("floor").friction[0] = job.friction
-    if job.walker == NETWORK:
+    model.geom("floor").friction[0] = job["friction"]
+    if job["walker"] == NETWORK:
         with Policy(folder) as network:
             measures, call_us = followed(job, model, network.act, PERIOD), network.call_us()
     else:
-        law = Law(robot_of(spec), model, job.friction, learning=job.walker == LEARNING)
+        law = Law(robot_of(spec), model, job["friction"], learning=job["walker"] == LEARNING)
         measures, call_us = followed(job, model, law.act, law.period), law.call_us()
-    said = asdict(job)
-    del said["commands"], said["push"]
-    return {**said, **measures, "call_us": call_us}
+    return {**measures, "call_us": call_us}
 
 
 class Law:
@@ -104,8 +72,9 @@ class Law:
     def __init__(self, robot: Robot, model: Any, mu: float, *, learning: bool) -> None:
         torque_driven(model)
         self.robot, self.period, self.gait = robot, float(model.opt.timestep), WalkingGait(robot)
+        self._states = Conventions(model, robot)
         changes = {**self.gait.parameters, "estimate_joint_friction": learning}
-        self._controller = make_controller("condensed", self.gait, mu=mu, period=self.period, parameters=changes)
+        self._controller = make_controller("condensed", self.gait, mu=mu, period=self.period, **changes)
         driven = {model.joint(joint).name: k for k, joint in enumerate(model.actuator_trnid[:, 0])}
         self._actuators = [driven[name] for name in robot.joints]
         self._recent: deque[State] = deque(maxlen=CALLS)
@@ -116,7 +85,7 @@ class Law:
         Raises:
             ControlError: it has none.
         """
-        state = State.from_mujoco(model, data, self.robot)
+        state = self._states.read(data)
         self._recent.append(state)
         self.gait.command[:3] = command
         data.ctrl[self._actuators] = self._controller.step(state).torque
@@ -131,7 +100,7 @@ class Law:
         return 1e-3 * (thread_time_ns() - begin) / len(again)
 
 
-def followed(job: WalkersWalk, model: Any, act: Callable[[Any, Any, Vector], None], period: float) -> dict[str, Any]:
+def followed(job: dict[str, Any], model: Any, act: Callable[[Any, Any, Vector], None], period: float) -> dict[str, Any]:
     """Measures of a walk from the first keyframe to its end, or to the fall.
 
     Args:
@@ -145,13 +114,13 @@ def followed(job: WalkersWalk, model: Any, act: Callable[[Any, Any, Vector], Non
     mujoco.mj_resetDataKeyframe(model, data, 0)
     watch, dt, command = Watch(model, data, FEET), float(model.opt.timestep), np.zeros(3)
     every = round(period / dt)
-    for k in range(round(job.duration / dt)):
+    for k in range(round(job["duration"] / dt)):
         t = k * dt
-        command = np.array([row[1:] for row in ((0.0, 0.0, 0.0, 0.0), *job.commands) if row[0] <= t][-1])
-        if job.push is not None:
-            on = job.push[0] <= t < job.push[0] + PUSH
+        command = np.array([row[1:] for row in ((0.0, 0.0, 0.0, 0.0), *job["commands"]) if row[0] <= t][-1])
+        if job["push"] is not None:
+            on = job["push"][0] <= t < job["push"][0] + PUSH
             mass = float(model.body_subtreemass[1])
-            data.xfrc_applied[1, :2] = mass / PUSH * np.array(job.push[1:]) if on else 0.0
+            data.xfrc_applied[1, :2] = mass / PUSH * np.array(job["push"][1:]) if on else 0.0
         if k % every == 0:
             mujoco.mj_forward(model, data)
             try:

@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.mujoco.mujoco_model import import_mujoco
-
-__all__ = ["Watch", "sliding"]
+from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
 AIR = 0.05
 """A foot that was off the ground for so long has made a step when it lands, s."""

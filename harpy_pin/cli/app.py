@@ -18,20 +18,11 @@ from harpy_pin.cli.info import info
 from harpy_pin.cli.live import live
 from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.robots import robots
+from harpy_pin.cli.settings import settings
 from harpy_pin.cli.view import view
 from harpy_pin.cli.walk import walk
-from harpy_pin.errors import InputError
 
 __all__ = ["app", "main"]
-
-
-def _moved(context: typer.Context) -> None:
-    """Where the command is now."""
-    raise InputError(
-        f"'{context.info_name}' belongs to the reproduction of the paper, in a checkout: "
-        f"python -m reproduction {context.info_name}",
-        name="command",
-    )
 
 
 app = typer.Typer(
@@ -44,11 +35,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, walk, view, film, live, info, robots, export):
+for command in (demo, walk, view, film, live, info, robots, settings, export):
     app.command()(stopping(command))
 app.command("compile")(stopping(compile_ahead))
-for moved in ("gait", "governors", "paper", "vlip"):
-    app.command(moved, hidden=True, context_settings={"ignore_unknown_options": True, "allow_extra_args": True})(_moved)
 
 
 def _print_version(desired: bool) -> None:

@@ -31,13 +31,12 @@ def demo(
     The friction coefficient is 0.15, and each walk lasts 4 s, if the robot does not fall.
     """
     check_outputs({"--html": html})
+    from harpy_pin.ground.ground import Ground
     from harpy_pin.log.run import Run
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.scenario import Scenario, build
-    from harpy_pin.simulation.ground import Ground
     from harpy_pin.view.page.replay import write_replays
-    from harpy_pin.view.page.scoreboard import scoreboard
-    from harpy_pin.view.page.shown import name_of
+    from harpy_pin.view.page.shown import name_of, scoreboard
 
     runs: list[Run] = []
     for controller in CONTROLLERS:

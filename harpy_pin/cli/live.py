@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import webbrowser
 from importlib.util import find_spec
-from math import radians
 from pathlib import Path
 from signal import SIGTERM
 from threading import Thread
@@ -14,7 +13,8 @@ from typing import Annotated
 import typer
 
 from harpy_pin import checks
-from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, ScheduleOption, UrdfOption, console
+from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, UrdfOption, console
+from harpy_pin.cli.walk_options import read_settings
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_outputs, journal_path, write_json
 from harpy_pin.model.catalogue import check_robot_name, known_name
@@ -29,20 +29,12 @@ def live(
     robot: Annotated[
         str, typer.Option(help="harpy, or a robot that `harpy robots` lists, with two or four feet.")
     ] = "harpy",
-    controller: Annotated[
-        str, typer.Option(help="condensed, wbc, or joint PIDs with a governor: none, paper, filter.")
-    ] = "condensed",
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
-    slope: Annotated[
-        float, typer.Option(metavar="DEGREES", help="Angle by which the ground rises along x at the start, degrees.")
-    ] = 0.0,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
-    schedule: ScheduleOption = None,
-    stiffness: Annotated[
-        float | None,
+    settings: Annotated[
+        list[str] | None,
         typer.Option(
-            help="Stiffness of the ground, N/m.  [default: 8000; for another robot its weight over 2 mm]",
-            show_default=False,
+            "--set", metavar="NAME=VALUE", help="Another setting of the page, such as controller=wbc or slope=0.17."
         ),
     ] = None,
     duration: Annotated[
@@ -61,15 +53,16 @@ def live(
 ) -> None:
     """Drive a robot in the browser, in real time.
 
-    The page has its speed, turns, friction, ice, slope, controllers and pushes. It is served to this machine only.
+    The page has its speed, turns, friction, ice, slope, controllers and pushes; --set takes them by the names of
+    harpy_pin.view.live.LiveSettings. It is served to this machine only.
     Ctrl-C ends it (exit code 130; 143 on SIGTERM). With --save the log is written to disk while it is driven; if the
     process dies, harpy view reads FILE.npz.part.
 
     \b
     harpy live
-    harpy live --controller paper --friction 0.25 --speed 0.3
+    harpy live --set controller=paper --friction 0.25 --speed 0.3
     harpy live --robot go2
-    harpy live --robot anymal_c --schedule crawl --speed 0.3
+    harpy live --robot anymal_c --set schedule=crawl --speed 0.3
     harpy live --save drive.npz
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
@@ -93,9 +86,8 @@ def live(
     driven_robot = load_harpy(urdf) if robot == "harpy" else load_robot(robot)
     ranges = DriveRanges.of(driven_robot)
     checks.number("speed", speed, low=-ranges.forward, high=ranges.forward)
-    given = {name: value for name, value in (("schedule", schedule), ("stiffness", stiffness)) if value is not None}
-    changes = {"controller": controller, "friction": friction, "slope": radians(slope), "forward": speed, **given}
-    settings = LiveSettings(**usual_settings(driven_robot)).changed(changes)
+    changes = {"friction": friction, "forward": speed, **read_settings(settings or ())}
+    start = LiveSettings(**usual_settings(driven_robot)).changed(changes)
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # the line below says it
 
     def show(url: str) -> None:
@@ -105,7 +97,7 @@ def live(
         if browser:
             Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
-    drive = Drive(settings, robot=driven_robot, save=save, listener=listen(host, port), on_page=show)
+    drive = Drive(start, robot=driven_robot, save=save, listener=listen(host, port), on_page=show)
     console.print(f"drive {driven_robot.name}: {drive.url}  (Ctrl-C ends)", highlight=False)
     driven = drive.run(duration)
     times = driven.as_dict()

@@ -6,17 +6,13 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from harpy_pin.errors import InputError
-from harpy_pin.log.measure_words import OF_SOME_WALKS, OF_THRUSTERS, WORDS
-
-if TYPE_CHECKING:
-    from harpy_pin.simulation.profile import Profile
 
 __all__ = [
     "BAD_INPUT",
@@ -24,12 +20,10 @@ __all__ = [
     "INTERRUPTED",
     "TERMINATED",
     "JsonOption",
-    "ScheduleOption",
     "UrdfOption",
     "check_figure",
     "console",
     "measures_table",
-    "profile_table",
     "stderr",
     "values_table",
     "walking_bar",
@@ -49,12 +43,6 @@ UrdfOption = Annotated[
 ]
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
-ScheduleOption = Annotated[
-    str | None,
-    typer.Option(
-        help="trot, crawl, pace or bound on four feet; walk or step on two. Not for Harpy.", show_default=False
-    ),
-]
 console = Console(markup=False)  # names and messages may hold brackets
 stderr = Console(stderr=True, markup=False)
 
@@ -80,6 +68,8 @@ def values_table(title: str, values: dict[str, Any]) -> Table:
 
 def measures_table(title: str, measures: dict[str, Any], *, thrusters: bool) -> Table:
     """A line for each measure of a run, in words; those of thrusters where it has some."""
+    from harpy_pin.log.measures import OF_SOME_WALKS, OF_THRUSTERS, WORDS
+
     measures = {**measures, "steps": f"{measures['steps']:.1f}"}
     values = {
         name: ("yes" if value else "no") if isinstance(value, bool) else value
@@ -87,34 +77,6 @@ def measures_table(title: str, measures: dict[str, Any], *, thrusters: bool) -> 
         if not (name in OF_SOME_WALKS and math.isnan(value)) and not (name in OF_THRUSTERS and not thrusters)
     }
     return values_table(title, {WORDS[name]: value for name, value in values.items()})
-
-
-def profile_table(profile: Profile) -> Table:
-    """Where the time of a run went."""
-    from harpy_pin.simulation.profile import Part
-
-    ticks = max(profile.ticks, 1)
-    factor = profile.real_time_factor
-    result = Table(
-        "part",
-        title=f"{profile.simulated:g} s in {profile.total:.3f} s; {factor:.1f} × real time less first calls and clocks",
-        caption="log: telemetry, too; first calls: loading what is compiled; clocks: what this table costs, "
-        "estimated; rest: the loop, copies of the state, sensors, checks",
-    )
-    for column in ("calls", "µs per call", "µs per tick", "ms", "share"):
-        result.add_column(column, justify="right")
-    for part in (*profile.parts, Part("total", 0, profile.total)):
-        if part.name == "total":
-            result.add_section()
-        result.add_row(
-            part.name,
-            str(part.calls) if part.calls else "",
-            f"{1e6 * part.seconds / part.calls:.2f}" if part.calls else "",
-            f"{1e6 * part.seconds / ticks:.2f}",
-            f"{1e3 * part.seconds:.1f}",
-            f"{part.seconds / profile.total:.1%}",
-        )
-    return result
 
 
 @contextmanager

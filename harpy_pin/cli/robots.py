@@ -20,7 +20,7 @@ def robots() -> None:
     the extra "robots"; without it, masses, joints and licences are not known.
     """
     from harpy_pin.model.catalogue import installed_data
-    from harpy_pin.model.known_robots import robots as known_robots
+    from harpy_pin.model.robot import robots as known_robots
 
     installed = installed_data()
     found = "is not installed: pip install 'harpy-pin[robots]'" if installed is None else f"{installed} is installed"

@@ -50,12 +50,6 @@ def view(
     csv: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE.csv", help="Export all signals as a table.")
     ] = None,
-    mcap: Annotated[
-        Path | None,
-        typer.Option(
-            "--mcap", metavar="FILE.mcap", help="Export all signals for Foxglove or PlotJuggler (extra: mcap)."
-        ),
-    ] = None,
     charts: Annotated[bool, typer.Option("--charts", help="Pictures and films of the whole page, charts too.")] = False,
     port: Annotated[int, typer.Option(help="Port of the live page; any free one by default.", show_default=False)] = 0,
     urdf: Annotated[
@@ -70,8 +64,8 @@ def view(
     """Replay runs in the browser, with forces and charts.
 
     It shows the robot, contact forces in their friction cones, references, and charts over time. Several runs are
-    played in step, with their measures beside each other. Pictures and films need Chromium on PATH. Without --html,
-    pictures, films or figures the page is served until Ctrl-C (exit code 130; 143 on SIGTERM).
+    played in step, with their measures beside each other. Pictures and films need Chromium and the extra film.
+    Without --html, pictures, films or figures the page is served until Ctrl-C (exit code 130; 143 on SIGTERM).
 
     \b
     harpy view walk.npz
@@ -80,12 +74,12 @@ def view(
     harpy view walk.npz --png walk.png --times 1.2,1.4
     harpy view paper.npz condensed.npz --gif walk.gif --span 0:4
     harpy view walk.npz --figures walk.pdf
-    harpy view walk.npz --csv walk.csv --mcap walk.mcap
+    harpy view walk.npz --csv walk.csv
     """
     checks.whole("port", port, high=65535)
     if len(runs) > MAX_RUNS:
         raise InputError(f"at most {MAX_RUNS} runs are shown side by side, got {len(runs)}", name="runs")
-    outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4, "--csv": csv, "--mcap": mcap}
+    outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4, "--csv": csv}
     check_outputs(outputs, inputs={f"RUN.npz {k + 1}": run for k, run in enumerate(runs)})
     for name, path in outputs.items():
         if path is not None and name != "--html" and path.suffix.lower() != f".{name[2:]}":
@@ -93,8 +87,8 @@ def view(
     check_figure(figures)
     if figures is not None and len(runs) > 1:
         raise InputError("--figures are of one run", name="figures", value=figures)
-    if (csv is not None or mcap is not None) and len(runs) > 1:
-        raise InputError("--csv and --mcap export one run", name="runs")
+    if csv is not None and len(runs) > 1:
+        raise InputError("--csv exports one run", name="runs")
     if times is not None and png is None:
         raise InputError("--times says when to take pictures: give --png", name="times", value=times)
     moments = None if times is None else [_number("--times", text) for text in times.split(",")]
@@ -105,8 +99,9 @@ def view(
     from harpy_pin.view.robot_of import robot_of
 
     logs = [Run.load(path) for path in runs]
-    if csv is not None or mcap is not None:
-        _export(logs[0], csv, mcap)
+    if csv is not None:
+        logs[0].to_csv(csv)
+        console.print(f"wrote {csv}", highlight=False)
         if html is None and figures is None and png is None and gif is None and mp4 is None:
             return
     pairs = [(log, robot_of(log, urdf)) for log in logs]
@@ -124,14 +119,6 @@ def view(
 
     with Film(pairs, charts=charts) as film:
         _shoot(film, png, moments, gif, mp4, begin, end, width, height)
-
-
-def _export(run: Run, csv: Path | None, mcap: Path | None) -> None:
-    """Write the signals of a run for other programs."""
-    for path, write in ((csv, run.to_csv), (mcap, run.to_mcap)):
-        if path is not None:
-            write(path)
-            console.print(f"wrote {path}", highlight=False)
 
 
 def _draw_figures(run: Run, path: Path) -> None:

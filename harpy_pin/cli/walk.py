@@ -1,91 +1,80 @@
-"""The command ``harpy walk``: its options make a scenario, which is walked, measured and reported."""
+"""The command ``harpy walk``: a scenario is walked, measured and reported."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import nullcontext
-from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harpy_pin import checks
-from harpy_pin.cli import walk_options
 from harpy_pin.cli.ending import say
-from harpy_pin.cli.grouped import grouped
-from harpy_pin.cli.output import FELL, INTERRUPTED, console, measures_table, profile_table, stderr, walking_bar
+from harpy_pin.cli.output import FELL, INTERRUPTED, JsonOption, console, measures_table, stderr, walking_bar
+from harpy_pin.cli.walk_options import DurationOption, PushOption, SetOption, SpeedOption, read_scenario
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
 if TYPE_CHECKING:
     from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario
-    from harpy_pin.simulation.profile import Profile
 
 __all__ = ["walk"]
 
+FRICTION = 0.8
 
-@grouped(walk_options.ORDER)
+
 def walk(
-    *,
-    given: Sequence[str],
-    simulation: walk_options.SimulationOptions,
-    controller: walk_options.ControllerOptions,
-    gait: walk_options.GaitOptions,
-    ground: walk_options.GroundOptions,
-    plant: walk_options.PlantOptions,
-    disturbances: walk_options.DisturbanceOptions,
-    output: walk_options.OutputOptions,
+    robot: Annotated[
+        str | None, typer.Option(help="harpy (default), or a robot that `harpy robots` lists.", show_default=False)
+    ] = None,
+    friction: Annotated[
+        float | None,
+        typer.Option(help="Static friction coefficient.  [default: 0.8; hp.Scenario() has 0.25]", show_default=False),
+    ] = None,
+    speed: SpeedOption = None,
+    push: PushOption = None,
+    settings: SetOption = None,
+    duration: DurationOption = None,
+    save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")] = None,
+    again: Annotated[
+        Path | None, typer.Option(metavar="RUN.npz", help="Walk the scenario of this log again, with no other options.")
+    ] = None,
+    json: JsonOption = None,
 ) -> None:
     """Simulate a walk of the full robot, and print its measures.
 
-    Exit code 0 if the robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM (the log is
-    kept). With --save the log is written to disk during the walk: if the process dies, harpy view reads FILE.npz.part.
+    Everything that is not an option here is a setting of a part, given by --set; `harpy settings` lists them. It is 6 s
+    long by default. Exit code 0 if the robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM
+    (the log is kept). With --save the log is written to disk during the walk: if the process dies, harpy view reads
+    FILE.npz.part.
 
     \b
     harpy walk --friction 0.8 --duration 6 --save a.npz
-    harpy walk --controller wbc --friction 0.25
-    harpy walk --governor paper --friction 0.25
-    harpy walk --command "0.3 0 0; 4s 0.3 0 0.5; 7s 0 0 0" --duration 9
-    harpy walk --govern-command --friction 0.03
-    harpy walk --slope 10
-    harpy walk --ice 0.6:1.2:0.15 --estimate-friction
-    harpy walk --push 2.0:0,5,0 --noise 0.5 --delay 0.001
-    harpy walk --governor paper --legs feedforward --delay 0.002
-    harpy walk --plant mujoco --plant-preset stiff
-    harpy walk --robot go2 --command "0.5 0 0; 3s 0 0 0.5"
-    harpy walk --robot anymal_c --schedule crawl --friction 0.3
+    harpy walk --set controller=wbc --friction 0.25
+    harpy walk --set controller.governor=paper --friction 0.25
+    harpy walk --set gait.velocity="0.3 0 0; 4s 0.3 0 0.5; 7s 0 0 0" --duration 9
+    harpy walk --set ground.slope=0.17
+    harpy walk --set ground.friction_strips=[[0.6,1.2,0.15]] --set controller.estimate_friction=true
+    harpy walk --push 2.0:0,5,0 --set disturbances.noise=0.5 --set disturbances.delay=0.001
+    harpy walk --set plant.preset=stiff
+    harpy walk --robot go2 --set gait.velocity="0.5 0 0; 3s 0 0 0.5"
+    harpy walk --robot anymal_c --set gait.schedule=crawl --friction 0.3
     harpy walk --again a.npz
-    harpy walk --profile
     """
-    journal = None if output.save is None else journal_path(output.save)
-    check_outputs({"--json": output.json}, inputs={"--again": output.again, "the journal of --save": journal})
-    check_outputs({"--save": output.save, "--json": output.json})
-    from harpy_pin.model.catalogue import check_robot_name, known_name
-    from harpy_pin.scenario import Scenario
-    from harpy_pin.simulation.ground import CONES
-
-    checks.one_of("friction cone", ground.cone, CONES)
-    robot = known_name(simulation.robot)
-    check_robot_name(robot)
-    if output.again is not None:
-        scenario = _scenario_of(output.again, given)
+    journal = None if save is None else journal_path(save)
+    check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
+    check_outputs({"--save": save, "--json": json})
+    options = {"robot": robot, "friction": friction, "speed": speed, "push": push, "duration": duration}
+    given = {name: value for name, value in options.items() if value is not None}
+    if again is None:
+        scenario = read_scenario(settings or (), **{"friction": FRICTION, **given})  # type: ignore[arg-type]
     else:
-        gait_part = gait.part(robot)
-        scenario = Scenario(
-            controller=controller.part(given),
-            gait=gait_part,
-            ground=ground.part(robot, walks=gait_part["name"] == "walking"),
-            plant=plant.part(),
-            disturbances=disturbances.part(),
-            **asdict(simulation),
-        )
-    run, times, trouble = _run(scenario, profile=output.profile, save=output.save)
+        scenario = _scenario_of(again, [*given, *(("set",) if settings else ())])
+    run, trouble = _run(scenario, save=save)
     # Once it is interrupted, what is left to be written is: the next Ctrl-C waits.
     with Shield(saving=isinstance(trouble, Interrupted)) as shield:
-        code = _report(scenario, run, times, trouble, save=output.save, json=output.json)
+        code = _report(scenario, run, trouble, save=save, json=json)
         shield.late = None
     if code:
         raise typer.Exit(code)
@@ -96,39 +85,29 @@ def _scenario_of(path: Path, given: Sequence[str]) -> Scenario:
     from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario
 
-    others = [name for name in given if name not in {entry.name for entry in fields(walk_options.OutputOptions)}]
-    if others:
-        options = ", ".join(f"--{name.replace('_', '-')}" for name in others)
+    if given:
+        options = ", ".join(f"--{name}" for name in given)
         raise InputError(f"--again walks the scenario of its file: leave out {options}", name="again")
     return Scenario.of(Run.load(path))
 
 
-def _run(
-    scenario: Scenario, *, profile: bool, save: Path | None
-) -> tuple[Run, Profile | None, ControlError | Interrupted | RunFileError | None]:
-    """The run of a scenario, where its time went if that was asked for, and what ended or befell it."""
+def _run(scenario: Scenario, *, save: Path | None) -> tuple[Run, ControlError | Interrupted | RunFileError | None]:
+    """The run of a scenario, and what ended or befell it."""
     from harpy_pin.scenario import build
-    from harpy_pin.simulation.profile import Profiler
 
     built = build(scenario)
-    trouble: ControlError | Interrupted | RunFileError | None = None
-    with (
-        walking_bar(scenario.duration) as on_piece,
-        Profiler(built.simulator) if profile else nullcontext() as profiler,
-    ):
+    with walking_bar(scenario.duration) as on_piece:
         try:
-            run = built.run(on_piece=on_piece, save=save)
+            return built.run(on_piece=on_piece, save=save), None
         except (ControlError, Interrupted, RunFileError) as error:
             if error.run is None or len(error.run) == 0:
                 raise
-            run, trouble = error.run, error
-    return run, None if profiler is None else profiler.profile(run), trouble
+            return error.run, error
 
 
 def _report(
     scenario: Scenario,
     run: Run,
-    profile: Profile | None,
     trouble: ControlError | Interrupted | RunFileError | None,
     *,
     save: Path | None,
@@ -147,11 +126,8 @@ def _report(
         pace = f"{scenario.robot}, {pace}"
     title = f"{scenario.controller.name}, friction {scenario.ground.mu_s:g}{ice}{slope}, {pace}{engine}"
     console.print(measures_table(title, measures, thrusters=run["thrust"].size > 0))
-    if profile is not None:
-        console.print(profile_table(profile))
     if json is not None:
-        times = {} if profile is None else {"profile": profile.as_dict()}
-        write_json(json, {**measures, "metadata": run.metadata, **times})
+        write_json(json, {**measures, "metadata": run.metadata})
     if isinstance(trouble, RunFileError):
         raise trouble
     if save is not None and not journal_path(save).exists():

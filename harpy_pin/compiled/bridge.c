@@ -30,6 +30,7 @@ object *PyBool_FromLong(long);
 object *PyErr_Occurred(void);
 void PyErr_Clear(void);
 object *PyObject_GetAttrString(object *, const char *);
+object *PyObject_GetAttr(object *, object *);
 object *PyObject_Call(object *, object *, object *);
 void Py_IncRef(object *);
 void Py_DecRef(object *);
@@ -162,10 +163,9 @@ static object *pack(const char *letters, const slot *results)
     return tuple;
 }
 
-/* Call the version that was compiled for such arguments; NULL without an error where there is none. */
-static object *attempt(caller *self, object *arguments)
+/* The version that was compiled for such arguments, which are unpacked; NULL without an error where there is none. */
+static version *find(caller *self, object *arguments, slot *slots)
 {
-    slot slots[MOST_SLOTS], results[MOST_RESULTS];
     const intptr_t given = PyTuple_Size(arguments);
     for (version *v = self->first; v; v = v->next) {
         if (v->count != given) continue;
@@ -174,17 +174,21 @@ static object *attempt(caller *self, object *arguments)
         int n = 0;
         intptr_t k = 0;
         while (k < given && unpack(&wanted, PyTuple_GetItem(arguments, k), slots, &n, symbols)) k++;
-        if (k < given) continue;
-        if (v->release) {
-            void *state = PyEval_SaveThread();
-            v->entry(slots, results);
-            PyEval_RestoreThread(state);
-        } else {
-            v->entry(slots, results);
-        }
-        return pack(v->results, results);
+        if (k == given) return v;
     }
     return NULL;
+}
+
+/* Call it; NULL without an error where there is none. */
+static object *attempt(caller *self, object *arguments)
+{
+    slot slots[MOST_SLOTS], results[MOST_RESULTS];
+    version *v = find(self, arguments, slots);
+    if (!v) return NULL;
+    void *state = v->release ? PyEval_SaveThread() : NULL;
+    v->entry(slots, results);
+    if (v->release) PyEval_RestoreThread(state);
+    return pack(v->results, results);
 }
 
 static object *call(object *self, object *arguments, object *named)
@@ -224,4 +228,106 @@ object *try_call(object *self, object *arguments)
     object *result = attempt((caller *)self, arguments);
     if (result || PyErr_Occurred()) return result;
     return PyTuple_New(0);
+}
+
+/* A kernel with its arguments, for compiled code that calls it (ticks.c). */
+typedef struct { void (*entry)(const slot *, slot *); slot slots[MOST_SLOTS]; } bound;
+
+/* Bind a kernel to arguments, which the caller keeps; false where no version fits. */
+bool bind_call(object *self, object *arguments, bound *out)
+{
+    const version *v = find((caller *)self, arguments, out->slots);
+    if (v) out->entry = v->entry;
+    return v != NULL;
+}
+
+/* --- several kernels in one crossing from Python --- */
+typedef struct {
+    bound *bound;
+    int64_t takes_time;  /* whether its first argument is the time */
+    int64_t answers;     /* whether it must return what is expected; otherwise the rest is Python's */
+    int64_t expected;
+} link;
+
+typedef struct {
+    object *name;               /* attribute of a state */
+    double *memory;             /* where calls find it */
+    int64_t axes, shape[2];
+} sample;
+
+enum { MOST_SAMPLES = 8 };
+
+typedef struct {
+    int64_t links, samples;
+    object *type;               /* NumPy's type of a sample's elements */
+    object *time;               /* name of the time among the attributes */
+    double longest;             /* time from which on, before and after zero, there are no targets, s */
+    link *first;
+    sample sample[MOST_SAMPLES];
+} chain;
+
+typedef struct { object head; const chain *chain; } chain_caller;
+
+/* Copy an attribute of a state to where calls find it; false where it is not what they take. */
+static bool take(const sample *s, const object *type, object *state)
+{
+    object *given = PyObject_GetAttr(state, s->name);
+    if (!given) { PyErr_Clear(); return false; }
+    const array *x = (const array *)given;
+    const int flags = CONTIGUOUS | ALIGNED;
+    bool fit = given->type == array_type && x->descr == type && x->axes == s->axes && (x->flags & flags) == flags;
+    int64_t size = 1;
+    for (int64_t k = 0; fit && k < s->axes; k++) {
+        fit = x->shape[k] == s->shape[k];
+        size *= s->shape[k];
+    }
+    const double *from = fit ? (const double *)x->data : NULL;
+    for (int64_t i = 0; fit && i < size; i++) s->memory[i] = from[i];
+    Py_DecRef(given);
+    return fit;
+}
+
+/* Take a state and make all calls; returns what the last one does, or None where Python has to go on. */
+static object *call_chain(object *self, object *arguments, object *named)
+{
+    const chain *c = ((chain_caller *)self)->chain;
+    object *state, *time;
+    double t;
+    int64_t answer = 0;
+    if (!c || named || PyTuple_Size(arguments) != 1) goto python;
+    state = PyTuple_GetItem(arguments, 0);
+    time = PyObject_GetAttr(state, c->time);
+    if (!time) { PyErr_Clear(); goto python; }
+    t = time->type == &PyFloat_Type ? PyFloat_AsDouble(time) : c->longest;
+    Py_DecRef(time);
+    if (!(-c->longest < t && t < c->longest)) goto python;
+    for (int64_t k = 0; k < c->samples; k++)
+        if (!take(c->sample + k, c->type, state)) goto python;
+    for (const link *l = c->first; l < c->first + c->links; l++) {
+        slot results[MOST_RESULTS];
+        results[0].whole = 0;
+        if (l->takes_time) l->bound->slots[0].number = t;
+        l->bound->entry(l->bound->slots, results);
+        answer = results[0].whole;
+        if (l->answers && answer != l->expected) goto python;
+    }
+    return PyLong_FromLongLong(answer);
+python:
+    Py_IncRef(&_Py_NoneStruct);
+    return &_Py_NoneStruct;
+}
+
+/* The type of chains, to be derived from; set_chain says what one calls, whose memory is Python's, and stays. */
+object *make_chain_type(void)
+{
+    static type_slot slots[] = {{TP_CALL, NULL}, {0, NULL}};
+    static type_spec spec = {"harpy_pin.compiled.Chain", sizeof(chain_caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
+    object *(*function)(object *, object *, object *) = call_chain;
+    memcpy(&slots[0].function, &function, sizeof function);
+    return PyType_FromSpec(&spec);
+}
+
+void set_chain(object *self, const chain *c)
+{
+    ((chain_caller *)self)->chain = c;
 }

@@ -16,7 +16,7 @@ from harpy_pin.compiled.shapes import ANY, Shape, encode
 from harpy_pin.compiled.types import Array, Function, Scalar, Struct, Tuple, Type
 from harpy_pin.errors import KernelError
 
-__all__ = ["DTYPES", "Version", "bridge"]
+__all__ = ["DTYPES", "Bound", "Version", "bridge"]
 
 ARRAY, NUMBER, WHOLE, TRUTH, EXACTLY, TUPLE = range(6)
 """Kinds of arguments."""
@@ -41,7 +41,22 @@ def bridge() -> ctypes.PyDLL:
     lib.add_version.argtypes = [ctypes.py_object, ctypes.c_void_p]
     lib.try_call.restype = ctypes.py_object
     lib.try_call.argtypes = [ctypes.py_object, ctypes.py_object]
+    lib.make_chain_type.restype = ctypes.py_object
+    lib.set_chain.argtypes = [ctypes.py_object, ctypes.c_void_p]
+    lib.bind_call.restype = ctypes.c_bool
+    lib.bind_call.argtypes = [ctypes.py_object, ctypes.py_object, ctypes.POINTER(Bound)]
     return lib
+
+
+class Bound(ctypes.Structure):
+    """A kernel with its arguments, for compiled code that calls it; it keeps their memory.
+
+    Attributes:
+        arguments: as they were given.
+    """
+
+    _fields_ = (("entry", ctypes.c_void_p), ("slots", ctypes.c_int64 * MAX_SLOTS))
+    arguments: tuple[Any, ...]
 
 
 class Version:

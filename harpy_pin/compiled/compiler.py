@@ -35,7 +35,8 @@ __all__ = ["FLAGS", "MADE", "clear", "compiler", "folder", "key_of", "library", 
 EXACT = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno", "-fno-trapping-math")
 """No fused products, so that every compiler gives the same digits; GCC 12 makes some from neighbouring statements
 (vfmaddsub) although contraction is off."""
-FLAGS = (*EXACT, "-O2", "-fvect-cost-model=cheap", "-fpeel-loops", "-march=native")
+VECTORS = "-fvect-cost-model=cheap"
+FLAGS = (*EXACT, "-O2", VECTORS, "-fpeel-loops", "-march=native")
 """Loops over rows become vector instructions, also where their length is known at run time only: with that the general
 QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes."""
 SHARED = ("-shared", "-fPIC", "-w")
@@ -202,7 +203,8 @@ def _make(path: Path, source: str) -> Path:
         with _work_folder() as work:
             file, made = Path(work) / f"{path.name.partition('-')[0]}.c", Path(work) / "made.so"
             file.write_text(source, encoding="utf-8")
-            run_compiler([*FLAGS, *SHARED, str(file), "-o", str(made), "-lm"], temporary=work)
+            flags = [flag for flag in FLAGS if flag != VECTORS or "ziglang" not in (compiler() or ())]  # it refuses it
+            run_compiler([*flags, *SHARED, str(file), "-o", str(made), "-lm"], temporary=work)
             data = made.read_bytes()
     except OSError as error:
         raise KernelError(f"a kernel cannot be compiled: {error}") from error

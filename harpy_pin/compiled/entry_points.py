@@ -33,6 +33,12 @@ if TYPE_CHECKING:
 __all__ = ["argument_types", "entry_code", "entry_unit"]
 
 SLOT = "typedef union { void *pointer; double number; int64_t whole; } slot;"
+UPPER_HALVES = """#if defined(__AVX__) && (defined(__clang__) || __GNUC__ >= 12)
+#define exp(x) (__builtin_ia32_vzeroupper(), exp(x))
+#define hypot(x, y) (__builtin_ia32_vzeroupper(), hypot(x, y))
+#endif"""
+"""GCC calls these with the upper halves of vector registers in use, for which their SSE instructions wait: without it
+Harpy's physics take 1.3 times as long. GCC 11 does not know that the instruction changes registers."""
 MEMBERS = {"real": "number", "integer": "whole", "bool": "whole"}
 LETTERS = {"real": "r", "integer": "i", "bool": "b"}
 
@@ -97,7 +103,7 @@ def entry_code(kernel: Any, types: tuple[Type, ...], *, single: bool = False, de
     told = json.dumps({"results": results, "written": sorted(function.written)}).replace('"', '\\"')
     body = "\n".join(f"    {line}" for line in lines)
     entry = f'const char *const signature = "{told}";\n\nvoid entry(const slot *a, slot *r)\n{{\n{body}\n}}'
-    return "\n\n".join([unit.header(), unit.types(), SLOT, unit.code(), entry]) + "\n"
+    return "\n\n".join([unit.header(), UPPER_HALVES, unit.types(), SLOT, unit.code(), entry]) + "\n"
 
 
 def _result(n: int, kind: str) -> str:

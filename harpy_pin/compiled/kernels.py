@@ -1,8 +1,7 @@
-"""``@kernel``: a function of numbers and arrays that runs as C, as Numba's machine code, or as the Python it is.
+"""``@kernel``: a function of numbers and arrays that runs as C, or as the Python it is.
 
 The first call with arguments of new types translates and compiles it; the library is kept, so that the next process
-only loads it. ``$HARPY_PIN_KERNELS`` chooses ``c``, ``numba`` or ``python``; by default it is C where there is a
-compiler, otherwise Numba.
+only loads it. ``$HARPY_PIN_KERNELS`` chooses ``c`` or ``python``; by default it is C where there is a compiler.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from weakref import WeakSet
 import numpy as np
 
 from harpy_pin.compiled import compiler
-from harpy_pin.compiled.bridge import DTYPES, Version, bridge
+from harpy_pin.compiled.bridge import DTYPES, Bound, Version, bridge
 from harpy_pin.compiled.entry_points import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
@@ -33,7 +32,7 @@ from harpy_pin.errors import InputError, KernelError
 
 __all__ = ["BACKEND", "Kernel", "kernel"]
 
-BACKENDS = ("c", "numba", "python")
+BACKENDS = ("c", "python")
 TRANSLATOR = (
     *("types", "words", "scalars", "operators", "views", "expressions", "blocks", "function", "variables"),
     *("assignments", "control", "statements", "source", "unit", "entry_points"),
@@ -51,15 +50,15 @@ def _choose() -> str:
         raise InputError.unknown("kind of kernels in $HARPY_PIN_KERNELS", desired, BACKENDS)
     if desired:
         return desired
-    minutes = "Numba compiles for minutes what C does in seconds; install gcc, or the extra 'cc'"
+    slow = "kernels run as plain Python, a thousand times slower; install gcc, or the extra 'cc'"
     if compiler.compiler() is None:
-        compiler.say(f"no C compiler found: {minutes}")
-        return "numba"
+        compiler.say(f"no C compiler found: {slow}")
+        return "python"
     try:
         bridge()
     except KernelError as error:
-        compiler.say(f"the C compiler does not work: {minutes}\n{error}")
-        return "numba"
+        compiler.say(f"the C compiler does not work: {slow}\n{error}")
+        return "python"
     return "c"
 
 
@@ -120,8 +119,6 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         """
         given = self._bind(arguments, named)
         check_shapes(self.py_func.__name__, self._shapes, given)
-        if BACKEND == "numba":
-            return self._call_numba(list(given.values()))
         if BACKEND == "python":
             return self.python(*given.values())
         values = tuple(_plain(value) for value in given.values())
@@ -151,6 +148,23 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         done: Future[None] = Future()
         done.set_result(None)
         return done
+
+    def bind(self, *arguments: Any) -> Bound:
+        """The kernel with arguments that stay where they are, for C that calls it; it is compiled if need be.
+
+        Raises:
+            InputError: an array has another shape than the kernel states.
+            KernelError: the kernel does not take such arguments.
+        """
+        given = self._bind(arguments, {})
+        check_shapes(self.py_func.__name__, self._shapes, given)
+        bound = Bound()
+        bound.arguments = tuple(map(_plain, given.values()))
+        self._finish(self._begin(bound.arguments))
+        moved = any(isinstance(value, np.void) for value in given.values())
+        if moved or not bridge().bind_call(self, bound.arguments, ctypes.byref(bound)):
+            raise KernelError(f"{self.py_func.__name__} cannot be bound to arguments like these: {_described(given)}")
+        return bound
 
     def _begin(self, values: tuple[Any, ...]) -> tuple[Type, ...]:
         """See to it that a library for such arguments is made, or will be; returns their types."""
@@ -228,37 +242,12 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         values = self._bind(tuple(_plain(value) for value in arguments), {})
         return entry_code(self, argument_types(self, values), debug=debug)
 
-    # --- Numba and Python ----------------------------------------------------------------------------------------
-
-    @property
-    def numba(self) -> Any:
-        """The function as Numba compiles it."""
-        if "_numba" not in self.__dict__:
-            from numba import njit
-
-            self._numba = njit(cache=True, error_model="numpy", nogil=self._release)(self.py_func)
-        return self._numba
-
-    @property
-    def _numba_type_(self) -> Any:
-        """What Numba takes the name for in a kernel that calls this one."""
-        return self.numba._numba_type_
+    # --- Python ------------------------------------------------------------------------------------------------
 
     def _elements_of(self, values: Iterable[Any]) -> list[Any]:
         """Arguments as the function in Python takes them: a record instead of the array that holds it."""
         pairs = zip(self._names, values, strict=True)
         return [value[0] if name in self.elements and np.ndim(value) else value for name, value in pairs]
-
-    def _call_numba(self, values: list[Any]) -> Any:
-        from numba.core.errors import NumbaError
-
-        values = self._elements_of(values)
-        try:
-            return self.numba(*[value.numba if isinstance(value, Kernel) else value for value in values])
-        except NumbaError as error:
-            given = dict(zip(self._names, values, strict=True))
-            message = f"{self.py_func.__name__} does not take arguments like these: {_described(given)}"
-            raise TypeError(message) from error
 
     def python(self, *arguments: Any) -> Any:
         """Run it as Python, with the kernels that it calls likewise: slowly, for tests."""

@@ -107,7 +107,7 @@ class Operators(Scalars):
         return Value(kind, f"({wrap(a, ATOM)} {sign} {wrap(b, ATOM)})", volatile=a.volatile or b.volatile)
 
     def _power(self, a: Value, b: Value) -> Value:
-        """A number to a power: of a constant integer by squaring, as Numba does it."""
+        """A number to a power: of a constant integer by squaring."""
         exponent = b.constant
         if isinstance(exponent, int) and 2 <= exponent <= 4 and a.type is REAL:
             base = self.unit.helper(f"power_{exponent}")

@@ -1,6 +1,5 @@
 """Controllers: anything with ``step(state) -> Command``."""
 
-from harpy_pin.controllers.batch import BatchTargets, CondensedBatch
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.named_controllers import (
@@ -12,21 +11,17 @@ from harpy_pin.controllers.named_controllers import (
     make_parameters,
 )
 from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
-from harpy_pin.controllers.thrust_watch import ThrustWatch
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.simulation.controller import Controller
 
 __all__ = [
     "CONTROLLERS",
     "GOVERNORS",
-    "BatchTargets",
-    "CondensedBatch",
     "CondensedController",
     "Controller",
     "GovernedController",
     "GovernedParameters",
     "JointGains",
-    "ThrustWatch",
     "WholeBodyController",
     "WholeBodyParameters",
     "make_controller",

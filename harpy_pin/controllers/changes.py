@@ -38,8 +38,6 @@ def changed(record: Record, changes: Mapping[str, Any], *, fixed: Collection[str
         if is_dataclass(default):
             value = changed(default, value, fixed=fixed, inside=f"{inside}{name}.")
         elif isinstance(default, bool) and not isinstance(value, bool):
-            raise InputError(
-                f"parameter '{inside}{name}' must be true or false, got {shown(value)}", name=name, value=value
-            )
+            raise InputError(f"{inside}{name} must be true or false, got {shown(value)}", name=name, value=value)
         values[name] = tuple(value) if isinstance(value, list) else value
     return replace(record, **values)  # type: ignore[type-var]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.contact_frame import contact_frame, to_contact, to_world, turn_feet
+from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world, turn_feet
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:

@@ -1,7 +1,7 @@
 """Feedforward torques for soft legs: the control law ``feedforward`` of the governed controller's legs.
 
 A joint PID holds the robot by its errors: the lower its stiffness, the deeper the legs sag, and the more the feet slip.
-Measurement delay makes high stiffness and damping unstable (:mod:`harpy_pin.controllers.delay_margins`). Here most of
+Measurement delay makes high stiffness and damping unstable (docs/delay.md). Here most of
 the torque does not depend on errors,
 
     τ = τ_ff + K_p (q_t − q) + K_i ∫ + K_d (q̇_t − q̇)
@@ -15,13 +15,11 @@ be as low as a delay needs, separately in stance and swing.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.governed_tick import ControlRecord, steps_of, thrusts
 from harpy_pin.controllers.legs import solve_three, track_foot
-from harpy_pin.controllers.paper_law import ControlRecord, thrusts
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
@@ -29,10 +27,7 @@ from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_ter
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-if TYPE_CHECKING:
-    from harpy_pin.model.kinematics import LegRecord
-
-__all__ = ["forward_record"]
+__all__ = ["FORWARD_STEPS", "ForwardTickRecord", "forward_record"]
 
 
 class ForwardRecord(RecordOf):
@@ -62,6 +57,16 @@ class ForwardRecord(RecordOf):
     dynamics: DynamicsRecord
 
 
+class ForwardTickRecord(ControlRecord):
+    """The governed controller with this control law.
+
+    Attributes:
+        forward: its settings and work space.
+    """
+
+    forward: ForwardRecord
+
+
 def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRecord]:
     """A new :class:`ForwardRecord`."""
     robot = gait.robot
@@ -82,16 +87,10 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRe
 
 @kernel
 def actuate_forward(
-    p: ControlRecord,
-    legs: Records[LegRecord],
-    goal: GaitTargetRecord,
-    applied: Vector,
-    q: Vector,
-    v: Vector,
-    foot_force: Vector,
-    w: ForwardRecord,
+    p: ForwardTickRecord, goal: GaitTargetRecord, applied: Vector, q: Vector, v: Vector, foot_force: Vector
 ) -> None:
-    """The command: as :func:`harpy_pin.controllers.paper_law.actuate`, with this control law."""
+    """The command: as :func:`harpy_pin.controllers.governed_tick.actuate`, with this control law."""
+    w = p.forward
     update_terms(w.dynamics, q, v)
     thrusts(p, applied, v)
     _desired_forces(p, goal, w)
@@ -101,7 +100,8 @@ def actuate_forward(
         for i in range(3):
             p.joint_p[3 * k + i] = w.stance_p[i] if stance else w.swing_p[i]
             p.joint_d[3 * k + i] = w.stance_d[i] if stance else w.swing_d[i]
-        track_foot(k, p, legs[k], goal, q, v)
+    track_foot(0, p, p.left, goal, q, v)
+    track_foot(1, p, p.right, goal, q, v)
     _add_torques(p, w)
 
 
@@ -149,3 +149,7 @@ def _add_torques(p: ControlRecord, w: ForwardRecord) -> None:
             for i in range(3):
                 forward -= d.foot_jacobian[3 * k + i, 6 + j] * w.force[k, i]
         p.torque[j] = min(max(p.torque[j] + forward, -p.torque_limit[j]), p.torque_limit[j])
+
+
+FORWARD_STEPS = steps_of(actuate_forward)
+"""The kernels of a tick with this control law, by governor."""

@@ -5,19 +5,23 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from math import isfinite
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin.compiled import BACKEND, Kernel
+from harpy_pin.compiled.calls import Call
+from harpy_pin.compiled.chain import Chain
+from harpy_pin.controllers.tick import BAD_SAMPLE, sample_fits
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, check_target, own_target
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.entry import FADE, HOLD_TICKS, MISFIT, as_state
+from harpy_pin.gaits.gait import LONGEST, FullGait, Gait, GaitTarget, calls_of, check_target, own_target
+from harpy_pin.model.entry import MISFIT, as_state
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.rotor import write_thrusts
+from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Command, State, Vector
 
-__all__ = ["GaitController", "fill_thrusts", "make_command"]
+__all__ = ["GaitController"]
 
 
 class GaitController(KeepsViews, ABC):
@@ -36,10 +40,17 @@ class GaitController(KeepsViews, ABC):
 
     Attributes:
         target: the gait's targets of the last tick.
-        bad_samples: how many there were since the last reset.
+        command: arrays of the torques and thrusts of the last tick, overwritten by the next.
     """
 
-    _command: Command  # of the last tick; made by the class below, written in place
+    _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_chain")
+    _step: Kernel[int]  # of a tick: record, targets, what was measured, and further parts
+    _parts: tuple[NDArray[Any], ...] = ()
+    _by_phases = False  # whether a tick is more than that kernel
+    _chain: Chain | None = None  # gait and controller in one crossing from Python
+    _chained = False  # whether that was looked for
+    _record_: Records[Any]  # of the controller
+    _command: Command  # of the last tick, in the record
 
     def __init__(self, gait: Gait, period: float) -> None:
         self.gait: FullGait = own_target(gait)
@@ -48,17 +59,48 @@ class GaitController(KeepsViews, ABC):
         self.target: GaitTarget = self.gait.target
         self._observe: Callable[[State], None] | None = getattr(self.gait, "observe", None)
         self._gait_signals: Callable[[], Mapping[str, ArrayLike]] = getattr(self.gait, "telemetry", dict)
-        self.bad_samples = 0
-        self._bad_in_a_row = 0  # the class below sets it to zero at a good sample
         self._convert = False  # whether states come in a form that kernels do not take
+
+    def _begin(self, record: Records[Any]) -> None:
+        """Take up the record of the controller, and begin to compile its tick.
+
+        Args:
+            record: with the fields of a :class:`~harpy_pin.controllers.tick.TickRecord`.
+        """
+        self._record_ = record
+        self._command = Command(field(record, "torque"), field(record, "thrust"))
+        self.command = (self._command.torque, self._command.thrust)
+        self._bad_samples, self._verdict = field(record, "bad_samples"), field(record, "verdict")
+        q, v = self.gait.initial_state()
+        self._sample = (q.copy(), v.copy(), *np.zeros((3, len(self.robot.feet), 3)))
+        self._nothing = (np.full(q.shape, np.nan), *self._sample[1:])
+        self._make_anew()
+
+    @abstractmethod
+    def _make_anew(self) -> None:
+        """Choose the kernel of the tick, :attr:`_step`."""
+        self._chain, self._chained = None, False
+
+    measured: ClassVar[tuple[str, ...]] = ("q", "v", "foot_force")
+    """Of a state, in the order of the kernel's arguments."""
+
+    def _measured(self, state: State) -> tuple[Vector, ...]:
+        """What the kernel of the tick takes of a state."""
+        return state.q, state.v, state.foot_force
 
     def __repr__(self) -> str:
         gait = type(self.gait).__name__
         return f"{type(self).__name__}('{self.robot.name}', {gait}, period {1e3 * self.period:g} ms)"
 
     def reset(self) -> None:
-        """Forget the bad samples."""
-        self.bad_samples = self._bad_in_a_row = 0
+        """Forget the last command, and the bad samples."""
+        for name in ("verdict", "bad_samples", "bad_in_a_row", "torque", "thrust"):
+            self._record_[name] = 0
+
+    @property
+    def bad_samples(self) -> int:
+        """How many bad samples there were since the last reset."""
+        return int(self._bad_samples)
 
     def step(self, state: State) -> Command:
         """One tick: joint torques and thrusts.
@@ -66,6 +108,12 @@ class GaitController(KeepsViews, ABC):
         Raises:
             InputError: an array of the state has the wrong shape, or no numbers.
         """
+        if self._chain is not None:
+            status = self._chain(state)
+            if status is not None:
+                if status == BAD_SAMPLE:
+                    self._refuse_misfit(state)
+                return self._command
         if self._convert:
             state = as_state(state, self.robot)
         try:
@@ -86,52 +134,64 @@ class GaitController(KeepsViews, ABC):
             self.target = check_target(target, self.robot)
         return target
 
-    @abstractmethod
     def _phases(self, state: State) -> Command:
-        """The controller's public methods of one tick, one after the other."""
+        """One tick: the gait's targets, then everything else in one call.
 
-    def _answer_bad(self, verdict: int, state: State) -> None:
-        """Hold or fade the last good command, in place.
+        A time at which no gait has targets is answered as a bad sample.
+        """
+        if -LONGEST < state.t < LONGEST:
+            status = self._step(self._record_, self._plan(state)._record_, *self._measured(state), *self._parts)
+            if not self._chained:
+                self._join()
+        else:
+            status = self._step(
+                self._record_, self.target._record_, *self._measured(State(0.0, *self._nothing)), *self._parts
+            )
+        if status == BAD_SAMPLE:
+            self._refuse_misfit(state)
+        return self._command
+
+    def calls(self, state: State) -> tuple[Call, ...] | None:
+        """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
 
         Args:
-            verdict: what a kernel returned in the place of ``GOOD``, see :mod:`harpy_pin.model.entry`.
-            state: that it was given.
+            state: arrays of the measured state, which stay where they are.
+        """
+        calls = self._kernels(state)
+        return None if calls is None else (*calls, Call(sample_fits, self._record_, expected=True))
+
+    def _kernels(self, state: State) -> tuple[Call, ...] | None:
+        """The kernels of gait and controller; None where one of them does more, as a class of the user's may."""
+        calls = calls_of(self.gait, state)
+        if calls is None or self._by_phases or not type(self).__module__.startswith("harpy_pin."):
+            return None
+        measured = self._measured(state)
+        return *calls, Call(self._step, self._record_, self.target.record, *measured, *self._parts)
+
+    def _join(self) -> None:
+        """Join the kernels of gait and controller, so that one crossing from Python calls all of them."""
+        self._chained = True
+        state = State(0.0, *self._sample)
+        calls = self._kernels(state) if BACKEND == "c" else None
+        if calls is None:
+            return
+        measured = dict(zip(self.measured, self._measured(state), strict=True))
+        others = [getattr(state, name) for name in ("foot_position", "foot_velocity") if name not in measured]
+        if any(one is array for call in calls for one in call.arguments for array in others):
+            return  # the gait takes more of a state than the controller does
+        self._chain = Chain(calls, measured, longest=LONGEST)
+
+    def _refuse_misfit(self, state: State) -> None:
+        """Raise where a sample was no bad one, but one of another robot, or the gait's targets are no numbers.
+
+        Args:
+            state: that was given.
 
         Raises:
-            InputError: the verdict is ``MISFIT``; the message says whether the state or the gait's targets are wrong.
+            InputError: the message says whether the state or the gait's targets are wrong.
         """
-        if verdict == MISFIT:
+        if self._verdict == MISFIT:
             as_state(state, self.robot)
             turns = all(isfinite(x) for x in self.target.body) and bool(self.target.heading[0])
             message = "the gait turns, and this controller faces x" if turns else "the gait's targets are no numbers"
             raise InputError(message, name="gait", value=self.gait)
-        self.bad_samples += 1
-        self._bad_in_a_row += 1
-        if self._bad_in_a_row > HOLD_TICKS:
-            self._command.torque *= FADE
-            self._command.thrust *= FADE
-
-
-def make_command(dynamics: Dynamics, inputs: Vector, *, apart: bool = False) -> Command:
-    """A command whose torques are the last of some inputs, written in place, and whose thrusts are the first.
-
-    Free thrusters have the inputs' own memory; with rotors :func:`fill_thrusts` fills in the thrusts.
-
-    Args:
-        dynamics: of the robot.
-        inputs: (thrust variables + joints,) [u; τ].
-        apart: whether the thrusts have memory of their own in any case.
-    """
-    robot, thrusts = dynamics.robot, dynamics.robot.n_thrust
-    if not robot.rotors and not apart:
-        return Command(inputs[thrusts:], inputs[:thrusts].reshape(-1, 3))
-    forces = np.zeros((len(robot.thrusters), 3))
-    command = Command(inputs[thrusts:], forces)
-    write_thrusts.prepare(dynamics.record, inputs, forces)
-    fill_thrusts(dynamics, inputs, command)  # the first call takes milliseconds
-    return command
-
-
-def fill_thrusts(dynamics: Dynamics, inputs: Vector, command: Command) -> None:
-    """Write the thrusts of inputs into a command, of rotors along the axes of the last update of the dynamics."""
-    write_thrusts(dynamics.record, inputs, command.thrust)

@@ -11,22 +11,19 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.feedforward import actuate_forward, forward_record
+from harpy_pin.controllers.feedforward import FORWARD_STEPS, ForwardTickRecord, actuate_forward, forward_record
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.controllers.gait_controller import GaitController
-from harpy_pin.controllers.paper_law import TILTED, actuate, control_record, limit_bent, measure_state
+from harpy_pin.controllers.governed_tick import STEPS, actuate, control_record, limit_bent, measure
 from harpy_pin.controllers.parameters import GovernedParameters
-from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.gaits.flight.flying_gait import FlyingGait
-from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import LONGEST, Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
+from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.governor import Governor
-from harpy_pin.model.contact_frame import in_contact_frames
-from harpy_pin.model.entry import BAD, GOOD, as_state
-from harpy_pin.model.kinematics import LegGeometry
+from harpy_pin.governors.rows import ForceRows
+from harpy_pin.ground.contact_frame import in_contact_frames
+from harpy_pin.model.entry import GOOD, as_state
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command, State, Vector
@@ -35,12 +32,13 @@ __all__ = ["GovernedController"]
 
 
 @fixed_arrays("applied", "bent", "out_of_reach", "reference")
-@renamed_arguments(force_governor="force_filter")
 class GovernedController(GaitController):
     """Walks the paper's way.
 
-    ``step`` is a chain of :meth:`plan`, :meth:`govern`, :meth:`actuate` and :meth:`hold`, which may be called (and
-    timed) apart. A state whose time, q, v, foot positions or forces are not all finite numbers is a bad sample, which
+    ``step`` is one compiled call for the paper's governor, for the contact-force filter, and without either. For both
+    together, for a governor of your own and with an estimate of the friction it is a chain of :meth:`plan`,
+    :meth:`govern`, :meth:`actuate` and :meth:`hold`, which may always be called (and timed) apart. A state whose time,
+    q, v, foot positions or forces are not all finite numbers is a bad sample, which
     :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: it changes neither integrals nor references.
 
     Args:
@@ -65,6 +63,7 @@ class GovernedController(GaitController):
             is to be estimated and no governor takes it.
     """
 
+    _made_anew = (*GaitController._made_anew, "_actuate")
     _applied_: Vector
     _reference_: Vector
 
@@ -79,69 +78,103 @@ class GovernedController(GaitController):
     ) -> None:
         parameters = GovernedParameters() if parameters is None else parameters
         self.parameters = p = checks.instance("parameters", parameters, GovernedParameters)
-        walks = gait.gait if isinstance(gait, GovernedGait) else gait
-        if isinstance(walks, CommandedGait | FlyingGait):
-            kind, what = "commanded", "faces x and cannot turn"
-            if isinstance(walks, FlyingGait):
-                kind, what = "flying", "neither jumps nor flies"
-            message = f"the paper's controller {what}: walk a {kind} gait with 'condensed' or 'wbc'"
+        why = getattr(gait, "not_governed", "")
+        if why:
+            message = f"the paper's controller {why}: walk this gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
         super().__init__(gait, p.period)
         if len(self.robot.joints) != 6:
             raise InputError(f"this controller moves 6 joints, '{self.robot.name}' has {len(self.robot.joints)}")
-        self.governor = governor
-        self.force_filter = force_filter
-        legs = [LegGeometry.from_robot(self.robot, foot).record for foot in self.robot.feet]
-        self._legs = np.zeros(len(legs), legs[0].dtype)
-        for k, leg in enumerate(legs):
-            self._legs[k] = leg[0]
-        self._record = control_record(p, self.robot)
-        self._forward = forward_record(self.gait, p.feedforward) if p.legs == "feedforward" else None
-        self.reference: Vector = field(self._record, "reference")
+        self._governor, self._force_filter = governor, force_filter
+        if p.legs == "feedforward":
+            record = control_record(p, self.robot, ForwardTickRecord, forward=forward_record(self.gait, p.feedforward))
+        else:
+            record = control_record(p, self.robot)
+        self.reference: Vector = field(record, "reference")
         self.applied: Vector = self.reference if governor is None else governor.applied
-        self.bent: Vector = field(self._record, "bent")
-        self.out_of_reach: Vector = field(self._record, "out_of_reach")
-        self._measured = field(self._record, "measured")
-        self._joint_target = field(self._record, "joint_target")
-        self._centre_of_pressure = self._measured[6:]
-        self._command = Command(field(self._record, "torque"), field(self._record, "thrust"))
+        self.bent: Vector = field(record, "bent")
+        self.out_of_reach: Vector = field(record, "out_of_reach")
+        self._seen = field(record, "measured")
+        self._joint_target = field(record, "joint_target")
+        self._centre_of_pressure = self._seen[6:]
         self._assumed = _assumed_friction(governor, force_filter) if p.estimate_friction else []
         self.friction: FrictionEstimator | None = None
         if p.estimate_friction:
             assumed = max(float(value.max()) / share for value, share in self._assumed)
             self.friction = FrictionEstimator(p.friction, assumed=assumed, feet=len(self.robot.feet), period=p.period)
-        self._prepare()
+        self._begin(record)
+        if not self._by_phases:
+            self._step.prepare(record, self.target.record, *self._measured(State(0.0, *self._sample)), *self._parts)
+        else:
+            self._prepare_phases()
         self.reset()
 
-    def _prepare(self) -> None:
-        """Begin to compile the kernels of a tick."""
-        q, v = self.gait.initial_state()
-        feet = np.zeros((len(self.robot.feet), 3))
-        measure_state.prepare(self._record, self.target.record, q, v, feet, feet)
-        given = (self._record, self._legs, self.target.record, self.applied, q, v)
-        if self._forward is None:
-            actuate.prepare(*given)
-        else:
-            actuate_forward.prepare(*given, feet, self._forward)
-        if self.force_filter is not None:
-            limit_bent.prepare(self._record, self.applied, self.force_filter.bend)
+    def _make_anew(self) -> None:
+        """See :meth:`GaitController._make_anew`: one kernel for this library's own governors, one at a time."""
+        super()._make_anew()
+        governor, force_filter = self._governor, self._force_filter
+        forward = "forward" in (self._record_.dtype.names or ())
+        steps = FORWARD_STEPS if forward else STEPS
+        self._actuate = actuate_forward if forward else actuate
+        self._step, self._parts = steps["none"], ()
+        self._by_phases = self.friction is not None
+        if type(governor) is ExplicitReferenceGovernor and isinstance(governor.rows, ForceRows):
+            self._step, self._parts = steps["paper"], (governor._record, governor.rows.record)
+        elif governor is not None:
+            self._by_phases = True
+        if type(force_filter) is ContactForceFilter and governor is None:
+            self._step = steps["filter"]
+            self._parts = (force_filter.dynamics._record_, force_filter._terms_, force_filter._record_)
+        elif force_filter is not None:
+            self._by_phases = True
+
+    def _prepare_phases(self) -> None:
+        """Begin to compile the kernels that the phases call."""
+        record, target, example = self._record_, self.target.record, State(0.0, *self._sample)
+        measure.prepare(record, target, *self._measured(example))
+        self._actuate.prepare(record, target, self.applied, example.q, example.v, example.foot_force)
+        if self._force_filter is not None:
+            limit_bent.prepare(record, self.applied, self._force_filter.bend)
+
+    measured = ("q", "v", "foot_position", "foot_force")
+
+    def _measured(self, state: State) -> tuple[Vector, ...]:
+        """See :meth:`GaitController._measured`."""
+        return state.q, state.v, state.foot_position, state.foot_force
+
+    @property
+    def governor(self) -> Governor | None:
+        """Changes the body's reference for the thrusters."""
+        return self._governor
+
+    @governor.setter
+    def governor(self, governor: Governor | None) -> None:
+        self._governor = governor
+        self._make_anew()
+
+    @property
+    def force_filter(self) -> ContactForceFilter | None:
+        """Changes thrusts and torques for the contact forces of the full model."""
+        return self._force_filter
 
     def reset(self) -> None:
         """Forget the integrals and the last command; the applied reference restarts at the target."""
         super().reset()
         self._blind = False
-        self._tilted = True  # what a filter knew before is unknown
-        self._command.torque[:] = 0.0
-        self._command.thrust[:] = 0.0
-        field(self._record, "integral")[:] = 0.0
-        self._measured[6:] = np.nan
-        self._fresh = True
-        if self.force_filter is not None:
-            self.force_filter.reset()
+        for name in ("integral", "started"):
+            self._record_[name] = 0
+        self._seen[6:] = np.nan
+        if self._governor is not None:
+            self._governor.status.bad_samples = 0
+        if self._force_filter is not None:
+            self._force_filter.reset()
         if self.friction is not None:
             self.friction.reset()
 
     def _phases(self, state: State) -> Command:
+        """One call where the governors are this library's; otherwise the phases one after the other."""
+        if not self._by_phases:
+            return super()._phases(state)
         self.plan(state)
         self.govern(state)
         self.actuate(state)
@@ -159,38 +192,25 @@ class GovernedController(GaitController):
         Raises:
             InputError: it is no state of the robot.
         """
-        verdict = BAD
         try:
             if -LONGEST < state.t < LONGEST:
-                target = self._plan(state)
-                given = (state.q, state.v, state.foot_position, state.foot_force)
-                verdict = measure_state(self._record, target._record_, *given)
+                verdict = measure(self._record_, self._plan(state)._record_, *self._measured(state))
+            else:
+                verdict = measure(self._record_, self.target._record_, *self._measured(State(0.0, *self._nothing)))
         except (AttributeError, TypeError):
             as_state(state, self.robot)
             raise
-        if verdict > GOOD:
-            self._answer_bad(verdict, state)
-            self._blind = True
-            return self._reference_
+        self._blind = verdict != GOOD
         if self._blind:
-            self._blind = False
-            self._bad_in_a_row = 0
-        if verdict or self._tilted:
-            self._follow_ground(tilted=verdict == TILTED)
-        if self.friction is not None:
+            self._refuse_misfit(state)
+        elif self.friction is not None:
             self._estimate(self.friction, state)
         return self._reference_
-
-    def _follow_ground(self, *, tilted: bool) -> None:
-        """Tell the filter the normals of the ground, where they are or were not vertical."""
-        self._tilted = tilted
-        if self.force_filter is not None:
-            self.force_filter.normal[:] = self.target.normal
 
     def _estimate(self, friction: FrictionEstimator, state: State) -> None:
         """Estimate the friction, and tell the governors: each foot's where they know feet, else the lowest."""
         force, velocity = state.foot_force, state.foot_velocity
-        if self._tilted:
+        if self._record_["tilted"][0]:
             force, velocity = (in_contact_frames(self.target.normal, vectors) for vectors in (force, velocity))
         friction.update(force, velocity, self.target.stance)
         for assumed, share in self._assumed:
@@ -207,11 +227,11 @@ class GovernedController(GaitController):
         """
         if self._blind:
             return self._applied_
-        if self.governor is not None:
-            if self._fresh:
-                self.governor.reset(self._reference_)
-            self._applied_ = self.governor.update(self._measured, self._reference_, self.period)
-        self._fresh = False
+        if self._governor is not None:
+            if not self._record_["started"][0]:
+                self._governor.reset(self._reference_)
+                self._record_["started"] = 1
+            self._applied_ = self._governor.update(self._seen, self._reference_, self.period)
         return self._applied_
 
     def actuate(self, state: State) -> Command:
@@ -223,11 +243,8 @@ class GovernedController(GaitController):
         if self._blind:
             return self._command
         try:
-            given = (self._record, self._legs, self.target._record_, self._applied_, state.q, state.v)
-            if self._forward is None:
-                actuate(*given)
-            else:
-                actuate_forward(*given, state.foot_force, self._forward)
+            given = (self._record_, self.target._record_, self._applied_, state.q, state.v, state.foot_force)
+            self._actuate(*given)
         except (AttributeError, TypeError):
             as_state(state, self.robot)
             raise
@@ -239,10 +256,11 @@ class GovernedController(GaitController):
         Args:
             state: as given to :meth:`plan`.
         """
-        command, governor = self._command, self.force_filter
+        command, governor = self._command, self._force_filter
         if governor is not None and not self._blind:
+            governor.normal[:] = self.target.normal
             governor.update(state, command)
-            limit_bent(self._record, self._applied_, governor._bend_)
+            limit_bent(self._record_, self._applied_, governor._bend_)
         return command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
@@ -255,7 +273,7 @@ class GovernedController(GaitController):
             "joint_target": self._joint_target,
             "out_of_reach": self.out_of_reach,
             "centre_of_pressure": self._centre_of_pressure,
-            "bad_samples": self.bad_samples,
+            "bad_samples": self._bad_samples,
         }
         if self.friction is not None:
             signals["friction_estimate"] = self.friction.estimate

@@ -11,7 +11,7 @@ from harpy_pin.model.kinematics import LegRecord, leg_inverse, leg_jacobian
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
-    from harpy_pin.controllers.paper_law import ControlRecord
+    from harpy_pin.controllers.governed_tick import ControlRecord
     from harpy_pin.gaits.gait import GaitTargetRecord
 
 __all__: list[str] = []

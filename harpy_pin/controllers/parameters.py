@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 
 from harpy_pin import checks
 from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
-from harpy_pin.deprecated import new_value
-from harpy_pin.gaits.foothold_governor import FootholdGovernorParameters
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
@@ -94,8 +92,7 @@ class GovernedParameters:
         legs: one of :data:`LEGS`. The paper's ``pid`` falls with 2 ms of delay; ``feedforward`` does not.
         feedforward: gains of that control law; its integral part is that of ``joints``.
         reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (equations.md §3, "c in the 3D run").
-        limit_torque: apply the motors' peak torque (off in the paper).
-        limit_thrust: apply the thrusters' limit (off in the paper).
+        limits: clip torques and thrusts to the motors' peak torque and the thrusters' limit (off in the paper).
         thrust: whether there are thrusters; without them only the legs act.
         estimate_friction: whether the governors take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction_estimator`) where it is below the one they were given.
@@ -109,8 +106,7 @@ class GovernedParameters:
     legs: str = "pid"
     feedforward: FeedforwardGains = field(default_factory=FeedforwardGains)
     reference_velocity: bool = True
-    limit_torque: bool = False
-    limit_thrust: bool = False
+    limits: bool = False
     thrust: bool = True
     estimate_friction: bool = False
     friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
@@ -138,10 +134,8 @@ class WholeBodyParameters:
         formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``input_space`` have the same
             solutions; ``contact_force`` has no posture task, and other solutions where a motor is at its limit.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
-        reuse: try the last tick's active set first, and call the solver only where it is not optimal any more.
-        govern_command: change the gait while it demands more than the limits allow
-            (:mod:`harpy_pin.gaits.foothold_governor`).
-        command: settings of that governor.
+        reuse: try the last tick's active set first, then the dual active-set method. The solver is asked only where a
+            part of the tick is Python's (``full``, a lag of thrusts, added tasks) and rounding made both fail.
         estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction_estimator`) where it is below that of the limits.
         friction: settings of that estimate.
@@ -167,8 +161,6 @@ class WholeBodyParameters:
     formulation: str = "input_space"
     solver: str = "proxqp"
     reuse: bool = True
-    govern_command: bool = False
-    command: FootholdGovernorParameters = field(default_factory=FootholdGovernorParameters)
     estimate_friction: bool = False
     friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
     estimate_joint_friction: bool = False
@@ -189,6 +181,5 @@ class WholeBodyParameters:
         checks.numbers(self, "min_normal_force", "contact_threshold", low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)
-        checks.keep(self, formulation=new_value("formulation", self.formulation))
         for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
             checks.one_of(kind, name, valid)

@@ -22,35 +22,20 @@ from harpy_pin.controllers.joint_friction import (
 )
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
-from harpy_pin.gaits.flight.flying_gait import FlyingGait
-from harpy_pin.gaits.foothold_governor import GovernedGait
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord
-from harpy_pin.model.contact_frame import all_upward, is_level
+from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
+from harpy_pin.ground.contact_frame import all_upward, is_level
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf, Records, field, make_record
 from harpy_pin.model.state import State, Vector
+from harpy_pin.wbc.centre_of_mass import note_centre_drift
 from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets, targets_record
 
 if TYPE_CHECKING:
     from harpy_pin.model.tree import TreeRecord
-    from harpy_pin.wbc.condensed.condensed_record import CondensedRecord
 
-__all__ = ["Tasks", "governed_gait"]
-
-
-def governed_gait(gait: Gait, parameters: WholeBodyParameters) -> Gait:
-    """The gait to follow: the one given, with the foothold governor in front if the parameters ask for it.
-
-    One that flies is told the thrusts' lag.
-    """
-    checks.instance("parameters", parameters, WholeBodyParameters)
-    if parameters.govern_command and not isinstance(gait, GovernedGait):
-        return GovernedGait(gait, parameters.command)
-    if isinstance(gait, FlyingGait):
-        gait.expect_lag(parameters.thrust_lag)
-    return gait
+__all__ = ["Tasks"]
 
 
 class TaskSettingsRecord(RecordOf):
@@ -101,16 +86,6 @@ class TasksRecord(RecordOf):
     joint_friction: JointFrictionEstimateRecord
 
 
-class CondensedTasksRecord(TasksRecord):
-    """The same with the condensed controller.
-
-    Attributes:
-        condensed: what it knows and works in.
-    """
-
-    condensed: CondensedRecord
-
-
 @fixed_arrays("record")
 class Tasks(KeepsViews):
     """Rigid-body terms and the tasks of a state, in one crossing from Python.
@@ -118,7 +93,8 @@ class Tasks(KeepsViews):
     Args:
         gait: where body and feet should be.
         parameters: gains and ranges of forces.
-        condensed: for the controller in contact forces: its record, a part of that of the tasks.
+        kind: class of the record, with further parts.
+        parts: these parts, by name.
 
     Attributes:
         dynamics: terms at the last state.
@@ -126,13 +102,18 @@ class Tasks(KeepsViews):
         friction: the estimate of the friction coefficient; None without one.
         samples: examples of what kernels take: q, v and foot forces.
         misfit: the same with the forces of one foot too many, which kernels refuse.
-        record: all of it, for kernels: parts ``dynamics``, ``tasks`` (gains and ranges), ``targets`` and ``friction``.
+        record: all of it, for kernels.
     """
 
     _record_: Records[TasksRecord]
 
-    def __init__(self, gait: FullGait, parameters: WholeBodyParameters, *, condensed: Record | None = None) -> None:
-        robot, p = gait.robot, parameters
+    def __init__(
+        self, gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike
+    ) -> None:
+        robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
+        expect_lag = getattr(gait, "expect_lag", None)
+        if expect_lag is not None:  # a gait that flies
+            expect_lag(p.thrust_lag)
         lift = robot.lift_axis
         tasks = make_record(
             TaskSettingsRecord,
@@ -161,11 +142,7 @@ class Tasks(KeepsViews):
             "friction": friction,
             "joint_friction": joint_friction_estimate(robot, period=p.period, on=p.estimate_joint_friction),
         }
-        self.record: Records[TasksRecord]
-        if condensed is None:
-            self.record = make_record(TasksRecord, **own)
-        else:
-            self.record = make_record(CondensedTasksRecord, condensed=condensed, **own)
+        self.record: Records[TasksRecord] = make_record(kind, robot.sizes, **own, **parts)
         self.dynamics = Dynamics(robot, record=self.record["dynamics"])
         self.targets = WholeBodyTargets(robot, record=self.record["targets"])
         self.friction: FrictionEstimator | None = None
@@ -191,7 +168,7 @@ class Tasks(KeepsViews):
         told = {} if self.friction is None else {"friction_estimate": self.friction.estimate}
         joints = self.record["joint_friction"]
         if joints["on"][0]:
-            told |= {"viscous_estimate": joints["viscous"][0], "coulomb_estimate": joints["coulomb"][0]}
+            told |= {"viscous_estimate": field(joints, "viscous"), "coulomb_estimate": field(joints, "coulomb")}
         return told
 
     def update(self, target: GaitTarget, state: State) -> int:
@@ -238,6 +215,9 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         return BAD if all_finite(g.body) and all_finite(g.heading) else MISFIT
     if not possible_feet(g):
         return BAD
+    t.centred = 1 if g.centre_of_mass[0] != 0.0 else 0
+    if t.centred:
+        note_centre_drift(d, t)
     _body_targets(d.tree, g, p, t, q, v)
     for j in range(t.joints.shape[0]):
         t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
@@ -283,7 +263,7 @@ def possible_feet(g: GaitTargetRecord) -> bool:
     motion = all_possible_rows(g.foot_position) and all_possible_rows(g.foot_velocity)
     motion = motion and all_possible_rows(g.foot_acceleration)
     motion = motion and all_upward(g.normal) and all_possible(g.ground_height) and all_possible(g.up)
-    motion = motion and all_possible(g.load) and all_possible(g.world_frame_blend)
+    motion = motion and all_possible(g.load) and all_possible(g.centre_of_mass) and all_possible(g.world_frame_blend)
     return motion and all_possible(g.stance) and all_possible(g.phase)
 
 

@@ -99,7 +99,7 @@ def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[
     least, largest = thrust_box(robot, parameters.limits)
     return make_record(
         ThrustLagRecord,
-        robot.sizes | {"thrusters": len(robot.thrusters)},
+        robot.sizes,
         remaining=math.exp(-period / lag) if lag > 0.0 else 0.0,
         mean_share=-math.expm1(-period / lag) * lag / period if lag > 0.0 else 0.0,
         lead=_lead(lag, period),

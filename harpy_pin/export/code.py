@@ -97,7 +97,9 @@ void ${name}_init(struct ${name}_state *state)
 int ${name}_step($parameters)
 {
     /* No kernel writes to target or to what was measured; the translator knows no const. */
-    return (int)$step(state, (struct ${name}_target *)target, $arguments);
+    const int status = (int)$step(state, (struct ${name}_target *)target, $arguments);
+    $copies
+    return status;
 }
 """)
 _CPP = Template("""\
@@ -182,9 +184,10 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
     """
     unit = Unit(single=single, prefix=f"{name}_", own=PORTABLE if single else {})
     state, target = Struct(what.record.dtype, "state"), Struct(what.target.dtype, "target")
-    arrays = {**what.inputs, **what.outputs}
-    step = unit.function_for(what.step, (state, target, *(Array.packed(REAL, shape) for shape in arrays.values())))
-    assert step.written <= {"r", *what.outputs}, "a tick changes what it was given"
+    given = (Array.packed(REAL, shape) for shape in what.inputs.values())
+    step = unit.function_for(what.step, (state, target, *given))
+    assert step.written <= {"r"}, "a tick changes what it was given"
+    command = f"state->{what.control}." if what.control else "state->"
     unit.struct(state), unit.struct(target)
     table, statements = initial_values(unit, what.record)
     real, whole = ("float", "int32_t") if single else ("double", "int64_t")
@@ -198,9 +201,11 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
         statements="\n    ".join(statements),
         parameters=_parameters(what, name, "real"),
         step=step.name,
-        arguments=", ".join(
-            "NULL" if not math.prod(shape) else f"(real *){own}" if own in what.inputs else own
-            for own, shape in arrays.items()
+        arguments=", ".join(f"(real *){own}" if math.prod(shape) else "NULL" for own, shape in what.inputs.items()),
+        copies="\n    ".join(
+            f"memcpy({own}, {command}{own}, sizeof {command}{own});"
+            for own, shape in what.outputs.items()
+            if math.prod(shape)
         ),
     )
     structs = "\n\n".join(unit.types().split("\n\n")[1:])

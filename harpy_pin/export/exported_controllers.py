@@ -7,19 +7,18 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import Any
 
-import numpy as np
-
 from harpy_pin.controllers.condensed import CondensedController
+from harpy_pin.controllers.condensed_tick import condensed_step
 from harpy_pin.controllers.governed import GovernedController
+from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
 from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
+from harpy_pin.controllers.whole_body_tick import EXPORTED_QP_STEPS, ProgramTickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.export import steps
-from harpy_pin.export.steps import CondensedTickRecord, FilterTickRecord, PaperTickRecord, ProgramTickRecord
-from harpy_pin.gaits.foothold_governor import GovernedGait
 from harpy_pin.gaits.gait import GaitTarget
-from harpy_pin.governors.reduced.erg import ExplicitReferenceGovernor
-from harpy_pin.governors.reduced.rows import ForceRows
+from harpy_pin.governors.erg import ExplicitReferenceGovernor
+from harpy_pin.governors.rows import ForceRows
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
@@ -36,7 +35,7 @@ class ProgramStatus(IntFlag):
     """What happened in a tick of the whole-body QP."""
 
     OPTIMAL = 0
-    FALLBACK = steps.FALLBACK
+    FALLBACK = FALLBACK
     """No solution: the last command for a while, then the posture."""
 
 
@@ -44,7 +43,7 @@ class GovernorStatus(IntFlag):
     """What happened in a tick of a governor."""
 
     SATISFIED = 0
-    VIOLATED = steps.VIOLATED
+    VIOLATED = VIOLATED
     """A constraint does not hold with the command given."""
 
 
@@ -60,6 +59,7 @@ class Exportable:
         step: the kernel of its tick.
         inputs: names and shapes of what is measured, in the order of the kernel's arguments.
         statuses: what a tick's status says, by name.
+        control: part of the record that has the command; empty where it is the record itself.
     """
 
     kind: str
@@ -69,6 +69,7 @@ class Exportable:
     step: Callable[..., int]
     inputs: Mapping[str, tuple[int, ...]]
     statuses: Mapping[str, int]
+    control: str = ""
 
     @property
     def outputs(self) -> dict[str, tuple[int, ...]]:
@@ -100,15 +101,10 @@ def exportable(controller: object) -> Exportable:
 
 
 def _condensed(controller: CondensedController) -> Exportable:
-    _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
     _refuse_lags(controller.parameters)
     controller.reset()
-    record = make_record(CondensedTickRecord, **_parts(controller.tasks.record), **_common(controller.robot))
-    for part in ("inputs", "last_inputs"):
-        record["condensed"][part] = 0.0
-    return _exportable(
-        "condensed", "condensed whole-body controller", controller.robot, record, steps.condensed_step, CondensedStatus
-    )
+    title, record = "condensed whole-body controller", controller.tasks.record.copy()
+    return _exportable("condensed", title, controller.robot, record, condensed_step, CondensedStatus)
 
 
 def _refuse_lags(p: WholeBodyParameters) -> None:
@@ -118,28 +114,25 @@ def _refuse_lags(p: WholeBodyParameters) -> None:
 
 def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
-    _refuse(isinstance(controller.gait, GovernedGait), "a governed gait")
     _refuse_lags(controller.parameters)
     _refuse(controller.added is not None, "a program with added tasks")
-    _refuse(p.formulation not in steps.QP_STEPS, f"the formulation '{p.formulation}'")
+    _refuse(p.formulation not in EXPORTED_QP_STEPS, f"the formulation '{p.formulation}'")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
     dual = DualActiveSet(program)
+    controller.reset()
     record = make_record(
         ProgramTickRecord,
-        {"size": program.shape[0], "inputs": problem.n_thrust + problem.joints},
-        **_parts(controller.tasks.record),
-        **_common(controller.robot),
-        hold_ticks=np.int64(p.hold_ticks),
+        {"size": program.shape[0]},
+        control=controller.tasks.record,
         problem=fresh.record,
         terms=fresh.terms,
         program=program.record,
         search=WarmStartedActiveSet(program, dual).record,
         dual=dual.record,
-        posture=controller.gait.initial_state()[0][7:],
     )
     title = f"whole-body QP, formulation '{p.formulation}'"
-    return _exportable("wbc", title, controller.robot, record, steps.QP_STEPS[p.formulation], ProgramStatus)
+    return _exportable("wbc", title, controller.robot, record, EXPORTED_QP_STEPS[p.formulation], ProgramStatus)
 
 
 def _governed(controller: GovernedController) -> Exportable:
@@ -149,20 +142,18 @@ def _governed(controller: GovernedController) -> Exportable:
     _refuse(controller.friction is not None, "the paper's controller with an estimate of the friction")
     _refuse((not paper or behind is not None) and (governor is not None or behind is None), "this pair of governors")
     controller.reset()
-    parts: dict[str, Any] = {"control": controller._record}
-    for name, leg in zip(("left", "right"), controller._legs, strict=True):
-        parts[name] = np.array([leg], dtype=controller._legs.dtype)
+    parts: dict[str, Any] = {"control": controller._record_}
     if behind is None:
         assert isinstance(governor, ExplicitReferenceGovernor)
         assert isinstance(governor.rows, ForceRows)
-        parts |= {"governor": governor._record, "rows": governor.rows.record, "fresh": np.int64(1)}
-        record: Record = make_record(PaperTickRecord, **parts, bad_in_a_row=np.int64(0))
-        kind, title, step = "paper", "the paper's reference governor", steps.paper_step
+        parts |= {"governor": governor._record, "rows": governor.rows.record}
+        record: Record = make_record(PaperTickRecord, **parts)
+        kind, title, step = "paper", "the paper's reference governor", paper_step
     else:
         behind.reset()
         parts |= {"dynamics": behind.dynamics.record, "terms": behind.terms, "governor": behind.record}
-        record = make_record(FilterTickRecord, **parts, bad_in_a_row=np.int64(0))
-        kind, title, step = "filter", "the paper's controller behind the contact-force filter", steps.contact_step
+        record = make_record(FilterTickRecord, **parts)
+        kind, title, step = "filter", "the paper's controller behind the contact-force filter", contact_step
     return _exportable(kind, title, controller.robot, record, step, GovernorStatus)
 
 
@@ -172,18 +163,10 @@ def _exportable(
     feet = len(robot.feet)
     shapes = {"q": (robot.model.nq,), "v": (robot.model.nv,), "foot_position": (feet, 3), "foot_force": (feet, 3)}
     names = MEASURED if kind in ("paper", "filter") else ("q", "v", "foot_force")
-    statuses = {name: int(member) for name, member in status.__members__.items()} | {"BAD_SAMPLE": steps.BAD_SAMPLE}
-    return Exportable(kind, title, robot, record, step, {name: shapes[name] for name in names}, statuses)
-
-
-def _common(robot: Robot) -> dict[str, Any]:
-    """What every tick keeps besides: the last thrusts, and bad samples in a row."""
-    return {"thrust": np.zeros((len(robot.thrusters), 3)), "bad_in_a_row": np.int64(0)}
-
-
-def _parts(record: Record) -> dict[str, Any]:
-    """The parts of a record, for a larger one."""
-    return {name: record[name] for name in record.dtype.names or ()}
+    statuses = {name: int(member) for name, member in status.__members__.items()} | {"BAD_SAMPLE": BAD_SAMPLE}
+    inputs = {name: shapes[name] for name in names}
+    control = "" if kind == "condensed" else "control"
+    return Exportable(kind, title, robot, record, step, inputs, statuses, control)
 
 
 def _refuse(found: bool, what: str) -> None:

@@ -21,11 +21,11 @@ from harpy_pin.export.exported_controllers import MEASURED, Exportable
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.standing import Standing
-from harpy_pin.gaits.stepping import Stepping
+from harpy_pin.gaits.walking import WalkingGait
+from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.model.state import Command, State
 from harpy_pin.scenario import Disturbances, Governed, Scenario, Walk, build
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import Push
 
@@ -105,12 +105,11 @@ def ready(
     if not robot.feet:
         gait = Hovering(robot, shift=[10.0 * x for x in SHIFT])
         return build(Scenario(controller=part, disturbances=disturbances, duration=duration), gait=gait)
-    stepping = Stepping(robot) if robot.corners == (1, 1) else None
-    standing = Standing(robot, shift=SHIFT)
-    gait = standing if stepping is None else stepping
-    parameters = standing.parameters
+    on_points = robot.corners == (1, 1)
+    stays = WalkingGait(robot, "step", (0.0, 0.0, 0.0)) if on_points else Standing(robot, shift=SHIFT)
+    gait, parameters = stays, stays.parameters
     if single:
-        parameters["weights"] = {"force": SINGLE_FORCE * parameters["weights"]["force"]}
+        parameters["weights"] = {**parameters["weights"], "force": SINGLE_FORCE * parameters["weights"]["force"]}
     ground = Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
     if whole_body:
         part = {"name": controller, "parameters": parameters}
@@ -173,7 +172,7 @@ def answers(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any
 
 def _from_kernels(what: Exportable, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
     state, target = what.record.copy(), what.target
-    outputs = [np.zeros(shape) for shape in what.outputs.values()]
+    command = state[what.control][0] if what.control else state[0]
     commands, statuses = [], []
     for n in range(len(given)):
         begin = 0
@@ -182,8 +181,8 @@ def _from_kernels(what: Exportable, given: Recording) -> tuple[NDArray[Any], NDA
             target[name][0].ravel()[:] = given.target[n, begin : begin + size]
             begin += size
         inputs = [given.inputs[name][n].reshape(shape) for name, shape in what.inputs.items()]
-        statuses.append(what.step(state[0], target[0], *inputs, *outputs))
-        commands.append(np.concatenate([array.ravel() for array in outputs]))
+        statuses.append(what.step(state, target, *inputs))
+        commands.append(np.concatenate([command[name].ravel() for name in what.outputs]))
     return np.array(commands), np.array(statuses, dtype=np.int32)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import inf
 from typing import Any
@@ -13,29 +13,25 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.deprecated import renamed_arguments
+from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.capped import warn_of_capped
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
-from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, note_command, plan_command, restart
+from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, restart
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, check_steps, penetration_offset_on
+from harpy_pin.gaits.velocity import check_script, three_numbers, warn_of_capped
+from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
-from harpy_pin.simulation.terrain.surface import TerrainRecord, flat_terrain
-from harpy_pin.simulation.ticks import CompiledTick
+from harpy_pin.model.state import State, Vector
 
-__all__ = ["CommandedGait", "CommandedParameters", "check_script", "make_commanded_gait"]
+__all__ = ["CommandedGait", "CommandedParameters", "make_commanded_gait"]
 
 SPARE = 0.02
 """How much of the legs' reach is never asked for, m."""
-MAX_COMMAND = 1e6
-"""Largest entry of a script: far beyond what is clipped, and far from numbers that overflow."""
 
 
-@renamed_arguments(press="penetration_offset")
 @dataclass(frozen=True, kw_only=True)
 class CommandedParameters:
     """Rhythm and shape of the steps, those of :class:`~harpy_pin.gaits.straight.GaitParameters`, and what it may do.
@@ -49,7 +45,7 @@ class CommandedParameters:
         clearance: height of the swing foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a stance foot aims, m.
         release: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
-        settle: likewise.
+        settle: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
         most_turn: largest turning velocity, rad/s.
@@ -83,20 +79,17 @@ class CommandedRecord(RecordOf, CommandedParameters):
 
     Attributes:
         most_speed: what the legs reach, m/s.
-        most_sideways: likewise, m/s.
-        speed_per_reach: speed that a metre of the legs' reach is worth, 1/s.
+        most_sideways: largest velocity to the side, m/s.
         terrain: the ground, on whose edges no foot is set.
         command: (3,) given: forward, to the left (m/s), turn (rad/s).
-        heard: (3,) the last one that is all numbers.
-        kept: share of it that the governor of the command leaves.
-        shift: how far ahead of the path the feet go, along the heading, m.
+        last_command: (3,) the last one that is all numbers.
         goal: (3,) command within the limits.
-        velocity: (3,) that is walked, likewise.
+        velocity: (3,) that is walked: forward, to the left (m/s), turn (rad/s).
         rate: (3,) of it, m/s² and rad/s².
         path: (3,) x, y (m) and heading (rad) of the place that the walk goes about.
         leftover: (3,) sway (m) and its velocity (m/s) at the end of the last walk, and the time in which they go, s.
         foot: (2, 2) x and y of each foot's target, world, m.
-        foot_velocity: (2, 2) likewise, m/s.
+        foot_velocity: (2, 2) of each foot's target, m/s.
         foothold: (2, 2) where each foot lands, m.
         in_air: (2,) 1 for a swing foot, else 0.
         left: (2,) time until it lands, s.
@@ -110,12 +103,9 @@ class CommandedRecord(RecordOf, CommandedParameters):
 
     most_speed: float
     most_sideways: float
-    speed_per_reach: float
     terrain: TerrainRecord
     command: Vector = sized(3)
-    heard: Vector = sized(3)
-    kept: float = 1.0
-    shift: float = 0.0
+    last_command: Vector = sized(3)
     goal: Vector = sized(3)
     velocity: Vector = sized(3)
     rate: Vector = sized(3)
@@ -160,14 +150,17 @@ class CommandedGait(KeepsViews):
     Attributes:
         command: (3,) the present command; set it while the robot walks, ``gait.command = (0.3, 0.0, 0.0)``. The next
             row of a script overwrites it. Where a function gives the command it is read only.
-        applied: (3,) the velocity that is applied, likewise; read only.
-        record: all that the walk remembers, for kernels, such as that of the governor of the command.
+        applied: (3,) the velocity that is applied; read only.
+        record: all that the walk remembers, for kernels.
         most_speed: m/s; what the legs reach, see :meth:`_speeds`.
         most_sideways: m/s; faster, a foot would land closer than ``feet_apart`` to the other.
+        not_governed: why the paper's controller cannot follow it.
 
     Raises:
         InputError: the robot is no biped, the script is none, or the legs do not reach so far as to stand and turn.
     """
+
+    not_governed = "faces x and cannot turn"
 
     @checked
     def __init__(
@@ -188,7 +181,6 @@ class CommandedGait(KeepsViews):
             **asdict(p),
             most_speed=self.most_speed,
             most_sideways=self.most_sideways,
-            speed_per_reach=2.0 / (p.step_duration * (1.0 + p.double_support)),
             terrain=flat_terrain(),
         )
         self._state = self.record[0]
@@ -238,20 +230,19 @@ class CommandedGait(KeepsViews):
                 return self.target
             self._begin()
         while t >= self._state["switch"]:
-            self._advance(float(self._state["switch"]))
+            switch, self._state["switch"] = float(self._state["switch"]), inf
+            self._advance(switch)
             self._take_row()
         if self._function is not None:
-            self._given[:] = _three_numbers(self._function(t))
+            self._given[:] = three_numbers(self._function(t))
         self._advance(t)
         return self.target
 
-    @property
-    def compiled(self) -> CompiledTick | None:
-        """Its tick for a compiled loop, which ends where a row of the script begins."""
+    def calls(self, state: State) -> tuple[Call, ...] | None:
+        """See :class:`~harpy_pin.gaits.gait.Gait`; Python takes a script's rows."""
         if type(self) is not CommandedGait or self._function is not None:
             return None
-        signals = ("command", "applied_velocity", "heading", "refused_commands")
-        return CompiledTick(plan_command, note_command, (self.record, self.target.record), signals)
+        return (Call(advance, 0.0, self.record, self.target.record, expected=True),)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -281,7 +272,7 @@ class CommandedGait(KeepsViews):
             "command": self.command,
             "applied_velocity": self.applied,
             "heading": self.target.heading,
-            "refused_commands": self.refused,
+            "refused_commands": field(self.record, "refused"),
         }
 
     def _begin(self) -> None:
@@ -353,24 +344,6 @@ class CommandedGait(KeepsViews):
         return low
 
 
-def _three_numbers(given: ArrayLike) -> Vector:
-    """What a function of the command returned; entries that are not finite are refused later, and counted.
-
-    Raises:
-        InputError: other than three numbers.
-    """
-    try:
-        array = np.asarray(given)
-        if array.dtype.kind == "O":
-            array = array.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.empty(0)
-    if array.shape == (3,) and array.dtype.kind in "fiu":
-        return array
-    message = f"the function of the command must return (forward, sideways, turning), got {given!r:.60}"
-    raise InputError(message, name="command", value=given)
-
-
 @checked
 def make_commanded_gait(
     robot: Robot,
@@ -391,24 +364,3 @@ def make_commanded_gait(
     return CommandedGait(
         robot, command, CommandedParameters(penetration_offset=penetration_offset_on(robot, stiffness))
     )
-
-
-def check_script(script: Iterable[ArrayLike]) -> tuple[tuple[float, float, float, float], ...]:
-    """A script of commands as rows (t, forward, sideways, turning), s, m/s and rad/s.
-
-    Raises:
-        InputError: a row has other than four finite numbers, or the times do not grow from zero or later.
-    """
-    if isinstance(script, str | type) or not isinstance(script, Iterable):
-        raise InputError(
-            f"a command must be rows of (t, forward, sideways, turning), got {shown(script)}", name="command"
-        )
-    rows: list[tuple[float, float, float, float]] = []
-    for row in script:
-        t, *velocity = checks.vector("row of the command", row, 4).tolist()
-        for value in velocity:
-            checks.number("command", value, low=-MAX_COMMAND, high=MAX_COMMAND)
-        if t < 0.0 or (rows and t <= rows[-1][0]):
-            raise InputError(f"the times of a command must grow from zero or later, got {t:g} s", name="command")
-        rows.append((t, velocity[0], velocity[1], velocity[2]))
-    return tuple(rows)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, cast
 
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
@@ -16,7 +17,7 @@ from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "check_target", "own_target"]
+__all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "calls_of", "check_target", "own_target"]
 
 CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.world_frame_blend` rises."""
@@ -41,23 +42,13 @@ class GaitTargetRecord(RecordOf):
     normal: Vector = sized("feet", 3)
     ground_height: Vector = sized("feet")
     up: Vector = sized(3)
+    centre_of_mass: Vector = sized(1)
 
 
-@fixed_arrays(
-    "body",
-    "foot_acceleration",
-    "foot_position",
-    "foot_velocity",
-    "ground_height",
-    "heading",
-    "load",
-    "normal",
-    "phase",
-    "record",
-    "stance",
-    "up",
-    "world_frame_blend",
-)
+_ARRAYS = tuple(GaitTargetRecord.__annotations__)
+
+
+@fixed_arrays("record", *_ARRAYS)
 class GaitTarget(KeepsViews):
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
@@ -71,8 +62,8 @@ class GaitTarget(KeepsViews):
         heading: (3,) yaw of the upright target body (rad), its rate (rad/s) and acceleration (rad/s²); zero where the
             gait faces x.
         foot_position: (feet, 3) each foot relative to the body's target, world axes, m.
-        foot_velocity: (feet, 3) likewise, m/s.
-        foot_acceleration: (feet, 3) likewise, m/s².
+        foot_velocity: (feet, 3) of that, m/s.
+        foot_acceleration: (feet, 3) of that, m/s².
         stance: (feet,) 1 where the foot should be on the ground, else 0.
         phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
         load: (feet,) share of the usual range of its normal force in which each foot may carry; 1 where a gait says
@@ -84,25 +75,30 @@ class GaitTarget(KeepsViews):
             cones are about them. All corners of a flat foot have that of its first one.
         ground_height: (feet,) height of the ground below each foot, m.
         up: (3,) direction of the target body's z axis, world, of length one; vertical where a gait says nothing else.
+        centre_of_mass: (1,) 1 where the horizontal acceleration in ``body`` is that of the centre of mass, for the
+            whole-body controllers, instead of that of the body's origin.
     """
 
     _record_: Records[GaitTargetRecord]
+    body: Vector
+    heading: Vector
+    foot_position: Vector
+    foot_velocity: Vector
+    foot_acceleration: Vector
+    stance: Vector
+    phase: Vector
+    load: Vector
+    world_frame_blend: Vector
+    normal: Vector
+    ground_height: Vector
+    up: Vector
+    centre_of_mass: Vector
 
     def __init__(self, feet: int = 2) -> None:
         self.record = make_record(GaitTargetRecord, {"feet": checks.whole("feet", feet, high=MAX_FEET)})
         self.record["normal"][0, :, 2] = self.record["up"][0, 2] = 1.0
-        self.body: Vector = field(self.record, "body")
-        self.heading: Vector = field(self.record, "heading")
-        self.foot_position: Vector = field(self.record, "foot_position")
-        self.foot_velocity: Vector = field(self.record, "foot_velocity")
-        self.foot_acceleration: Vector = field(self.record, "foot_acceleration")
-        self.stance: Vector = field(self.record, "stance")
-        self.phase: Vector = field(self.record, "phase")
-        self.load: Vector = field(self.record, "load")
-        self.world_frame_blend: Vector = field(self.record, "world_frame_blend")
-        self.normal: Vector = field(self.record, "normal")
-        self.ground_height: Vector = field(self.record, "ground_height")
-        self.up: Vector = field(self.record, "up")
+        for name in _ARRAYS:
+            setattr(self, name, field(self.record, name))
 
 
 class Gait(Protocol):
@@ -110,8 +106,7 @@ class Gait(Protocol):
 
     What else a gait may have is used where it is there:
 
-    - ``step_duration``: time from one touchdown to the next, s. Measures per step are per second where there is none;
-      the governor of the command needs it.
+    - ``step_duration``: time from one touchdown to the next, s. Measures per step are per second where there is none.
     - ``double_support``: share of a step with both feet on the ground, over which the load moves from one foot to the
       other. Without it a foot may take the whole load at once.
     - ``observe(state)``: takes the measured :class:`~harpy_pin.model.state.State` of a tick, before ``update`` of its
@@ -119,6 +114,9 @@ class Gait(Protocol):
     - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
     - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and shapes each time, which
       the whole-body controllers log.
+    - ``calls(state)``: the kernels of an update at the time of a tick (:class:`~harpy_pin.compiled.calls.Call`), with
+      those of ``observe`` before, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
+      ``state`` has the arrays of the measured state, which stay where they are; those of ``telemetry()`` do, too.
 
     A gait around another one passes these on. The paper's controller faces x: it refuses targets with a heading.
 
@@ -204,6 +202,17 @@ def check_gait(gait: object) -> None:
         raise InputError(message, name="gait", value=gait)
 
 
+def calls_of(gait: Gait, state: State) -> Sequence[Call] | None:
+    """The kernels of an update of a gait; None where Python takes part.
+
+    Args:
+        gait: any.
+        state: arrays of the measured state, which stay where they are.
+    """
+    calls: Callable[[State], Sequence[Call] | None] = getattr(gait, "calls", lambda _: None)
+    return calls(state)
+
+
 def own_target(gait: Gait) -> FullGait:
     """The gait that a controller follows.
 
@@ -258,6 +267,7 @@ def copy_target(g: GaitTargetRecord, o: GaitTargetRecord) -> None:
     o.normal[:] = g.normal
     o.ground_height[:] = g.ground_height
     o.up[:] = g.up
+    o.centre_of_mass[:] = g.centre_of_mass
 
 
 def refuse_time(t: float) -> InputError:

@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.postures import read_posture
-from harpy_pin.gaits.staying import Staying
+from harpy_pin.gaits.staying import Staying, read_posture
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 

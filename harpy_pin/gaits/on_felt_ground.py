@@ -9,10 +9,9 @@ from harpy_pin.arguments import checked
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
+from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.state import State, Vector
-from harpy_pin.simulation.terrain import Plane
-from harpy_pin.simulation.ticks import CompiledTick
 
 __all__ = ["OnFeltGround"]
 
@@ -77,11 +76,6 @@ class OnFeltGround(OnTerrain):
                 self._forget()
             self._feel(place, force, float(state.t))
         super().observe(state)
-
-    @property
-    def compiled(self) -> CompiledTick | None:
-        """None: it observes in Python."""
-        return None
 
     def _feel(self, place: Vector, force: Vector, t: float) -> None:
         """Keep the places of feet that touch, and let the plane follow them."""

@@ -7,24 +7,23 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import Kernel, kernel
-from harpy_pin.deprecated import start_of
+from harpy_pin.compiled import kernel
+from harpy_pin.compiled.calls import Call
+from harpy_pin.gaits.carrying_places import know_footholds, note_time
 from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.downhill import downhill
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, own_target
-from harpy_pin.gaits.terrain_footholds import know_footholds, note_time
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, calls_of, own_target
 from harpy_pin.gaits.terrain_record import OnTerrainRecord, fit_plane, lay_over
 from harpy_pin.gaits.walking.stepping_over import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
+from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.state import State, Vector
-from harpy_pin.simulation.terrain import Plane, Terrain
-from harpy_pin.simulation.ticks import CompiledTick, observe_nothing
 
 __all__ = ["OnTerrain"]
 
@@ -63,7 +62,7 @@ class OnTerrain(KeepsViews):
         self.gait: FullGait = own_target(gait)
         self.robot, self.terrain = gait.robot, terrain
         self.step_duration, self.double_support = self.gait.step_duration, self.gait.double_support
-        q = start_of(self.gait, 0.0)[0]
+        q = self.gait.initial_state(penetration=0.0)[0]
         feet = self._feet(q)[0]
         apart = np.linalg.norm((feet - feet.mean(axis=0))[:, :2], axis=1).max() if len(feet) else 0.0
         self._record = make_record(
@@ -124,15 +123,12 @@ class OnTerrain(KeepsViews):
         _lay(t, self._record, self.gait.update(t).record, self.target.record)
         return self.target
 
-    @property
-    def compiled(self) -> CompiledTick | None:
-        """Its tick for a compiled loop, where the gait has one."""
-        gait: CompiledTick | None = getattr(self.gait, "compiled", None)
-        if type(self) is not OnTerrain or gait is None:
+    def calls(self, state: State) -> tuple[Call, ...] | None:
+        """See :class:`~harpy_pin.gaits.gait.Gait`."""
+        calls = calls_of(self.gait, state)
+        if type(self) is not OnTerrain or calls is None:
             return None
-        observe = observe_nothing if gait.observe is None else gait.observe
-        own = (self._record, self.gait.target.record, self.target.record)
-        return CompiledTick(_plan, _note, (observe, gait.act, gait.note, gait.parts, *own), gait.signals, _see)
+        return *calls, Call(_lay, 0.0, self._record, self.gait.target.record, self.target.record)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -141,7 +137,7 @@ class OnTerrain(KeepsViews):
         Args:
             penetration: how deep the lower foot is in the ground, m.
         """
-        q, v = start_of(self.gait, penetration)
+        q, v = self.gait.initial_state(penetration=penetration)
         flat, speed = self._feet(q)[0], self._feet(q)[1] @ v
         height, along, across = _fit(self._record, float(q[0]), float(q[1]))
         q = q.copy()
@@ -190,17 +186,6 @@ class OnTerrain(KeepsViews):
         return told
 
 
-Parts = tuple[
-    Kernel[Any],
-    Kernel[Any],
-    Kernel[Any],
-    tuple[Any, ...],
-    Records[OnTerrainRecord],
-    Records[GaitTargetRecord],
-    Records[GaitTargetRecord],
-]
-
-
 @kernel
 def _lay(
     t: float, record: Records[OnTerrainRecord], given: Records[GaitTargetRecord], out: Records[GaitTargetRecord]
@@ -212,25 +197,3 @@ def _lay(
 @kernel
 def _fit(record: Records[OnTerrainRecord], x: float, y: float) -> tuple[float, float, float]:
     return fit_plane(record[0].terrain, x, y, record[0].reach)
-
-
-@kernel
-def _see(parts: Parts, q: Vector, v: Vector, foot_force: Vector) -> None:
-    observe, _, _, own, _, _, _ = parts
-    observe(own, q, v, foot_force)
-
-
-@kernel
-def _plan(t: float, parts: Parts) -> bool:
-    _, plan, _, own, record, given, target = parts
-    if not plan(t, own):
-        return False
-    _lay(t, record, given, target)
-    return True
-
-
-@kernel
-def _note(parts: Parts, row: Vector, places: NDArray[np.int64], s: int) -> int:
-    _, _, note, own, _, _, _ = parts
-    signals: int = note(own, row, places, s)
-    return signals

@@ -10,10 +10,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.postures import read_posture
-from harpy_pin.gaits.staying import Staying
+from harpy_pin.gaits.staying import Staying, read_posture
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -33,7 +31,6 @@ LEVEL = 2e-3
 """Largest difference between the heights of the feet, m."""
 
 
-@renamed_arguments(press="penetration_offset")
 class Standing(Staying):
     """Targets of a robot that stands upright on all its feet, where a posture of its joints puts them.
 

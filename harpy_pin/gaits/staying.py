@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
+from harpy_pin.compiled.calls import Call
+from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import RecordOf, Records, make_record, sized
+from harpy_pin.model.record import RecordOf, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ticks import CompiledTick, note_nothing
+from harpy_pin.model.state import State, Vector
 
 __all__ = ["Staying"]
 
@@ -136,10 +137,9 @@ class Staying(KeepsViews):
             raise refuse_time(t)
         return self.target
 
-    @property
-    def compiled(self) -> CompiledTick:
-        """Its tick for a compiled loop."""
-        return CompiledTick(_plan, note_nothing, (self._record, self.target.record))
+    def calls(self, state: State) -> tuple[Call, ...]:
+        """See :class:`~harpy_pin.gaits.gait.Gait`."""
+        return (Call(_stay, 0.0, self._record, self.target.record, expected=True),)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -189,7 +189,25 @@ def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
     return True
 
 
-@kernel
-def _plan(t: float, parts: tuple[Records[StayingRecord], Records[GaitTargetRecord]]) -> bool:
-    gait, target = parts
-    return _stay(t, gait[0], target[0])
+ROUNDING = 1e-6
+"""By how much an angle may be beyond its limit, rad: files and postures have rounded numbers."""
+
+
+def read_posture(robot: Robot, posture: ArrayLike) -> Vector:
+    """(joints,) angles of a posture, rad.
+
+    Args:
+        robot: whose posture it is. A joint whose limits leave no range, as where the file names none, is free.
+        posture: angles in the order of the robot's joints, rad.
+
+    Raises:
+        InputError: wrong shape, not finite, or an angle beyond the limits of its joint; the message names them.
+    """
+    angles = checks.vector("posture", posture, len(robot.joints))
+    lower, upper = robot.joint_lower, robot.joint_upper
+    beyond = (lower < upper) & ((angles < lower - ROUNDING) | (angles > upper + ROUNDING))
+    for k in np.flatnonzero(beyond):
+        limits = f"{lower[k]:g} to {upper[k]:g} rad"
+        message = f"posture: joint '{robot.joints[k]}' is at {angles[k]:g} rad, beyond its limits {limits}"
+        raise InputError(message, name="posture", value=posture)
+    return angles

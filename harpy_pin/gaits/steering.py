@@ -13,14 +13,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.carrying_places import place_that_carries
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTargetRecord
-from harpy_pin.model.record import Records
-from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ticks import note_array
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
@@ -49,8 +45,7 @@ def restart(p: CommandedRecord) -> None:
     p.path[:] = 0.0
     p.phase = 0.5 * p.double_support
     p.walking = p.begun = p.refused = 0.0
-    p.heard[:] = 0.0
-    p.kept, p.shift = 1.0, 0.0
+    p.last_command[:] = 0.0
     p.leftover[:] = 0.0
     p.in_air[:] = 0.0
     p.foot_velocity[:] = 0.0
@@ -62,11 +57,15 @@ def restart(p: CommandedRecord) -> None:
 
 @kernel
 def advance(t: float, p: CommandedRecord, target: GaitTargetRecord) -> bool:
-    """Go on to time t, at or after the last one, and write the targets; returns whether t is such a time."""
+    """Go on to time t, at or after the last one, before the next row of the script begins, and write the targets.
+
+    Returns:
+        Whether t is such a time; nothing is done otherwise.
+    """
     span = t - p.time
-    if not (abs(t) < LONGEST and 0.0 <= span <= LONGEST_GAP):
+    if not (abs(t) < LONGEST and 0.0 <= span <= LONGEST_GAP and t < p.switch):
         return False
-    _hear(p)
+    _take_command(p)
     parts = int(np.ceil(span / FINEST - 1e-6))
     for _ in range(parts):
         _step(p, span / parts)
@@ -76,25 +75,25 @@ def advance(t: float, p: CommandedRecord, target: GaitTargetRecord) -> bool:
 
 
 @kernel
-def _hear(p: CommandedRecord) -> None:
+def _take_command(p: CommandedRecord) -> None:
     """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
     c = p.command
     if np.isfinite(c[0] + c[1] + c[2]):
-        p.heard[:] = p.command
+        p.last_command[:] = p.command
     else:
         p.refused += 1.0
-        c = p.heard
+        c = p.last_command
     share = 1.0
     reach = np.hypot(c[0], c[1]) + abs(c[2]) * p.width
-    most = p.most_speed - abs(p.shift) * p.speed_per_reach
+    most = p.most_speed
     if reach > most:
-        share = max(most, 0.0) / reach
+        share = most / reach
     if share * abs(c[1]) > p.most_sideways:
         share = p.most_sideways / abs(c[1])
     if share * abs(c[2]) > p.most_turn:
         share = p.most_turn / abs(c[2])
     for i in range(3):
-        p.goal[i] = p.kept * share * c[i]
+        p.goal[i] = share * c[i]
 
 
 @kernel
@@ -173,7 +172,7 @@ def _still(p: CommandedRecord) -> bool:
 def _feet_settled(p: CommandedRecord) -> bool:
     """Whether both feet are to the sides of the body, where they stand."""
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
-    x, y = p.path[0] + p.shift * c, p.path[1] + p.shift * s
+    x, y = p.path[0], p.path[1]
     for k in range(2):
         side = p.width * (1.0 - 2.0 * k)
         u, w = x - side * s, y + side * c
@@ -230,8 +229,8 @@ def _plan(p: CommandedRecord, k: int, left: float) -> None:
         forward, sideways, turn = f, g, w
     side = 1.0 - 2.0 * k
     nx, ny = -side * np.sin(heading), side * np.cos(heading)  # away from the path, on this foot's side
-    x += p.width * nx + p.shift * np.cos(heading)
-    y += p.width * ny + p.shift * np.sin(heading)
+    x += p.width * nx
+    y += p.width * ny
     gap = (x - p.foot[1 - k, 0]) * nx + (y - p.foot[1 - k, 1]) * ny
     if gap < p.feet_apart:
         x += (p.feet_apart - gap) * nx
@@ -311,27 +310,3 @@ def _write_foot(p: CommandedRecord, k: int, o: GaitTargetRecord) -> None:
                 way = p.foothold[k, i] - p.foot[k, i]
                 acceleration[i] += (6.0 * way / p.left[k] - 4.0 * p.foot_velocity[k, i]) / p.left[k]
     position[2], velocity[2], acceleration[2] = height - p.height, rise, bend
-
-
-Parts = tuple[Records["CommandedRecord"], Records[GaitTargetRecord]]
-"""Of a compiled tick."""
-
-
-@kernel
-def plan_command(t: float, parts: Parts) -> bool:
-    """The tick in a compiled loop; false where the clock goes back, or a row of the script begins."""
-    gait, target = parts
-    if t < gait[0].time or t >= gait[0].switch:
-        return False
-    return advance(t, gait[0], target[0])
-
-
-@kernel
-def note_command(parts: Parts, row: Vector, places: NDArray[np.int64], s: int) -> int:
-    """The signals of :meth:`~harpy_pin.gaits.commanded.CommandedGait.telemetry`."""
-    gait, target = parts
-    note_array(gait[0].command, row, places[s])
-    note_array(gait[0].velocity, row, places[s + 1])
-    note_array(target[0].heading, row, places[s + 2])
-    row[places[s + 3]] = gait[0].refused
-    return s + 4

@@ -16,16 +16,15 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.deprecated import renamed_arguments
+from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, OutOfReachError
 from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTarget, GaitTargetRecord, refuse_time, two_legs
 from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ticks import CompiledTick, note_nothing
+from harpy_pin.model.state import State, Vector
 
 __all__ = ["GaitParameters", "StraightGait", "make_gait", "penetration_offset_on"]
 
@@ -35,7 +34,6 @@ MAX_OFFSET = 0.1
 """Largest penetration offset of the default walk, m."""
 
 
-@renamed_arguments(press="penetration_offset")
 @dataclass(frozen=True, kw_only=True)
 class GaitParameters:
     """A straight walk at the paper's speed and rhythm; defaults tuned for little slip (docs/reproduction.md).
@@ -108,7 +106,7 @@ class StraightGait(KeepsViews):
         stance_curve: (5, 3) control points of a left stance foot, relative to the path and the body's height, m; the
             right foot mirrors y.
         constant: it never changes, so that controllers may copy it (:func:`~harpy_pin.gaits.gait.own_target`).
-        swing_curve: (5, 3) control points of a left swing foot, likewise.
+        swing_curve: (5, 3) control points of a left swing foot, relative to the same, m.
 
     Raises:
         InputError: the robot is no biped, or a foot target is out of its leg's reach.
@@ -182,13 +180,11 @@ class StraightGait(KeepsViews):
             q[7 + 3 * k : 10 + 3 * k] = angles
             v[6 + 3 * k : 9 + 3 * k] = np.linalg.solve(jacobian, target.foot_velocity[k])
 
-    @property
-    def compiled(self) -> CompiledTick | None:
-        """Its tick for a compiled loop."""
+    def calls(self, state: State) -> tuple[Call, ...] | None:
+        """See :class:`~harpy_pin.gaits.gait.Gait`."""
         if type(self) is not StraightGait:
             return None
-        plan = _plan_standing if self.standing else _plan_walking
-        return CompiledTick(plan, note_nothing, (self._record, self.target.record))
+        return (Call(_stand if self.standing else _walk, 0.0, self._record, self.target.record, expected=True),)
 
     def _check_reach(self) -> None:
         """Raise if a target of the cycle cannot be reached within the joint limits."""
@@ -207,9 +203,6 @@ class StraightGait(KeepsViews):
                     raise InputError(f"this gait exceeds the limits of joint '{joint}' at t = {t:.2f} s", name="gait")
 
 
-@checks.explained_arguments(
-    velocity="this gait walks along x at a speed, as in make_gait(robot, speed=0.3); hp.make_commanded_gait turns, too"
-)
 def make_gait(robot: Robot, *, speed: float = 0.3, stiffness: float = TUNED_STIFFNESS) -> StraightGait:
     """The default walk of a robot.
 
@@ -237,22 +230,6 @@ def penetration_offset_on(robot: Robot, stiffness: float) -> float:
         message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: {sinks}"
         raise InputError(message, name="stiffness", value=stiffness)
     return offset
-
-
-Parts = tuple[Records[StraightRecord], Records[GaitTargetRecord]]
-"""Of a compiled tick."""
-
-
-@kernel
-def _plan_standing(t: float, parts: Parts) -> bool:
-    gait, target = parts
-    return _stand(t, gait[0], target[0])
-
-
-@kernel
-def _plan_walking(t: float, parts: Parts) -> bool:
-    gait, target = parts
-    return _walk(t, gait[0], target[0])
 
 
 @kernel

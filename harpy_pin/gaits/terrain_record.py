@@ -10,12 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.carrying_places import beside_edges
 from harpy_pin.gaits.gait import GaitTargetRecord, copy_target
-from harpy_pin.gaits.terrain_footholds import beside_edges
-from harpy_pin.model.record import RecordOf, sized
-from harpy_pin.model.state import Vector
-from harpy_pin.simulation.terrain.ditch import ditch_height, ditch_slope
-from harpy_pin.simulation.terrain.surface import (
+from harpy_pin.ground.surface import (
     TerrainRecord,
     grid_height,
     profile_height,
@@ -23,13 +20,15 @@ from harpy_pin.simulation.terrain.surface import (
     surface_normal,
     surface_slope,
 )
+from harpy_pin.model.record import RecordOf, sized
+from harpy_pin.model.state import Vector
 
 __all__: list[str] = []
 
 POINTS = 2
 """Points of the square that a plane is fitted to, on each side of its middle."""
 RADIUS, SAMPLES = 0.12, 6
-"""How far a foot in the air looks around for higher ground, m, and at how many points on each side."""
+"""How far a swing foot looks around for higher ground, m, and at how many points on each side."""
 STEEPEST = 1.0
 """Rise of its way over higher ground, per metre."""
 LIFTED = 0.015
@@ -42,7 +41,7 @@ class OnTerrainRecord(RecordOf):
     Attributes:
         terrain: the surface.
         reach: half the side of the square around the body whose plane the body follows, m.
-        own_swings: 1 where the gait says the world heights of feet in the air.
+        own_swings: 1 where the gait says the world heights of swing feet.
         leans: 1 where the body leans with the ground.
         normal_error: angle by which the normals told are wrong, about y, rad.
         offset: (3,) how far the body is from where the gait has it, world axes, m.
@@ -50,8 +49,8 @@ class OnTerrainRecord(RecordOf):
         swing_time: duration of a swing, s; zero where it is not known where feet land.
         landing: (feet, 2) where the swing of each foot ends: ahead of the body, and beside the path, m.
         aside: (feet, 2) how far from the gait's place each foot carries, or was lifted, m.
-        next_aside: (feet, 2) likewise, where a foot in the air will land, m.
-        moving: (feet,) 1 for a foot in the air.
+        next_aside: (feet, 2) how far from it the place is where a swing foot will land, m.
+        moving: (feet,) 1 for a swing foot.
     """
 
     terrain: TerrainRecord
@@ -77,7 +76,7 @@ def fit_plane(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float
     Args:
         t: element of the terrain's record.
         x: of the place, m.
-        y: likewise.
+        y: of the place, m.
         reach: half the side of the square around it, m.
     """
     if t.level:
@@ -129,7 +128,7 @@ def way_over(t: TerrainRecord, x: float, y: float) -> tuple[float, float, float]
     Args:
         t: element of the terrain's record.
         x: of the place, m.
-        y: likewise.
+        y: of the place, m.
     """
     height = surface_height(t, x, y)
     along, across = surface_slope(t, x, y)
@@ -200,9 +199,6 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
     c, s = np.cos(p.normal_error), np.sin(p.normal_error)
     o.normal[k, 0], o.normal[k, 1], o.normal[k, 2] = c * nx + s * nz, ny, c * nz - s * nx
     height, along, across = o.ground_height[k], -nx / nz, -ny / nz
-    if t.stones[0] != 0.0:  # a foot goes over a ditch, not into it
-        steep, tilt = ditch_slope(t, x, y)
-        height, along, across = height - ditch_height(t, x, y), along - steep, across - tilt
     lifted = min(max((g.body[2] + g.foot_position[k, 2]) / LIFTED, 0.0), 1.0)
     if g.stance[k] == 0.0 and p.own_swings:
         height = along = across = 0.0

@@ -27,12 +27,12 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.governors.contact_force_kernels import BAD_STATE, ContactForceFilterRecord, filter_forces
+from harpy_pin.governors.contact_force_kernels import BAD_STATE, MISFIT_SIZES, ContactForceFilterRecord, filter_forces
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
-from harpy_pin.governors.governor import GovernorStatus
+from harpy_pin.governors.governor import RecordedStatus
 from harpy_pin.model.contact_map import contact_terms
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.entry import FADE, FLOAT64, HOLD_TICKS, as_command, as_state
+from harpy_pin.model.entry import FLOAT64, as_command, as_state
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
@@ -97,8 +97,7 @@ class ContactForceFilter(KeepsViews):
         self.friction: Vector = field(self.record, "friction")
         self.normal: Vector = field(self.record, "normal")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
-        self.status = GovernorStatus(names, field(self.record, "h_r"), field(self.record, "h_w"), self.bend)
-        self._in_a_row = 0
+        self.status = RecordedStatus(names, self.record, self.bend)
         q, v, torque = np.zeros(robot.model.nq), np.zeros(robot.model.nv), np.zeros(len(robot.joints))
         thrust = np.zeros((len(robot.thrusters), 3))
         filter_forces.prepare(self.dynamics.record, self.terms, self.record, q, v, self.force, torque, thrust)
@@ -106,7 +105,7 @@ class ContactForceFilter(KeepsViews):
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""
         self.bend[:] = 0.0
-        self.status.bad_samples = self._in_a_row = 0
+        self.record["bad_samples"] = self.record["bad_in_a_row"] = 0
 
     def update(self, state: State, command: Command) -> Command:
         """Bend a command, in place.
@@ -121,7 +120,7 @@ class ContactForceFilter(KeepsViews):
         Raises:
             InputError: an array of the state or of the command has the wrong shape, or no numbers.
         """
-        dynamics, status = self.dynamics, self.status
+        dynamics = self.dynamics
         try:
             torque, thrust = command.torque, command.thrust
             if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:
@@ -134,23 +133,6 @@ class ContactForceFilter(KeepsViews):
             if given is state and fit is command:
                 raise
             return self.update(given, fit)
-        if excess < 0.0:
-            return self._bridge(state, command)
-        self._in_a_row = 0
-        status.infeasible = excess > 0.0
-        status.least_violation = excess
-        return command
-
-    def _bridge(self, state: State, command: Command) -> Command:
-        """Answer a state or command that does not fit, or is not all numbers."""
-        if as_command(command, self.robot) is not command or as_state(state, self.robot) is not state:
+        if excess == MISFIT_SIZES:
             return self.update(as_state(state, self.robot), as_command(command, self.robot))
-        status = self.status
-        status.infeasible, status.least_violation = True, float("inf")
-        status.bad_samples += 1
-        self._in_a_row += 1
-        bend = self.bend * FADE ** max(self._in_a_row - HOLD_TICKS, 0)
-        split = command.thrust.size
-        command.thrust += bend[:split].reshape(-1, 3)
-        command.torque += bend[split:]
         return command

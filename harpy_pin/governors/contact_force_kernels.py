@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.governors.governor import StatusRecord
+from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, to_world, turn_feet
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.contact_frame import all_upward, contact_frame, is_level, to_world, turn_feet
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import update_terms
-from harpy_pin.model.entry import GOOD, all_finite, all_possible, all_possible_rows
-from harpy_pin.model.record import RecordOf, sized
+from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, MISFIT, all_finite, all_possible, all_possible_rows
+from harpy_pin.model.record import ZERO, sized
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -20,16 +21,17 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
-BAD_STATE = -2.0
-"""What :func:`filter_forces` says of a state; −1 is of forces and commands."""
+BAD_STATE, MISFIT_SIZES = -2.0, -3.0
+"""What :func:`filter_forces` says of a state, and of arrays that do not fit; −1 is of forces and commands."""
 
 
-class ContactForceFilterRecord(RecordOf):
+class ContactForceFilterRecord(StatusRecord):
     """What the kernels of the filter know and work in.
 
     It has the fields of :class:`~harpy_pin.governors.ContactForceFilterParameters`, and further ones.
 
     Attributes:
+        bad_in_a_row: how many of the last states or commands were bad.
         bend_share: share of the way to the target bend in one update.
         friction: (feet,) friction coefficient of each foot: that of the parameters, until it is overwritten.
         normal: (feet, 3) normals of the ground at the feet, upwards, of length one: vertical until overwritten.
@@ -60,6 +62,7 @@ class ContactForceFilterRecord(RecordOf):
     torque_authority: float
     lag: float
     sliding_speed: float
+    bad_in_a_row: int = ZERO
     bend_share: float
     friction: Vector
     normal: Vector
@@ -153,10 +156,59 @@ def filter_forces(
     torque: Vector,
     thrust: Vector,
 ) -> float:
-    """Terms of a state, then :func:`hold_forces`; ``BAD_STATE`` for a state that no robot can have, or does not fit."""
-    if update_terms(d, q, v) != GOOD:
-        return BAD_STATE
-    return hold_forces(d, w, g, v, foot_force, torque, thrust)
+    """Terms of a state, then :func:`answer_terms`, which says what is returned."""
+    verdict = update_terms(d, q, v)
+    return answer_terms(d, w, g, verdict, v, foot_force, torque, thrust)
+
+
+@kernel
+def answer_terms(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    verdict: int,
+    v: Vector,
+    foot_force: Vector,
+    torque: Vector,
+    thrust: Vector,
+) -> float:
+    """:func:`hold_forces`; after a bad state or command the last change, which fades.
+
+    Args:
+        d: terms of the state.
+        w: of the contact-force map.
+        g: of the filter.
+        verdict: what the state is, as :func:`~harpy_pin.model.dynamics.update_terms` says.
+        v: as measured.
+        foot_force: as measured.
+        torque: of the command, in and out.
+        thrust: likewise.
+
+    Returns:
+        The violation left, N; ``BAD_STATE`` for a state that no robot can have, −1 for such forces or a command, and
+        ``MISFIT_SIZES``, with nothing done, where an array does not fit.
+    """
+    if verdict == MISFIT or foot_force.shape != g.force.shape:
+        return MISFIT_SIZES
+    if thrust.shape != (d.thruster_jacobian.shape[0] // 3, 3) or torque.shape[0] + thrust.size != g.bend.shape[0]:
+        return MISFIT_SIZES
+    excess = BAD_STATE
+    if verdict == GOOD:
+        excess = hold_forces(d, w, g, v, foot_force, torque, thrust)
+    if excess >= 0.0:
+        g.bad_in_a_row = 0
+        g.infeasible, g.least_violation = excess > 0.0, excess
+        return excess
+    g.bad_samples += 1
+    g.bad_in_a_row += 1
+    g.infeasible, g.least_violation = 1, np.inf
+    factor = FADE ** float(max(g.bad_in_a_row - HOLD_TICKS, 0))
+    for k in range(thrust.shape[0]):
+        for i in range(3):
+            thrust[k, i] += factor * g.bend[3 * k + i]
+    for j in range(torque.shape[0]):
+        torque[j] += factor * g.bend[thrust.size + j]
+    return excess
 
 
 @kernel

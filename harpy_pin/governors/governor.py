@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, field
+from harpy_pin.model.record import ZERO, Record, RecordOf, field
 from harpy_pin.model.state import Vector
 
-__all__ = ["Governor", "GovernorStatus", "check_update"]
+__all__ = ["Governor", "GovernorStatus", "RecordedStatus", "StatusRecord", "check_update"]
 
 
 def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:
@@ -29,6 +29,11 @@ def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:
             raise InputError(f"{name} must be a float64 array, got {value!r}", name=name, value=value)
 
 
+def _recorded(name: str, kind: type) -> Any:
+    """An attribute that is a number of a record."""
+    return property(lambda self: kind(self._record[name][0]), lambda self, value: self._record.__setitem__(name, value))
+
+
 @fixed_arrays("h_r", "h_w", "rate")
 @dataclass
 class GovernorStatus(KeepsViews):
@@ -40,14 +45,12 @@ class GovernorStatus(KeepsViews):
         h_w: (rows,) constraints at the applied reference, before the update.
         rate: (w,) ẋ_w.
         stuck: the paper's governor has been repairing for so long that its reference does not follow the target, see
-            :class:`harpy_pin.governors.reduced.erg.ExplicitReferenceGovernor`.
+            :class:`harpy_pin.governors.erg.ExplicitReferenceGovernor`.
         bad_samples: updates with a state or target that was no good sample, since the last reset; see
             :meth:`Governor.update`.
         infeasible: no reference satisfies the rows, or (the paper's) both references violate one and it is repairing.
         least_violation: where it is infeasible, the least violation that could be achieved, N (the paper's: not known);
             +inf where the sample was bad: the reference then stays where it was.
-        outside: of :class:`~harpy_pin.governors.reduced.cone.ConeGovernor`: friction is not guaranteed from the
-            measured state. The rows may hold, and bring the leg back; friction may be violated until then.
     """
 
     names: tuple[str, ...]
@@ -57,29 +60,45 @@ class GovernorStatus(KeepsViews):
     infeasible: bool = False
     least_violation: float = 0.0
     stuck: bool = False
-    outside: bool = False
     bad_samples: int = 0
 
     def bad(self) -> None:
         """Count a bad sample: the status is infeasible, and the reference stays where it was."""
         self.bad_samples += 1
         self.infeasible, self.least_violation = True, float("inf")
-        self.outside = False
-
-    @classmethod
-    def from_record(cls, names: tuple[str, ...], record: Record) -> GovernorStatus:
-        """A status whose arrays are the fields ``h_r``, ``h_w`` and ``rate`` of a governor's record.
-
-        Args:
-            names: of the constraint rows.
-            record: of a governor; the status shares its memory.
-        """
-        return cls(names, field(record, "h_r"), field(record, "h_w"), field(record, "rate"))
 
     @property
     def active(self) -> tuple[str, ...]:
         """Names of the rows that the target reference violates."""
         return tuple(name for name, h in zip(self.names, self.h_r, strict=True) if h < 0.0)
+
+
+class StatusRecord(RecordOf):
+    """What a :class:`RecordedStatus` tells, for kernels."""
+
+    infeasible: int = ZERO
+    stuck: int = ZERO
+    bad_samples: int = ZERO
+    least_violation: float = 0.0
+
+
+class RecordedStatus(GovernorStatus):
+    """A status that the kernel of a governor writes.
+
+    Args:
+        names: of the constraint rows.
+        record: of the governor, with the fields of a :class:`StatusRecord`, ``h_r`` and ``h_w``; it is shared.
+        rate: ẋ_w, likewise shared.
+    """
+
+    def __init__(self, names: tuple[str, ...], record: Record, rate: Vector) -> None:
+        self._record = record
+        super().__init__(names, field(record, "h_r"), field(record, "h_w"), rate)
+
+    infeasible: bool = _recorded("infeasible", bool)
+    stuck: bool = _recorded("stuck", bool)
+    bad_samples: int = _recorded("bad_samples", int)
+    least_violation: float = _recorded("least_violation", float)
 
 
 class Governor(Protocol):
@@ -91,7 +110,11 @@ class Governor(Protocol):
     """
 
     applied: Vector
-    status: GovernorStatus
+
+    @property
+    def status(self) -> GovernorStatus:
+        """Of the last update."""
+        ...
 
     def reset(self, x_r: Vector) -> None:
         """Start over with x_w = x_r.

@@ -11,12 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.governors.shield_batch import ShieldBatch, ShieldBatchReport
+from harpy_pin.governors.shield_loop import ShieldAnswer, ShieldLoop
 from harpy_pin.model.entry import as_command, as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
@@ -77,9 +76,10 @@ class Shield(KeepsViews):
     def __init__(
         self, robot: Robot, *, mu: float, period: float = 1e-3, parameters: ContactForceFilterParameters | None = None
     ) -> None:
-        self.robot = robot
-        self._batch = ShieldBatch(robot, 1, mu=checks.number("mu", mu, low=0.0), period=period, parameters=parameters)
-        self.governor: ContactForceFilter = self._batch._governor
+        self.robot = checks.instance("robot", robot, Robot)
+        mu = checks.number("mu", mu, low=0.0)
+        self._loop = ShieldLoop(robot, 1, mu=mu, period=period, parameters=parameters)
+        self.governor: ContactForceFilter = self._loop.governor
         self._limited = [
             *(f"torque {joint}" for joint in robot.joints),
             *(f"thrust {name}" for name in robot.thrusters),
@@ -88,7 +88,7 @@ class Shield(KeepsViews):
     def reset(self) -> None:
         """Forget the last change, and the last command."""
         self.governor.reset()
-        self._batch.reset()
+        self._loop.reset()
 
     def __call__(self, state: State, command: Command) -> tuple[Command, ShieldReport]:
         """The command to be sent, and the report.
@@ -106,19 +106,20 @@ class Shield(KeepsViews):
         state, given = as_state(state, self.robot), as_command(command, self.robot)
         arrays = (state.q, state.v, state.foot_force, given.torque, given.thrust)
         friction = self.governor.friction[None].copy()
-        torque, thrust, batch, beyond, excess = self._batch._answer(friction, tuple(array[None] for array in arrays))
-        if not batch.bad_command[0]:
-            self._note(float(excess[0]))
+        answer = self._loop.answer(friction, tuple(array[None] for array in arrays))
+        if not answer.bad_command[0]:
+            self._note(float(answer.excess[0]))
+        torque, thrust = answer.torque[0], answer.thrust[0]
         report = ShieldReport(
-            changed=bool(batch.changed[0]),
-            safe=bool(batch.safe[0]),
-            reasons=tuple(self._reasons(batch, beyond[0])),
-            torque=torque[0] - given.torque,
-            thrust=thrust[0] - given.thrust,
-            before=batch.before[0],
-            after=batch.after[0],
+            changed=bool(answer.changed[0]),
+            safe=bool(answer.safe[0]),
+            reasons=tuple(self._reasons(answer)),
+            torque=torque - given.torque,
+            thrust=thrust - given.thrust,
+            before=answer.before[0],
+            after=answer.after[0],
         )
-        return Command(torque[0], thrust[0]), report
+        return Command(torque, thrust), report
 
     def _note(self, excess: float) -> None:
         """Keep the filter's status as its own update does; the violation that is left is negative for a bad state."""
@@ -129,14 +130,14 @@ class Shield(KeepsViews):
             status.infeasible, status.least_violation = excess > 0.0, excess
         self.governor.dynamics.finite = excess >= 0.0
 
-    def _reasons(self, report: ShieldBatchReport, beyond: NDArray[np.bool_]) -> list[str]:
-        """The flags of a report in words."""
-        if report.bad_command[0]:
+    def _reasons(self, answer: ShieldAnswer) -> list[str]:
+        """The flags of an answer in words."""
+        if answer.bad_command[0]:
             return ["bad command"]
-        names, rows = self._limited, self.governor.status.names
+        names, rows, beyond = self._limited, self.governor.status.names, answer.beyond[0]
         reasons = [names[k] for k in np.flatnonzero(beyond[0])]
-        if report.bad_state[0]:
+        if answer.excess[0] < 0.0:
             return [*reasons, "bad state"]
-        reasons += [rows[k] for k in np.flatnonzero(report.short[0])]
+        reasons += [rows[k] for k in np.flatnonzero(answer.short[0])]
         reasons += [names[k] for k in np.flatnonzero(beyond[1] & ~beyond[0])]
         return reasons or (["fading"] if self.governor.bend.any() else [])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,11 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.log import optional
-from harpy_pin.log.archive import release
-from harpy_pin.log.measure_words import WORDS
 from harpy_pin.log.run import Run
 from harpy_pin.log.slip import DEBOUNCE
-from harpy_pin.log.walk_measures import WalkSums
+from harpy_pin.log.walk_measures import walk_measures
 from harpy_pin.model.state import Vector
 
 __all__ = ["Chattering", "Measures", "body_angles", "chattering", "measure"]
@@ -24,8 +22,41 @@ MIN_NORMAL_FORCE = 20.0
 SLIDING_SPEED = 0.01
 STUMBLE = 0.5
 LATE = 0.05
-BLOCK = 1 << 16
-"""Rows that are measured at a time."""
+WORDS = {
+    "fell": "fell",
+    "ending": "ending",
+    "duration_s": "simulated time, s",
+    "distance_m": "distance along x, m",
+    "steps": "steps",
+    "slip_mm_per_step": "slip, mm per step",
+    "net_slip_mm_per_step": "net slip, mm per step",
+    "late_slip_mm_per_step": "slip later than 50 ms after touchdown, mm per step",
+    "sliding": "share of contact time sliding",
+    "low_force": "share of time with normal force under 20 N",
+    "no_contact": "share of time without contact",
+    "tracking_rms_mm": "distance from the target, mm rms",
+    "thrust_rms_n": "sum of the thrusts, N rms",
+    "thrust_max_n": "largest thrust, N",
+    "torque_max_nm": "largest joint torque, N·m",
+    "roll_max_rad": "largest roll, rad",
+    "pitch_max_rad": "largest pitch, rad",
+    "yaw_max_rad": "largest yaw, rad",
+    "solver_failures": "ticks without a QP solution",
+    "tilt_max_rad": "largest tilt, rad",
+    "stumbled": "stumbled",
+    "bad_samples": "ticks with invalid measurements",
+    "cost_of_transport": "cost of transport (positive work / weight / path)",
+    "joint_power_w": "power of the joints without braking, W",
+    "thrust_power_w": "power of the thrusters at 1 kW for 18 N, W",
+    "velocity_rms_m_s": "error of the velocity over two steps, m/s rms",
+    "turning_rms_rad_s": "error of turning over two steps, rad/s rms",
+    "pressure_margin_mm": "centre of pressure inside a sole for 95 % of the time, mm",
+}
+"""The measures in words, with their units."""
+OF_SOME_WALKS = ("tracking_rms_mm", "cost_of_transport", "velocity_rms_m_s", "turning_rms_rad_s", "pressure_margin_mm")
+"""Measures that are shown where there are any: of a target, a path, a command, or flat feet."""
+OF_THRUSTERS = ("thrust_rms_n", "thrust_max_n", "thrust_power_w")
+"""Measures that are shown of robots with thrusters."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +98,7 @@ class Measures:
             (:data:`harpy_pin.log.power.PRESETS`).
         velocity_rms_m_s: horizontal velocity of the body less the one that the gait applies, both averaged over two
             steps, root mean square (NaN without a logged command).
-        turning_rms_rad_s: likewise of the velocity about the vertical.
+        turning_rms_rad_s: the same error of the velocity about the vertical.
         pressure_margin_mm: distance to its edge that the centre of pressure of a flat foot keeps in 95 % of the time in
             which it carries a fifth of the weight (NaN without flat feet).
     """
@@ -132,36 +163,6 @@ def body_angles(q: Vector) -> Vector:
     return np.stack((roll, pitch, yaw), axis=1)
 
 
-class _ContactClock:
-    """Time since touchdown of each foot, row by row; see :func:`contact_age`.
-
-    Args:
-        feet: how many.
-        period: time between rows, s.
-    """
-
-    def __init__(self, feet: int, period: float) -> None:
-        self._period = period
-        self._since = [0.0] * feet
-        self._away = [np.inf] * feet
-
-    def read(self, touching: NDArray[np.bool_]) -> Vector:
-        """(n, feet) the next rows' ages, s."""
-        age = np.zeros(touching.shape)
-        for k in range(touching.shape[1]):
-            since, away = self._since[k], self._away[k]
-            for i, on in enumerate(touching[:, k]):
-                if on:
-                    since = 0.0 if away > DEBOUNCE else since
-                    away = 0.0
-                    age[i, k] = since
-                else:
-                    away += self._period
-                since += self._period
-            self._since[k], self._away[k] = since, away
-        return age
-
-
 def contact_age(touching: NDArray[np.bool_], period: float) -> Vector:
     """Time since touchdown of each foot, s; a break shorter than 20 ms is a bounce, not a new touchdown.
 
@@ -170,99 +171,27 @@ def contact_age(touching: NDArray[np.bool_], period: float) -> Vector:
         period: time between rows, s.
 
     Returns:
-        (n, feet); zero in the air.
+        (n, feet); zero in swing.
     """
-    return _ContactClock(touching.shape[1], period).read(touching)
-
-
-@dataclass
-class _Sums:
-    """What a run adds up to, block by block, so that the memory this takes does not grow with the run.
-
-    Attributes:
-        clock: of the feet's contact.
-        path: of the touching feet along the ground, m.
-        late_path: the part of it later than 50 ms after touchdown, m.
-        contacts: feet that touch, counted over rows.
-        slides: those that move faster than 10 mm/s.
-        forces: rows with a measured force.
-        low: of these, rows with little force.
-        none: of these, rows with no force.
-        error: squared distance from the target, m².
-        thrust: squared sum of the thrusts' magnitudes, N².
-        thrust_max: largest magnitude of a thrust, N.
-        torque_max: largest magnitude of a torque, N·m.
-        angles: (3,) largest roll, pitch and yaw, rad.
-        tilt: largest tilt, rad.
-        failures: rows whose program had no usable solution.
-    """
-
-    clock: _ContactClock
-    path: float = 0.0
-    late_path: float = 0.0
-    contacts: int = 0
-    slides: int = 0
-    forces: int = 0
-    low: int = 0
-    none: int = 0
-    error: float = 0.0
-    thrust: float = 0.0
-    thrust_max: float = 0.0
-    torque_max: float = 0.0
-    angles: Vector = field(default_factory=lambda: np.zeros(3))
-    tilt: float = 0.0
-    failures: int = 0
-
-    def add(self, run: Run, begin: int, end: int) -> None:
-        """Add rows ``begin`` to ``end``, the last one not included."""
-        self._add_feet(run, begin, end)
-        self._add_body(run, slice(begin, end))
-        self._add_inputs(run, slice(begin, end))
-
-    def _add_feet(self, run: Run, begin: int, end: int) -> None:
-        before = max(begin - 1, 0)  # a path leads from one row to the next
-        force = run["foot_force"][before:end]
-        touching = force[:, :, 2] > 0.0
-        path = _paths(run, before, end, touching)
-        own = touching[begin - before :]
-        late = self.clock.read(own)[len(own) - len(path) :] > LATE
-        self.path += path.sum()
-        self.late_path += (path * late).sum()
-        speed = np.linalg.norm(run["foot_velocity"][begin:end, :, :2], axis=2)
-        self.contacts += int(own.sum())
-        self.slides += int(((speed > SLIDING_SPEED) & own).sum())
-        # No step has been taken at the first row, so no force has been measured yet.
-        total = (force[1:] if len(run) > 1 else force)[:, :, 2].sum(axis=1)
-        self.forces += len(total)
-        self.low += int((total < MIN_NORMAL_FORCE).sum())
-        self.none += int((total <= 0.0).sum())
-
-    def _add_body(self, run: Run, rows: slice) -> None:
-        q = run["q"][rows]
-        self.angles = np.maximum(self.angles, np.abs(body_angles(q)).max(axis=0))
-        x, y = q[:, 3], q[:, 4]
-        cosine = np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)
-        self.tilt = float(np.maximum(self.tilt, np.arccos(cosine).max()))
-        target = optional.optional_signal(run, "x_r")
-        if target is not None:
-            self.error += np.sum(np.linalg.norm(q[:, :3] - target[rows, :3], axis=1) ** 2)
-
-    def _add_inputs(self, run: Run, rows: slice) -> None:
-        thrust = np.linalg.norm(run["thrust"][rows], axis=2)
-        self.thrust += np.sum(thrust.sum(axis=1) ** 2)
-        self.thrust_max = float(np.maximum(self.thrust_max, np.max(thrust, initial=0.0)))
-        self.torque_max = float(np.maximum(self.torque_max, np.max(np.abs(run["torque"][rows]), initial=0.0)))
-        status = optional.optional_signal(run, "qp_status")
-        if status is not None:
-            self.failures += int((~(status[rows] <= 1)).sum())  # a status that is not finite, too
+    age = np.zeros(touching.shape)
+    for k in range(touching.shape[1]):
+        since, away = 0.0, np.inf
+        for i, on in enumerate(touching[:, k]):
+            if on:
+                since = 0.0 if away > DEBOUNCE else since
+                away = 0.0
+                age[i, k] = since
+            else:
+                away += period
+            since += period
+    return age
 
 
 def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     """Measures of a run.
 
     Args:
-        run: any run; targets and solver status are used where they were logged. It is read block by block: of a log
-            that lies in its file, only one block at a time is in memory.
+        run: any run; targets and solver status are used where they were logged.
         step_duration: of the gait, s; from the run's metadata by default, else 0.75 s.
 
     Raises:
@@ -276,58 +205,66 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     if step_duration is None:
         step_duration = optional.step_duration(run)
     checks.number("step_duration", step_duration, low=0.0, strict=True)
-    bad_samples = optional.last_count(run, "bad_samples")
-    slip_net = optional.optional_signal(run, "slip_net")
-    feet = run["foot_force"].shape[1]
-    sums = _Sums(_ContactClock(feet, period))
-    walk = WalkSums(run, period=period, step_duration=step_duration)
-    for begin in range(0, len(run), BLOCK):
-        end = min(begin + BLOCK, len(run))
-        sums.add(run, begin, end)
-        walk.add(run, begin, end)
-        release(run.signals.values())
     duration = len(run) * period
     steps = duration / step_duration
-    if feet == 0:
-        sums.path = sums.late_path = math.nan
-    contacts = max(sums.contacts, 1) if feet else math.nan
-    measured = sums.forces if feet else math.nan
-    roll, pitch, yaw = sums.angles.tolist()
+    q, status = run["q"], optional.optional_signal(run, "qp_status")
+    thrust = np.linalg.norm(run["thrust"], axis=2)
+    roll, pitch, yaw = np.abs(body_angles(q)).max(axis=0).tolist()
+    cosine = np.clip(1.0 - 2.0 * (q[:, 3] * q[:, 3] + q[:, 4] * q[:, 4]), -1.0, 1.0)
+    tilt = float(np.arccos(cosine).max())
     return Measures(
         fell=run.fell,
         ending=run.ending,
         duration_s=duration,
-        distance_m=float(run["q"][-1, 0] - run["q"][0, 0]),
+        distance_m=float(q[-1, 0] - q[0, 0]),
         steps=steps,
-        slip_mm_per_step=float(1e3 * sums.path / steps),
-        net_slip_mm_per_step=float(1e3 * (slip_net[-1] - slip_net[0]).sum() / steps)
-        if slip_net is not None and feet
-        else math.nan,
-        late_slip_mm_per_step=float(1e3 * sums.late_path / steps),
-        sliding=sums.slides / contacts,
-        low_force=sums.low / measured,
-        no_contact=sums.none / measured,
-        tracking_rms_mm=float(1e3 * np.sqrt(sums.error / len(run))) if optional.has_target(run) else math.nan,
-        thrust_rms_n=float(np.sqrt(sums.thrust / len(run))),
-        thrust_max_n=sums.thrust_max,
-        torque_max_nm=sums.torque_max,
+        **_contact_measures(run, period, steps),
+        tracking_rms_mm=_tracking(run),
+        thrust_rms_n=float(np.sqrt(np.sum(thrust.sum(axis=1) ** 2) / len(run))),
+        thrust_max_n=float(np.max(thrust, initial=0.0)),
+        torque_max_nm=float(np.max(np.abs(run["torque"]), initial=0.0)),
         roll_max_rad=roll,
         pitch_max_rad=pitch,
         yaw_max_rad=yaw,
-        solver_failures=sums.failures,
-        tilt_max_rad=sums.tilt,
-        stumbled=not sums.tilt <= STUMBLE,
-        bad_samples=bad_samples,
-        cost_of_transport=walk.cost_of_transport,
-        joint_power_w=walk.joint_power,
-        thrust_power_w=walk.thrust_power,
-        velocity_rms_m_s=walk.velocity_rms,
-        turning_rms_rad_s=walk.turning_rms,
-        pressure_margin_mm=1e3 * walk.pressure_margin,
+        solver_failures=0 if status is None else int((~(status <= 1)).sum()),  # a status that is not finite, too
+        tilt_max_rad=tilt,
+        stumbled=not tilt <= STUMBLE,
+        bad_samples=optional.last_count(run, "bad_samples"),
+        **walk_measures(run, period=period, step_duration=step_duration),
     )
 
 
-def _paths(run: Run, begin: int, end: int, touching: NDArray[np.bool_]) -> Vector:
+def _contact_measures(run: Run, period: float, steps: float) -> dict[str, float]:
+    """Slip of the feet, and how long the ground pushes; NaN without feet."""
+    force, slip_net = run["foot_force"], optional.optional_signal(run, "slip_net")
+    touching = force[:, :, 2] > 0.0
+    path = _paths(run, touching)
+    late = contact_age(touching, period)[1:] > LATE
+    speed = np.linalg.norm(run["foot_velocity"][:, :, :2], axis=2)
+    # No step has been taken at the first row, so no force has been measured yet.
+    total = (force[1:] if len(run) > 1 else force)[:, :, 2].sum(axis=1)
+    feet = math.nan if force.shape[1] == 0 else 1.0
+    net = math.nan if slip_net is None else (slip_net[-1] - slip_net[0]).sum()
+    return {
+        "slip_mm_per_step": float(1e3 * path.sum() / steps) * feet,
+        "net_slip_mm_per_step": float(1e3 * net / steps) * feet,
+        "late_slip_mm_per_step": float(1e3 * (path * late).sum() / steps) * feet,
+        "sliding": int(((speed > SLIDING_SPEED) & touching).sum()) / max(int(touching.sum()), 1) * feet,
+        "low_force": int((total < MIN_NORMAL_FORCE).sum()) / len(total) * feet,
+        "no_contact": int((total <= 0.0).sum()) / len(total) * feet,
+    }
+
+
+def _tracking(run: Run) -> float:
+    """Distance of the body from its target, root mean square, mm; NaN without one."""
+    target = optional.optional_signal(run, "x_r")
+    if target is None or not optional.has_target(run):
+        return math.nan
+    distance = np.linalg.norm(run["q"][:, :3] - target[:, :3], axis=1)
+    return float(1e3 * np.sqrt(np.sum(distance**2) / len(run)))
+
+
+def _paths(run: Run, touching: NDArray[np.bool_]) -> Vector:
     """(rows − 1, feet) path of each foot from row to row, m.
 
     A log without that signal (of another plant, or an older one) has positions only: then a foot slips between two rows
@@ -335,8 +272,8 @@ def _paths(run: Run, begin: int, end: int, touching: NDArray[np.bool_]) -> Vecto
     """
     logged = optional.optional_signal(run, "slip_path")
     if logged is not None:
-        return np.diff(logged[begin:end], axis=0)
-    steps = np.diff(run["foot_position"][begin:end, :, :2], axis=0)
+        return np.diff(logged, axis=0)
+    steps = np.diff(run["foot_position"][:, :, :2], axis=0)
     path: Vector = np.linalg.norm(steps, axis=2) * (touching[1:] | touching[:-1])
     return path
 

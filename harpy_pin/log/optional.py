@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.log.file_format import MAX_STEP, MAX_TIME
 from harpy_pin.log.run import Run
+from harpy_pin.log.run_file import MAX_STEP, MAX_TIME
 
 __all__ = [
     "control_period",
@@ -34,7 +34,6 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "bad_samples": (),
     "command": (3,),
     "applied_velocity": (3,),
-    "held_back": (),
     "battery_energy": (7,),
 }
 """Of one row; of the reference x_r, the least."""

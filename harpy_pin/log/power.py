@@ -1,9 +1,7 @@
 """Power that thrusters and motors take from a battery.
 
-**Thrusters.** By momentum theory a disk of area A that gives the thrust T at rest in still air moves it at the induced
-power T^(3/2) / √(2 ρ A). A fan's shaft needs more by its figure of merit, and the battery more than the shaft by the
-efficiency of motor and controller. Where only one point of a thruster is known, its thrust and its electrical power,
-the others follow by T^(3/2).
+**Thrusters.** By momentum theory a disk at rest in still air takes a power that goes with the thrust to the power 3/2.
+So one point of a thruster, its thrust and its electrical power, gives the others.
 
 **Motors.** The joint's mechanical power is τ q̇. A motor with the constant k_m turns (τ / k_m)² into heat. Of the power
 of braking joints a share goes back into the battery; the rest is heat.
@@ -22,9 +20,6 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 
 __all__ = ["Motors", "Power", "Propulsion", "power"]
-
-AIR = 1.225
-"""Density of air at 15 °C and sea level, kg/m³."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,28 +43,6 @@ class Propulsion:
         checks.number("thrust", self.thrust, low=0.0, strict=True)
         checks.number("power", self.power, low=0.0, strict=True)
         checks.number("efficiency", self.efficiency, low=0.0, high=1.0, strict=True)
-
-    @classmethod
-    def of_disk(
-        cls, *, area: float, figure_of_merit: float, efficiency: float = 0.8, density: float = AIR
-    ) -> Propulsion:
-        """That of a fan or propeller, by momentum theory.
-
-        Args:
-            area: of the disk, m².
-            figure_of_merit: induced power over shaft power.
-            efficiency: shaft power over electrical power.
-            density: of the air, kg/m³.
-
-        Raises:
-            InputError: a value out of its domain.
-        """
-        area = checks.number("area", area, low=0.0, strict=True)
-        merit = checks.number("figure_of_merit", figure_of_merit, low=0.0, high=1.0, strict=True)
-        density = checks.number("density", density, low=0.0, strict=True)
-        efficiency = checks.number("efficiency", efficiency, low=0.0, high=1.0, strict=True)
-        shaft = 1.0 / np.sqrt(2.0 * density * area) / merit  # of one newton
-        return cls(thrust=1.0, power=float(shaft / efficiency), efficiency=efficiency)
 
     @checked
     def electrical(self, thrusts: Vector) -> Vector:
@@ -136,11 +109,6 @@ class Power:
     def watts(self) -> float:
         """Mean power of the battery, W."""
         return float(self.battery.mean())
-
-    @property
-    def thrust_watts(self) -> float:
-        """The part of it that the thrusters take, W."""
-        return float((self.thrust_shaft + self.thrust_heat).mean())
 
     @property
     def energy(self) -> float:

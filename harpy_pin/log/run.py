@@ -5,32 +5,31 @@ from __future__ import annotations
 import os
 import platform
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.compiler import version as compiler_version
-from harpy_pin.deprecated import new_entries
-from harpy_pin.errors import RunFileError, RunFileWarning, shown
+from harpy_pin.errors import InputError, RunFileError, RunFileWarning, shown
 from harpy_pin.files import check_writable, journal_path
-from harpy_pin.log.archive import Column, read_archive, write_archive
-from harpy_pin.log.exports import Exports
-from harpy_pin.log.file_format import FORMAT, check_metadata, check_signals
+from harpy_pin.log.exports import columns, write_csv
 from harpy_pin.log.journal import is_journal, read_journal
+from harpy_pin.log.run_file import check_log, read_run, write_run
 
-__all__ = ["Run", "describe_versions", "file_header"]
+if TYPE_CHECKING:
+    import pandas
+
+__all__ = ["Run", "describe_versions"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Run(Exports):
+class Run:
     """What happened, tick by tick.
 
     Attributes:
@@ -90,9 +89,7 @@ class Run(Exports):
             RunFileError: the file cannot be written.
         """
         check_writable(path)
-        arrays = {name: np.asarray(array) for name, array in self.signals.items()}
-        columns = {name: Column(array.shape, array.dtype, (array,)) for name, array in arrays.items()}
-        write_archive(path, file_header(self.metadata, columns), columns)
+        write_run(path, self.metadata, self.signals)
 
     @classmethod
     def load(cls, path: str | Path) -> Run:
@@ -123,19 +120,38 @@ class Run(Exports):
             journaled = is_journal(source)
         except OSError as error:
             raise RunFileError(f"cannot read '{source}': {error.strerror or error}", path=source) from error
-        signals, metadata = read_journal(source) if journaled else read_archive(source)
-        check_signals(source, signals)
-        check_metadata(source, metadata, signals)
-        signals, metadata = new_entries(signals), new_entries(metadata)
+        signals, metadata = read_journal(source) if journaled else read_run(source)
+        check_log(source, signals, metadata)
         run = cls(signals, metadata)
         if run.ending == "unfinished" and len(run):
             metadata["end_time"] = float(run["t"][-1]) + metadata.get("control_period", 0.0)
         return run
 
+    def to_pandas(self) -> pandas.DataFrame:
+        """All signals as a ``pandas.DataFrame``, with the time, s, as its index and one column for each number.
 
-def file_header(metadata: Mapping[str, Any], signals: Mapping[str, object]) -> dict[str, Any]:
-    """Metadata as the file holds them."""
-    return {**metadata, "format": FORMAT, "signals": sorted(signals)}
+        Columns are named ``foot_force/left_foot/z``: the signal, and what of it; see :mod:`harpy_pin.log.exports`.
+
+        Raises:
+            InputError: pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise InputError(f"pandas cannot be imported ({error}): pip install pandas", name="pandas") from error
+        return pandas.DataFrame(dict(columns(self))).set_index("t")
+
+    def to_csv(self, path: str | Path, *, every: int = 1) -> None:
+        """Write all signals as a table that any program reads, in the columns of :meth:`to_pandas`.
+
+        Args:
+            path: of the file; one of that name is replaced.
+            every: one row of so many is written.
+
+        Raises:
+            RunFileError: the file cannot be written.
+        """
+        write_csv(self, checks.path("path", path), every=checks.whole("every", every, low=1))
 
 
 def describe_versions() -> dict[str, str]:
@@ -147,7 +163,7 @@ def describe_versions() -> dict[str, str]:
 def _versions() -> dict[str, str]:
     """Looked up once: searching for a package's metadata takes as long as a hundred ticks."""
     versions = {"python": platform.python_version(), "machine": platform.machine()}
-    for name in ("harpy-pin", "pin", "numpy", "proxsuite", *(["numba"] if BACKEND == "numba" else [])):
+    for name in ("harpy-pin", "pin", "numpy", "proxsuite"):
         try:
             versions[name] = version(name)
         except PackageNotFoundError:

@@ -52,7 +52,7 @@ class ContactRecord(RecordOf):
         counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
             one tick to a rotor that it could not carry out as given.
         slip: paths of the feet on the ground.
-        frame: (feet, 3, 3) of each contact, see :mod:`harpy_pin.model.contact_frame`; unused on flat ground.
+        frame: (feet, 3, 3) of each contact, see :mod:`harpy_pin.ground.contact_frame`; unused on flat ground.
     """
 
     force: Vector = sized("3 feet")

@@ -1,7 +1,4 @@
-"""Measures of walks: what they cost, how they follow their command, and how far the centre of pressure keeps inside.
-
-They are summed block by block, so that the memory this takes does not grow with the run.
-"""
+"""Measures of walks: what they cost, how they follow their command, and how far the centre of pressure keeps inside."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from harpy_pin.log.power import PRESETS
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 
-__all__ = ["WalkSums"]
+__all__ = ["walk_measures"]
 
 GRAVITY = 9.81
 """m/s²."""
@@ -32,92 +29,63 @@ BIN, BINS = 1e-4, 2000
 """Width of a bin of margins, m, and how many there are."""
 
 
-class WalkSums:
-    """What a walk adds up to.
+def walk_measures(run: Run, *, period: float, step_duration: float) -> dict[str, float]:
+    """What a walk costs, how it follows its command, and how far the centre of pressure keeps inside.
 
     Args:
         run: gives mass, names and signals.
         period: time between its rows, s.
         step_duration: time over which the velocity is averaged: two steps of this duration, s.
+
+    Returns:
+        Measures by their names in :class:`harpy_pin.log.measures.Measures`.
     """
+    q, v = run["q"], run["v"]
+    mass = run.metadata.get("mass", math.nan)
+    weight = GRAVITY * float(mass) if isinstance(mass, int | float) and 0.0 < mass < HEAVIEST else math.nan
+    joints = min(run["torque"].shape[1], v.shape[1] - 6)
+    work = float(np.maximum(run["torque"][:, :joints] * v[:, 6 : 6 + joints], 0.0).sum()) * period
+    thrust = np.linalg.norm(optional.given_thrust(run), axis=2)
+    thrust_energy = float(PRESETS["fan"].electrical(thrust).sum()) * period
+    path = float(np.linalg.norm(np.diff(q[:, :2], axis=0), axis=1).sum())
+    window = max(round(min(2.0 * step_duration / period, LONGEST)), 1)
+    velocity, turning = _velocity_errors(run, window) if _commanded(run) else (math.nan, math.nan)
+    return {
+        "cost_of_transport": work / (weight * path) if path > SHORTEST else math.nan,
+        "joint_power_w": work / (len(run) * period),
+        "thrust_power_w": thrust_energy / (len(run) * period),
+        "velocity_rms_m_s": velocity,
+        "turning_rms_rad_s": turning,
+        "pressure_margin_mm": 1e3 * _pressure_margin(run, weight),
+    }
 
-    def __init__(self, run: Run, *, period: float, step_duration: float) -> None:
-        self._period = period
-        mass = run.metadata.get("mass", math.nan)
-        self._weight = GRAVITY * float(mass) if isinstance(mass, int | float) and 0.0 < mass < HEAVIEST else math.nan
-        self._window = max(round(min(2.0 * step_duration / period, LONGEST)), 1)
-        self._soles = _soles(run)
-        self._rest = np.zeros((0, 3))  # errors of velocity that do not fill a window yet
-        self._rows, self._thrust_energy = 0, 0.0
-        self._energy = self._path = self._windows = self._velocity = self._turning = 0.0
-        self._margins = np.zeros(BINS, dtype=np.int64)
-        self._commanded = _commanded(run)
 
-    def add(self, run: Run, begin: int, end: int) -> None:
-        """Add rows ``begin`` to ``end``, the last one not included."""
-        q, v = run["q"][begin:end], run["v"][begin:end]
-        joints = min(run["torque"].shape[1], v.shape[1] - 6)
-        power = run["torque"][begin:end, :joints] * v[:, 6 : 6 + joints]
-        self._energy += float(np.maximum(power, 0.0).sum()) * self._period
-        self._rows += end - begin
-        thrust = np.linalg.norm(optional.given_thrust(run)[begin:end], axis=2)
-        self._thrust_energy += float(PRESETS["fan"].electrical(thrust).sum()) * self._period
-        before = max(begin - 1, 0)
-        self._path += float(np.linalg.norm(np.diff(run["q"][before:end, :2], axis=0), axis=1).sum())
-        if self._commanded:
-            self._add_velocity(run, begin, end, _world_velocity(q, v))
-        for corners in self._soles:
-            position, force = (run[name][begin:end, corners] for name in ("foot_position", "foot_force"))
-            margin = _margins(position, force[:, :, 2], CARRIES * self._weight)
-            places = np.clip(margin / BIN, 0, BINS - 1).astype(np.int64)
-            self._margins += np.bincount(places, minlength=BINS)
+def _velocity_errors(run: Run, window: int) -> tuple[float, float]:
+    """Velocity less the applied one, m/s, and about the vertical, rad/s; means over windows, root mean square."""
+    heading, applied = run["heading"][:, 0], run["applied_velocity"][:, :3]
+    velocity = _world_velocity(run["q"], run["v"])
+    c, s = np.cos(heading), np.sin(heading)
+    desired = np.stack((c * applied[:, 0] - s * applied[:, 1], s * applied[:, 0] + c * applied[:, 1]), axis=1)
+    error = np.column_stack((velocity[:, :2] - desired, velocity[:, 2] - applied[:, 2]))
+    windows = len(error) // window
+    if not windows:
+        return math.nan, math.nan
+    means = error[: windows * window].reshape(windows, window, 3).mean(axis=1)
+    linear, turning = float(np.sum(means[:, :2] ** 2)), float(np.sum(means[:, 2] ** 2))
+    return math.sqrt(linear / windows), math.sqrt(turning / windows)
 
-    def _add_velocity(self, run: Run, begin: int, end: int, velocity: Vector) -> None:
-        heading, applied = run["heading"][begin:end, 0], run["applied_velocity"][begin:end, :3]
-        c, s = np.cos(heading), np.sin(heading)
-        wanted = np.stack((c * applied[:, 0] - s * applied[:, 1], s * applied[:, 0] + c * applied[:, 1]), axis=1)
-        error = np.column_stack((velocity[:, :2] - wanted, velocity[:, 2] - applied[:, 2]))
-        error = np.concatenate((self._rest, error))
-        whole = len(error) // self._window
-        self._rest = error[whole * self._window :]
-        means = error[: whole * self._window].reshape(whole, self._window, 3).mean(axis=1)
-        self._windows += whole
-        self._velocity += float(np.sum(means[:, :2] ** 2))
-        self._turning += float(np.sum(means[:, 2] ** 2))
 
-    @property
-    def cost_of_transport(self) -> float:
-        """Positive work of the joints over weight times path; NaN for a path under 0.1 m, or without a mass."""
-        return self._energy / (self._weight * self._path) if self._path > SHORTEST else math.nan
-
-    @property
-    def joint_power(self) -> float:
-        """Mean of the joints' positive power, W."""
-        return self._energy / (self._rows * self._period)
-
-    @property
-    def thrust_power(self) -> float:
-        """Mean power of the thrusters, were each a fan of 18 N from 1 kW, W."""
-        return self._thrust_energy / (self._rows * self._period)
-
-    @property
-    def velocity_rms(self) -> float:
-        """Horizontal velocity less the applied one, each averaged over two steps, root mean square, m/s."""
-        return math.sqrt(self._velocity / self._windows) if self._windows else math.nan
-
-    @property
-    def turning_rms(self) -> float:
-        """The same of the velocity about the vertical, rad/s."""
-        return math.sqrt(self._turning / self._windows) if self._windows else math.nan
-
-    @property
-    def pressure_margin(self) -> float:
-        """Distance to its edge that the centre of pressure of a loaded sole keeps 95 % of the time, m."""
-        total = int(self._margins.sum())
-        if not total:
-            return math.nan
-        place = int(np.searchsorted(np.cumsum(self._margins), QUANTILE * total, side="right"))
-        return BIN * (place + 0.5) if place else 0.0
+def _pressure_margin(run: Run, weight: float) -> float:
+    """Distance to its edge that the centre of pressure of a loaded sole keeps 95 % of the time, m."""
+    counts = np.zeros(BINS, dtype=np.int64)
+    for corners in _soles(run):
+        margin = _margins(run["foot_position"][:, corners], run["foot_force"][:, corners, 2], CARRIES * weight)
+        counts += np.bincount(np.clip(margin / BIN, 0, BINS - 1).astype(np.int64), minlength=BINS)
+    total = int(counts.sum())
+    if not total:
+        return math.nan
+    place = int(np.searchsorted(np.cumsum(counts), QUANTILE * total, side="right"))
+    return BIN * (place + 0.5) if place else 0.0
 
 
 def _soles(run: Run) -> list[list[int]]:

@@ -5,8 +5,7 @@ from .contact_map import ContactForceMap
 from .dynamics import Dynamics
 from .ik import IKResult, IKStatus, solve_ik
 from .kinematics import LegGeometry, leg_inverse_kinematics
-from .known_robots import KnownRobot, robots
-from .robot import Robot, harpy_urdf, load_harpy, load_robot
+from .robot import KnownRobot, Robot, harpy_urdf, load_harpy, load_robot, robots
 from .state import Command, State, Vector
 from .thrust import AttitudeGains, CentreGains
 

@@ -49,7 +49,7 @@ class ContactMapRecord(RecordOf):
         inputs: (nv, n_y) L⁻ᵀ X, one column per input.
         response: (nv, n_y) M⁻¹ (X + J_fᵀ A), change of the acceleration per input.
         gain: (3 feet, n_y) A of the touching directions.
-        delassus: (3 feet, 3 feet) factor of D = J_f M⁻¹ J_fᵀ, stored likewise; that of D² + ε² if redundant.
+        delassus: (3 feet, 3 feet) factor of D = J_f M⁻¹ J_fᵀ, stored like the other; that of D² + ε² if redundant.
         redundant: 1 where the contacts are redundant, else 0.
         drive: (nv,) L⁻ᵀ (X y − n − B v).
         settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.

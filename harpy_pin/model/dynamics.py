@@ -18,12 +18,11 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, is_unit
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.points import point_terms
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import joint_space_terms, place_bodies
+from harpy_pin.model.terms import joint_space_terms, place_bodies, point_terms
 from harpy_pin.model.tree import TreeRecord, tree_record
 
 __all__ = ["Dynamics", "dynamics_record"]

@@ -66,12 +66,12 @@ class LegGeometry:
         chain = list(model.supports[frame.parentJoint])[2:]
         names = [model.joints[j].shortname() for j in chain]
         if names != ["JointModelRX", "JointModelRY", "JointModelRY"]:
-            raise RobotError(f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use harpy_pin.solve_ik")
+            raise RobotError(f"the leg of '{foot}' is {names}, not hip x, hip y, knee y; use harpy_pin.model.solve_ik")
         frontal, sagittal, knee = (model.jointPlacements[j] for j in chain)
         points = [sagittal.translation, knee.translation, frame.placement.translation]
         straight = all(np.allclose(p.rotation, np.eye(3)) for p in (frontal, sagittal, knee))
         if not straight or any(np.any(np.abs(np.delete(p, k)) > 1e-12) for p, k in zip(points, (1, 2, 2), strict=True)):
-            raise RobotError(f"the leg of '{foot}' has offset or turned links; use harpy_pin.solve_ik")
+            raise RobotError(f"the leg of '{foot}' has offset or turned links; use harpy_pin.model.solve_ik")
         x, y, z = (float(c) for c in frontal.translation)
         try:
             return cls(

@@ -166,8 +166,8 @@ def make_record(kind: type[RecordOf] | None = None, sizes: Mapping[str, int] = N
 
 
 def field(record: Record, name: str) -> NDArray[Any]:
-    """A field that is an array, as a view into the record."""
-    view: NDArray[Any] = record[name][0]
+    """A field as a view into the record; of a number an array without axes."""
+    view: NDArray[Any] = record[name][0, ...]
     return view
 
 

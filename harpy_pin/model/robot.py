@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,9 +13,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.deprecated import renamed_arguments
 from harpy_pin.errors import InputError, RobotError, shown
-from harpy_pin.model.catalogue import catalogue_robot, known_name
+from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, catalogue_robot, installed_data, known_name
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet, check_corners
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
@@ -24,12 +24,14 @@ __all__ = [
     "HARPY_FEET",
     "HARPY_THRUSTERS",
     "HARPY_THRUST_LIMIT",
+    "KnownRobot",
     "Robot",
     "configuration",
     "harpy_urdf",
     "heavier",
     "load_harpy",
     "load_robot",
+    "robots",
 ]
 
 HARPY_FEET = ("left_foot", "right_foot")
@@ -105,8 +107,9 @@ class Robot:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Numbers of velocities, joints, contact points and thrust variables, as the shapes of records name them."""
-        return {"nv": self.model.nv, "joints": len(self.joints), "feet": len(self.feet), "thrusts": self.n_thrust}
+        """Numbers of velocities, joints, contact points, thrusters and their variables, by the names in records."""
+        counts = {"nv": self.model.nv, "joints": len(self.joints), "feet": len(self.feet)}
+        return counts | {"thrusters": len(self.thrusters), "thrusts": self.n_thrust}
 
     @property
     def lift_axis(self) -> Vector | None:
@@ -180,7 +183,6 @@ def load_harpy(urdf: str | Path | None = None) -> Robot:
     )
 
 
-@renamed_arguments(patches="flat_feet")
 def load_robot(
     urdf: str | Path,
     *,
@@ -260,7 +262,7 @@ def load_robot(
     if limp:
         more = f" and {len(limp) - 1} more" if len(limp) > 1 else ""
         message = f"{shown(str(path), 300)}: joints of effort 0 N·m, which hold nothing: {shown(limp[0])}{more}"
-        warnings.warn(message, stacklevel=3)  # whoever called
+        warnings.warn(message, stacklevel=2)
     return robot
 
 
@@ -291,3 +293,53 @@ def configuration(model: pin.Model, q: ArrayLike) -> Vector:
     if model.joints[1].nq == 7 and np.linalg.norm(result[3:7]) < 1e-6:
         raise InputError("q has no orientation: its quaternion (entries 3 to 6) is zero", name="q", value=q)
     return np.asarray(pin.normalize(model, result))
+
+
+@dataclass(frozen=True)
+class KnownRobot:
+    """What is known of a robot.
+
+    Attributes:
+        name: for :func:`load_robot` and :class:`harpy_pin.scenario.Scenario`.
+        feet: names of its feet; none for robots that fly.
+        flat: whether these are flat.
+        rotors: how many it has.
+        mass: kg; None where the extra ``robots`` is not installed.
+        joints: how many are actuated; None where the extra is not installed.
+        licence: of its files; None where they do not say, or are not installed.
+    """
+
+    name: str
+    feet: tuple[str, ...]
+    flat: bool
+    rotors: int
+    mass: float | None
+    joints: int | None
+    licence: str | None
+
+
+def robots() -> dict[str, KnownRobot]:
+    """All robots that are known by name, such as ``"go2"``; ``list(robots())`` are the names.
+
+    Files of robots other than Harpy are in example-robot-data, the extra ``robots``.
+    """
+    harpy = load_harpy()
+    known = {"harpy": KnownRobot("harpy", HARPY_FEET, False, 0, harpy.mass, len(harpy.joints), "BSD-2-Clause")}
+    return known | {name: _known(name, entry) for name, entry in CATALOGUE.items()}
+
+
+def _known(name: str, entry: CatalogueRobot) -> KnownRobot:
+    mass, joints, licence = None, None, None
+    if installed_data() is not None:
+        robot = load_robot(name)
+        mass, joints, licence = robot.mass, len(robot.joints), _licence(entry)
+    return KnownRobot(name, entry.feet, bool(entry.flat_feet), len(entry.rotors), mass, joints, licence)
+
+
+def _licence(entry: CatalogueRobot) -> str | None:
+    """What the page beside a robot's files says."""
+    page = entry.path().parents[1] / "README.md"
+    if not page.is_file():
+        return None
+    found = re.search(r"^licen[cs]e: *(.+?) *$", page.read_text(errors="replace"), re.MULTILINE | re.IGNORECASE)
+    return found.group(1) if found is not None else None

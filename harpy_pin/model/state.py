@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.mujoco_state import MujocoState
 
 __all__ = ["Command", "State", "Vector"]
 
@@ -17,7 +16,7 @@ Vector = NDArray[np.float64]
 
 
 @dataclass(slots=True)
-class State(MujocoState):
+class State:
     """What a controller gets at each tick. The conventions of the whole library are stated here.
 
     - Units are SI: m, kg, s, N, N·m, rad.

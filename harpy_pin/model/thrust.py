@@ -81,7 +81,7 @@ def centre_feedback(
         c: (3,) body position, m.
         c_dot: (3,) body velocity, m/s.
         reference: (6,) [c_w; ċ_w].
-        law: :class:`harpy_pin.governors.reduced.point_mass.Law`.
+        law: :class:`harpy_pin.governors.point_mass.Law`.
         gains: element of a record with the fields of :attr:`CentreGains.record`.
         out: (3,) u_t,c, world axes, N.
 

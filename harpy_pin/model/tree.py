@@ -46,8 +46,8 @@ class TreeRecord(RecordOf):
         axes: (bodies, 3, 3) body axes to base axes.
         position: (bodies, 3) of the body's frame, base axes, m.
         screw: (bodies, 6) motion of unit joint velocity, linear (at the base's origin) and angular, base axes.
-        twist: (bodies, 6) velocity, likewise.
-        drift: (bodies, 6) acceleration at zero joint acceleration, less gravity, likewise.
+        twist: (bodies, 6) velocity, linear (at the base's origin) and angular, base axes.
+        drift: (bodies, 6) acceleration at zero joint acceleration, less gravity, in the same axes.
         force: (bodies, 6) that gives the subtree of a body that acceleration.
         moment: (bodies, 4) mass of the subtree of a body, and mass times centre of mass.
         composite: (bodies, 3, 3) inertia of the same about the base's origin.

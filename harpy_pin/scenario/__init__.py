@@ -3,23 +3,11 @@
 from harpy_pin.scenario.build import Walk, build, walk
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, Condensed, ControllerPart, Governed, WholeBody
 from harpy_pin.scenario.disturbances import Disturbances
-from harpy_pin.scenario.gait_parts import (
-    GAIT_PARTS,
-    Commanded,
-    Flying,
-    GaitPart,
-    Hover,
-    Optimised,
-    PaperCurves,
-    Stand,
-    StepInPlace,
-    Straight,
-    Walking,
-    gaits_of,
-)
+from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart, Hover, Stand, Straight, Walking, gaits_of
 from harpy_pin.scenario.parts import Part, read_part
-from harpy_pin.scenario.plant_parts import PLANT_PARTS, PLANTS, Compliant, Drake, Mujoco, PlantPart
+from harpy_pin.scenario.plant_parts import PLANT_PARTS, PLANTS, Compliant, Mujoco, PlantPart
 from harpy_pin.scenario.scenario import Scenario
+from harpy_pin.scenario.settings import Setting, scenario_of, settings_table
 
 __all__ = [
     "CONTROLLER_PARTS",
@@ -31,19 +19,15 @@ __all__ = [
     "Condensed",
     "ControllerPart",
     "Disturbances",
-    "Drake",
-    "Flying",
     "GaitPart",
     "Governed",
     "Hover",
     "Mujoco",
-    "Optimised",
-    "PaperCurves",
     "Part",
     "PlantPart",
     "Scenario",
+    "Setting",
     "Stand",
-    "StepInPlace",
     "Straight",
     "Walk",
     "Walking",
@@ -51,5 +35,7 @@ __all__ = [
     "build",
     "gaits_of",
     "read_part",
+    "scenario_of",
+    "settings_table",
     "walk",
 ]

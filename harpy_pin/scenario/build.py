@@ -14,17 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.arguments import checked
-from harpy_pin.deprecated import around_call, start_of
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.flight.flying_gait import FlyingGait
 from harpy_pin.gaits.gait import Gait, check_gait
-from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import heavier, load_harpy, load_robot
 from harpy_pin.model.state import State
@@ -34,8 +30,6 @@ from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.sensors import Sensors
 
 __all__ = ["Walk", "build", "walk"]
-
-_Call = TypeVar("_Call", bound=Callable[..., Any])
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,22 +76,6 @@ class Walk:
         )
 
 
-def _takes_makers(target: _Call) -> _Call:
-    """Says what ``controller`` must be, where it is a controller and none that makes one."""
-
-    def look(given: dict[str, Any]) -> None:
-        controller = given.get("controller")
-        if controller is not None and not callable(controller):
-            maker = "a function or a class that makes the controller from the gait"
-            example = "the class itself, or lambda gait: controller"
-            message = f"controller must be {maker}, such as {example}; got {shown(controller)}"
-            raise InputError(message, name="controller", value=controller)
-
-    return around_call(target, look)
-
-
-@_takes_makers
-@checked
 def build(
     scenario: Scenario, *, gait: Gait | None = None, controller: Callable[[Gait], Controller] | None = None
 ) -> Walk:
@@ -115,6 +93,11 @@ def build(
         RobotError: the URDF is missing, malformed, or lacks a foot or a thruster.
     """
     checks.instance("scenario", scenario, Scenario)
+    if controller is not None and not callable(controller):
+        maker = "a function or a class that makes the controller from the gait"
+        example = "the class itself, or lambda gait: controller"
+        message = f"controller must be {maker}, such as {example}; got {shown(controller)}"
+        raise InputError(message, name="controller", value=controller)
     checks.function("controller", controller, 1)
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     disturbances = scenario.disturbances
@@ -139,7 +122,7 @@ def build(
     period = getattr(chosen, "period", scenario.period)
     if period != scenario.period:
         raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")
-    q, v = start_of(gait, simulator.static_penetration)
+    q, v = gait.initial_state(penetration=simulator.static_penetration)
     v[:6] += np.array(disturbances.start_velocity)
     simulator.reset(q, v)
     delay = checks.multiple("delay", disturbances.delay, "period", scenario.period, low=0)
@@ -154,22 +137,9 @@ def _on_ground(gait: Gait, scenario: Scenario) -> Gait:
     surface, error = scenario.ground.surface, scenario.disturbances.normal_error
     if surface is None or surface.record["level"][0] or not gait.robot.feet:
         return gait
-    if isinstance(gait, FlyingGait):
-        return gait.over(surface, normal_error=error)
-    return OnTerrain(gait, surface, normal_error=error, friction=scenario.mu)
+    return scenario.gait.over(gait, surface, normal_error=error, friction=scenario.mu)
 
 
-@checks.explained_arguments(
-    duration="it is the scenario's, as in walk(Scenario(duration=3.0))",
-    robot="it is the scenario's, as in walk(Scenario(robot='go2'))",
-    ground="it is the scenario's, as in walk(Scenario(ground=Ground(mu_s=0.6)))",
-    friction="it is that of the scenario's ground, as in walk(Scenario(ground=Ground(mu_s=0.6)))",
-    mu="it is that of the scenario's ground, as in walk(Scenario(ground=Ground(mu_s=0.6)))",
-    speed="it is that of the scenario's gait, as in walk(Scenario(gait=Straight(speed=0.2)))",
-    velocity="it is that of the scenario's gait, as in walk(Scenario(robot='go2', gait=Walking(velocity=(0.5, 0, 0))))",
-)
-@_takes_makers
-@checked
 def walk(
     scenario: Scenario,
     *,

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar, Self
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -14,11 +14,11 @@ from harpy_pin.controllers.named_controllers import (
     make_governor_parameters,
     make_parameters,
 )
-from harpy_pin.deprecated import new_value
-from harpy_pin.errors import InputError, shown
+from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
+from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
-from harpy_pin.governors.reduced.rows import EVALUATE_AT
-from harpy_pin.scenario.parts import Part, plain
+from harpy_pin.governors.rows import EVALUATE_AT
+from harpy_pin.scenario.parts import Part, defaults_of, plain
 from harpy_pin.simulation.controller import Controller
 
 __all__ = ["CONTROLLER_PARTS", "Condensed", "ControllerPart", "Governed", "WholeBody"]
@@ -34,15 +34,39 @@ class ControllerPart(Part):
             ``{"solver": "daqp", "weights": {"swing": 0.5}}``, see :func:`harpy_pin.controllers.make_parameters`.
     """
 
+    further: ClassVar[type] = WholeBodyParameters
     mu: float | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+    @classmethod
+    def settings(cls) -> dict[str, Any]:
+        """Those of the part, and the parameters."""
+        settings = defaults_of(cls.further) | defaults_of(cls)
+        return {name: value for name, value in settings.items() if name != "period"}
+
+    @classmethod
+    @checked
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """The part with settings by their names, parameters among them.
+
+        Args:
+            settings: values by name.
+        """
+        own = {name: value for name, value in settings.items() if name in defaults_of(cls)}
+        parameters = {name: value for name, value in settings.items() if name not in own}
+        if parameters:
+            own["parameters"] = {**checks.mapping("parameters", own.get("parameters") or {}), **parameters}
+        return super().from_settings(own)
 
     def __post_init__(self) -> None:
         if self.mu is not None:
             checks.keep(self, mu=checks.number("mu", self.mu, low=0.0, high=checks.MAX_FRICTION))
         checks.keep(self, parameters=_plain_mapping("parameters", self.parameters))
+        for name in self.parameters.keys() & {entry.name for entry in fields(self)}:
+            raise InputError(f"'{name}' is a setting of the part itself, not one of its parameters", name=name)
         # Refuses parameters that are not its own.
-        make_parameters(self.name, mu=1.0 if self.mu is None else self.mu, changes=self.parameters)
+        changes = {**self.parameters, **self._own_parameters()}
+        make_parameters(self.name, mu=1.0 if self.mu is None else self.mu, changes=changes)
 
     @checked
     def make(self, gait: Gait, *, mu: float, period: float, fitting: Mapping[str, Any]) -> Controller:
@@ -54,11 +78,15 @@ class ControllerPart(Part):
             period: time between its ticks, s.
             fitting: parameters that fit the robot; those of the part come first.
         """
-        parameters = _merged(fitting, self.parameters)
-        return make_controller(self.name, gait, mu=mu, period=period, parameters=parameters, **self._more())
+        settings = _merged(fitting, self.parameters) | self._own_parameters() | self._of_governor()
+        return make_controller(self.name, gait, mu=mu, period=period, **settings)
 
-    def _more(self) -> dict[str, Any]:
-        """Further arguments of :func:`~harpy_pin.controllers.named_controllers`."""
+    def _own_parameters(self) -> dict[str, Any]:
+        """Parameters of the controller that the part has as settings of its own."""
+        return {}
+
+    def _of_governor(self) -> dict[str, Any]:
+        """Settings of a governor."""
         return {}
 
 
@@ -102,6 +130,7 @@ class Governed(ControllerPart):
     """
 
     name = "governed"
+    further = GovernedParameters
     governor: str = "paper"
     evaluate_at: str = "measured"
     limits: bool = False
@@ -110,18 +139,17 @@ class Governed(ControllerPart):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.keep(self, governor=new_value("governor", self.governor))
         checks.one_of("governor", self.governor, GOVERNORS)
         checks.one_of("evaluate_at", self.evaluate_at, EVALUATE_AT)
-        for name in ("limits", "thrust"):
-            if not isinstance(getattr(self, name), bool):
-                raise InputError(f"{name} must be true or false, got {shown(getattr(self, name))}", name=name)
         checks.keep(self, governor_parameters=_plain_mapping("governor_parameters", self.governor_parameters))
         # Refuses parameters that are not the governor's own.
         make_governor_parameters(self.governor, mu=1.0, changes=self.governor_parameters)
 
-    def _more(self) -> dict[str, Any]:
-        names = ("governor", "evaluate_at", "limits", "thrust", "governor_parameters")
+    def _own_parameters(self) -> dict[str, Any]:
+        return {"limits": self.limits, "thrust": self.thrust}
+
+    def _of_governor(self) -> dict[str, Any]:
+        names = ("governor", "evaluate_at", "governor_parameters")
         return {name: getattr(self, name) for name in names}
 
 
@@ -132,7 +160,7 @@ CONTROLLER_PARTS: dict[str, type[ControllerPart]] = {kind.name: kind for kind in
 def _plain_mapping(name: str, value: Any) -> Any:
     """Settings as JSON has them; none for None."""
     try:
-        return plain({} if value is None else value)
+        return plain(checks.mapping(name, {} if value is None else value))
     except (AttributeError, TypeError, ValueError) as error:
         raise InputError(f"{name} must be numbers, names and mappings: {error}", name=name) from None
 

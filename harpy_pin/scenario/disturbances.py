@@ -24,7 +24,7 @@ class Disturbances:
 
     Attributes:
         pushes: forces on the body.
-        noise: of the controller's measurements.
+        noise: of the controller's measurements; in a mapping a number is a multiple of typical noise.
         delay: age of the controller's measurements, s, a multiple of the control period (see
             :class:`harpy_pin.simulation.sensors.Sensors`).
         mass_error: share by which the robot's body is heavier than the controller believes, above −1.
@@ -54,7 +54,7 @@ class Disturbances:
         checks.keep(
             self,
             pushes=tuple(read_record(Push, "push", push) for push in self.pushes),
-            noise=read_record(Noise, "noise", self.noise),
+            noise=_read_noise(self.noise),
             delay=checks.number("delay", self.delay, low=0.0),
             mass_error=checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True),
             actuators=read_record(Actuators, "actuators", self.actuators),
@@ -67,3 +67,10 @@ class Disturbances:
         """Names and values, ready for JSON and exact."""
         values: dict[str, Any] = plain(asdict(self))
         return values
+
+
+def _read_noise(value: Any) -> Noise:
+    """Noise from itself, a mapping of its attributes, or a multiple of typical noise."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return Noise.typical(value)
+    return read_record(Noise, "noise", value)

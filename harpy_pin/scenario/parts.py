@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
-from typing import Any, ClassVar, TypeVar, cast
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, asdict, dataclass, fields
+from typing import Any, ClassVar, Self, TypeVar, cast
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.named_controllers import GOVERNORS
-from harpy_pin.deprecated import new_value
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
 
-__all__ = ["Part", "check_part_name", "plain", "read_part", "read_record"]
+__all__ = ["Part", "check_part_name", "defaults_of", "plain", "read_part", "read_record"]
 
 _Part = TypeVar("_Part", bound="Part")
 _Record = TypeVar("_Record")
@@ -26,23 +25,45 @@ class Part:
 
     Attributes:
         name: what the part is called on the command line and in files.
+        extension: the module outside the core that registers it, which files remember; empty for the core's parts.
     """
 
     name: ClassVar[str]
+    extension: ClassVar[str] = ""
+
+    @classmethod
+    def settings(cls) -> dict[str, Any]:
+        """The settings by name, with their defaults."""
+        return defaults_of(cls)
+
+    @classmethod
+    @checked
+    def from_settings(cls, settings: Mapping[str, Any]) -> Self:
+        """The part with settings by their names.
+
+        Args:
+            settings: values by name.
+
+        Raises:
+            InputError: a value out of its domain.
+        """
+        return read_record(cls, f"part '{cls.name}'", settings)
 
     def to_dict(self) -> dict[str, Any]:
         """Name and settings, ready for JSON and exact."""
-        return {"name": self.name, **plain(asdict(self))}
+        outside = {"import": self.extension} if self.extension else {}
+        return {"name": self.name, **outside, **plain(asdict(self))}
 
 
 @checked
-def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any) -> _Part:
+def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any, usual: Sequence[str] = ()) -> _Part:
     """A part from itself, its name, or what :meth:`Part.to_dict` made of it.
 
     Args:
         kinds: class of each name.
         what: the part is, for messages.
-        value: to read.
+        value: to read. A mapping without a name, or None, is the first usual part that has all its settings.
+        usual: names among which a part is chosen where none is named; all of them by default.
 
     Raises:
         InputError: an unknown name or setting, or a value out of its domain.
@@ -51,14 +72,25 @@ def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any) -> _Part:
         return cast("_Part", value)
     if isinstance(value, str):
         value = {"name": value}
+    value, usual = {} if value is None else value, usual or (*kinds,)
     if not isinstance(value, Mapping):
         valid = ", ".join(sorted({kind.__name__ for kind in kinds.values()}))
         raise InputError(f"{what} must be a part ({valid}) or a name, got {shown(value)}", name=what, value=value)
-    name = new_value(what, value.get("name"))
+    settings = {key: value[key] for key in value if key not in ("name", "import")}
+    name = value.get("name")
     if name is None:
-        raise InputError(f"the {what} needs a 'name'; valid names: {', '.join(sorted(kinds))}", name=what, value=value)
+        fitting = (name for name in usual if settings.keys() <= kinds[name].settings().keys())
+        name = next(fitting, usual[0])
+    if "import" in value and (not isinstance(name, str) or name not in kinds):
+        message = f"the {what} {shown(name)} is known after 'import {value['import']}', which is missing"
+        raise InputError(message, name=what, value=value)
     check_part_name(kinds, what, name)
-    return read_record(kinds[str(name)], f"{what} '{name}'", {key: value[key] for key in value if key != "name"})
+    kind = kinds[str(name)]
+    for key in settings:
+        owners = [other for other, part in kinds.items() if key in part.settings()]
+        hint = f"it is a setting of the {what} '{owners[0]}'" if owners else ""
+        checks.one_of(f"setting of the {what} '{name}'", key, kind.settings(), hint=hint)
+    return kind.from_settings(settings)
 
 
 def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) -> None:
@@ -75,9 +107,9 @@ def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) ->
     hint = ""
     if isinstance(name, str):
         if what == "gait" and name in (*FOUR_FEET, *TWO_FEET):
-            hint = f"'{name}' is a schedule: --schedule {name}, Walking(schedule='{name}')"
+            hint = f"'{name}' is a schedule: Walking(schedule='{name}'), --set gait.schedule={name}"
         if what == "controller" and name in GOVERNORS:
-            hint = f"it is Governed(governor='{name}'), --governor {name}"
+            hint = f"it is Governed(governor='{name}'), --set controller.governor={name}"
     checks.one_of(what, name, kinds, hint=hint)
 
 
@@ -98,6 +130,14 @@ def read_record(kind: type[_Record], what: str, value: Any) -> _Record:
         return kind(**value)
     except TypeError as error:
         raise InputError(f"{what}: {error}", name=what, value=value) from None
+
+
+def defaults_of(kind: type) -> dict[str, Any]:
+    """The attributes of a dataclass by name, with their defaults."""
+    made = (entry.default_factory for entry in fields(kind))
+    return {
+        entry.name: entry.default if make is MISSING else make() for entry, make in zip(fields(kind), made, strict=True)
+    }
 
 
 def plain(value: Any) -> Any:

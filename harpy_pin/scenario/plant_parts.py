@@ -7,17 +7,16 @@ from dataclasses import dataclass
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.actuators import Actuators
-from harpy_pin.simulation.drake.drake_plant import APPROXIMATIONS, check_drake
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.mujoco.presets import DEFAULT_PRESET, PRESETS, preset_ground
 from harpy_pin.simulation.mujoco.soft_contact import CONTACTS
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 
-__all__ = ["PLANTS", "PLANT_PARTS", "Compliant", "Drake", "Mujoco", "PlantPart"]
+__all__ = ["PLANTS", "PLANT_PARTS", "Compliant", "Mujoco", "PlantPart"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,6 +26,9 @@ class PlantPart(Part):
     @checked
     def felt_ground(self, ground: Ground) -> Ground:
         """The ground with the stiffness and damping that the feet feel.
+
+        Args:
+            ground: of the scenario.
 
         Raises:
             InputError: the engine has no such ground.
@@ -94,34 +96,6 @@ class Mujoco(PlantPart):
         return MujocoPlant(robot, felt, dt=dt, actuators=actuators, contact=contact, foot_radius=self.foot_radius)
 
 
-@dataclass(frozen=True)
-class Drake(PlantPart):
-    """Drake, an extra, see :class:`harpy_pin.simulation.drake.DrakePlant`.
-
-    Attributes:
-        approximation: Drake's discrete contact model, ``lagged`` or ``sap``.
-    """
-
-    name = "drake"
-    approximation: str = "lagged"
-
-    def __post_init__(self) -> None:
-        checks.one_of("approximation", self.approximation, APPROXIMATIONS)
-
-    @checked
-    def felt_ground(self, ground: Ground) -> Ground:
-        """See :class:`PlantPart`."""
-        check_drake(ground, None)
-        return ground
-
-    @checked
-    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
-        """See :class:`PlantPart`."""
-        from harpy_pin.simulation.drake import DrakePlant
-
-        return DrakePlant(robot, ground, dt=dt, actuators=actuators, approximation=self.approximation)
-
-
-PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco, Drake)}
+PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco)}
 PLANTS = tuple(PLANT_PARTS)
 """Names of the physics engines."""

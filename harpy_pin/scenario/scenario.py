@@ -5,40 +5,30 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from os import PathLike, fspath
-from typing import Any, Unpack
+from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.deprecated import new_entries
 from harpy_pin.errors import InputError, shown
+from harpy_pin.ground.ground import Ground, fitting_stiffness
 from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import check_robot_name, known_name
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.disturbances import Disturbances
-from harpy_pin.scenario.flat import MOVED, FlatSettings, is_flat, old_value, parts_of, parts_of_file
 from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, Walking, gaits_of, schedules_of, why_not
 from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.push import check_pushes
-from harpy_pin.simulation.resting import fitting_stiffness
 
 __all__ = ["Scenario"]
 
 
-@checks.explained_arguments(
-    friction="it is the ground's, as in Scenario(ground=Ground(mu_s=0.6))",
-    mu="it is the ground's, as in Scenario(ground=Ground(mu_s=0.6)); what the controller assumes is Condensed(mu=0.6)",
-    mu_s="it is the ground's, as in Scenario(ground=Ground(mu_s=0.6))",
-    stiffness="it is the ground's, as in Scenario(ground=Ground(stiffness=75e3))",
-    velocity="it is the gait's, as in Scenario(robot='go2', gait=Walking(velocity=(0.5, 0, 0)))",
-    schedule="it is the gait's, as in Scenario(robot='go2', gait=Walking(schedule='crawl'))",
-)
 @dataclass(frozen=True, init=False, repr=False)
 class Scenario:
     """Everything that makes a walk.
 
-    A part can be given by its name, which gives it its default settings, or as the mapping of its ``to_dict``::
+    A part can be given by its name, which gives it its default settings, or as a mapping of its name and settings.
+    Without a name that is the first of its kind that has these settings::
 
         Scenario(controller="wbc", ground=Ground(mu_s=0.25))
         Scenario(gait=Commanded(velocity=(0.3, 0.0, 0.2)), controller=Condensed(mu=0.5), plant=Mujoco("stiff"))
@@ -50,13 +40,13 @@ class Scenario:
         controller: one of :data:`CONTROLLER_PARTS`; :class:`Condensed` by default.
         plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default.
         ground: what the robot walks on; by default of friction 0.25 (``harpy walk`` has 0.8) and of the paper's
-            stiffness, for another robot than Harpy of one that fits its weight. One that is given stays as it is.
+            stiffness, for another robot than Harpy of one that fits its weight. A :class:`Ground` that is given stays
+            as it is; a mapping without a stiffness gets that one.
         disturbances: pushes, noise, delay, mass error and start velocity; none by default.
         duration: simulated time, s.
         period: time between control ticks, s, a multiple of dt.
         dt: physics step, s, at least 1e-6.
         urdf: a variant of Harpy; the packaged one by default.
-        flat: arguments of the release before, which are now settings of the parts; each says which.
 
     Raises:
         InputError: an unknown name, a value out of its domain, or parts that do not go together.
@@ -87,19 +77,14 @@ class Scenario:
         period: float = 1e-3,
         dt: float = 5e-4,
         urdf: str | PathLike[str] | None = None,
-        **flat: Unpack[FlatSettings],
     ) -> None:
         robot = known_name(robot)
         check_robot_name(robot)
-        if flat:
-            given = {"gait": gait, "controller": controller, "plant": plant, "disturbances": disturbances}
-            parts = parts_of(robot, given, flat)
-            gait, controller, plant, disturbances = (parts[name] for name in given)
         values: dict[str, Any] = {
             "robot": robot,
-            "gait": read_part(GAIT_PARTS, "gait", gaits_of(robot)[0] if gait is None else gait),
-            "controller": read_part(CONTROLLER_PARTS, "controller", "condensed" if controller is None else controller),
-            "plant": read_part(PLANT_PARTS, "plant", "compliant" if plant is None else plant),
+            "gait": read_part(GAIT_PARTS, "gait", gait, gaits_of(robot)),
+            "controller": read_part(CONTROLLER_PARTS, "controller", controller),
+            "plant": read_part(PLANT_PARTS, "plant", plant),
             "disturbances": read_record(Disturbances, "disturbances", {} if disturbances is None else disturbances),
             "duration": checks.number("duration", duration, low=0.0, strict=True),
             "period": checks.number("period", period, low=0.0, strict=True),
@@ -109,8 +94,9 @@ class Scenario:
         checks.keep(self, **values)
         self._check_robot()
         self._check_times()
-        ground = _default_ground(robot, self.gait) if ground is None else read_record(Ground, "ground", ground)
-        checks.keep(self, ground=ground)
+        if ground is None or (isinstance(ground, Mapping) and ground.get("stiffness") is None):
+            ground = _default_ground(robot, self.gait) | ({} if ground is None else dict(ground))
+        checks.keep(self, ground=read_record(Ground, "ground", ground))
         self.plant.felt_ground(self.ground)  # refuses a ground that the engine does not have
 
     def __repr__(self) -> str:
@@ -123,9 +109,8 @@ class Scenario:
         checks.one_of(f"gait of '{self.robot}'", gait, gaits_of(self.robot), hint=why_not(self.robot, gait))
         if isinstance(self.gait, Walking) and self.gait.schedule is not None:
             checks.one_of(f"schedule of '{self.robot}'", self.gait.schedule, schedules_of(self.robot))
-        if gait in ("commanded", "flying") and controller == "governed":
-            what = "faces x and cannot turn" if gait == "commanded" else "neither jumps nor flies"
-            message = f"the paper's controller {what}: walk a {gait} gait with 'condensed' or 'wbc'"
+        if self.gait.not_governed and controller == "governed":
+            message = f"the paper's controller {self.gait.not_governed}: walk a {gait} gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
         if self.robot == "harpy":
             return
@@ -160,12 +145,6 @@ class Scenario:
         stiffness: float | None = getattr(self.gait, "stiffness", None)
         return self.felt_ground.stiffness if stiffness is None else stiffness
 
-    def __getattr__(self, name: str) -> Any:
-        """A setting of the release before, which is now one of a part."""
-        if name in MOVED:
-            return old_value(self, name)
-        raise AttributeError(f"'Scenario' object has no attribute '{name}'")
-
     def to_dict(self) -> dict[str, Any]:
         """Names and values, those of a part inside it, ready for JSON and exact."""
         parts = {name: getattr(self, name).to_dict() for name in ("gait", "controller", "plant", "disturbances")}
@@ -177,8 +156,7 @@ class Scenario:
         """The scenario of :meth:`to_dict`; what is not there has its default.
 
         Args:
-            data: names and values of the attributes, each part as a mapping or a name. The flat names of releases
-                before 0.2 are read too.
+            data: names and values of the attributes, each part as a mapping or a name.
 
         Raises:
             InputError: unknown names, or values out of their domains.
@@ -186,8 +164,6 @@ class Scenario:
         if not isinstance(data, Mapping):
             raise InputError(f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data)
         check_robot_name(known_name(data.get("robot", "harpy")))
-        if is_flat(data):
-            data = parts_of_file(data)
         for name in data:
             checks.one_of("entry of the scenario", name, [entry.name for entry in fields(cls)])
         return cls(**data)
@@ -210,17 +186,17 @@ class Scenario:
             parts = " and ".join(name for name in ("gait", "controller") if isinstance(own, list) and name in own)
             message = f"the run was walked with its own {parts or 'parts'}, which its scenario does not hold"
             raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
-        return cls.from_dict(new_entries(run.metadata["scenario"]))
+        return cls.from_dict(run.metadata["scenario"])
 
 
-def _default_ground(robot: str, gait: GaitPart) -> Ground:
-    """The paper's; as stiff as fits the robot where that is not Harpy.
+def _default_ground(robot: str, gait: GaitPart) -> dict[str, Any]:
+    """What differs from the paper's: the ground is as stiff as fits the robot where that is not Harpy.
 
     Raises:
         RobotError: the robot is not installed.
     """
     stiffness = fitting_stiffness(robot, gait.name == Walking.name)
-    return Ground() if stiffness is None else Ground(stiffness=stiffness)
+    return {} if stiffness is None else {"stiffness": stiffness}
 
 
 def _path(urdf: Any) -> str | None:

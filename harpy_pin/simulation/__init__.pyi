@@ -3,14 +3,11 @@
 from .actuators import Actuators
 from .battery import Battery
 from .controller import Controller
-from .ground import Ground, friction_force, normal_force
 from .implicit_contact import contact_step
 from .plant import GRAVITY, Plant
-from .profile import Profile, Profiler
 from .push import Push
 from .sensors import Noise, Sensors
 from .simulator import Simulator
-from .terrain import HeightField, Plane, Ramp, Rough, Stairs, SteppingStones, Terrain
 from .thrusters import Thrusters
 
 __all__ = [
@@ -18,23 +15,11 @@ __all__ = [
     "Actuators",
     "Battery",
     "Controller",
-    "Ground",
-    "HeightField",
     "Noise",
-    "Plane",
     "Plant",
-    "Profile",
-    "Profiler",
     "Push",
-    "Ramp",
-    "Rough",
     "Sensors",
     "Simulator",
-    "Stairs",
-    "SteppingStones",
-    "Terrain",
     "Thrusters",
     "contact_step",
-    "friction_force",
-    "normal_force",
 ]

@@ -1,6 +1,6 @@
 """The implicit time step of a contact: forces at the end of a step together with the velocities that they cause.
 
-A foot whose force fits in the cone does not move at all. The law is that of :mod:`harpy_pin.simulation.ground`.
+A foot whose force fits in the cone does not move at all. The law is that of :mod:`harpy_pin.ground.ground`.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.ground.ground import GroundRecord, stribeck
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ground import GroundRecord, stribeck
 
 __all__ = ["contact_step"]
 

@@ -17,7 +17,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.simulation.implicit_contact import contact_step
 
 if TYPE_CHECKING:
-    from harpy_pin.simulation.ground import GroundRecord
+    from harpy_pin.ground.ground import GroundRecord
     from harpy_pin.simulation.step import StepRecord
 
 __all__ = ["JointFrictionRecord", "joint_friction_record"]

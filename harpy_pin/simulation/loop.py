@@ -15,26 +15,23 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError, reason
 from harpy_pin.files import Shield, check_writable, replaceable
-from harpy_pin.log.archive import MAPPED, read_archive, write_archive
-from harpy_pin.log.file_format import FORMAT, MAX_STEP
 from harpy_pin.log.journal import Journal
-from harpy_pin.log.recorder import PIECE, Recorder
-from harpy_pin.log.run import Run, describe_versions, file_header
+from harpy_pin.log.recorder import BLOCK, Recorder
+from harpy_pin.log.run import Run, describe_versions
+from harpy_pin.log.run_file import FORMAT, MAX_STEP
 from harpy_pin.model.entry import is_finite
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.controller import Controller
 from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.simulation.sensors import Sensors
-from harpy_pin.simulation.upright import VERDICTS, upright, verdict
+from harpy_pin.simulation.upright import VERDICTS
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.plant import Plant
 
-__all__ = ["keep_run", "prepare_loop", "run_closed_loop"]
+__all__ = ["keep_run", "prepare_loop", "run_closed_loop", "run_metadata"]
 
-WORTH_COMPILING = 500
-"""Ticks of a run whose loop is compiled as a whole."""
 TOLD = 100
 """Ticks in Python after which progress is told."""
 FLOAT64 = np.dtype(np.float64)
@@ -65,14 +62,14 @@ def run_closed_loop(
     metadata = {} if metadata is None else checks.mapping("metadata", metadata)
 
     def describe(ending: str) -> dict[str, Any]:
-        return {**metadata, **_metadata(simulator, controller, ending, period, pushes)}
+        return {**metadata, **run_metadata(simulator, controller, ending, period, pushes)}
 
     journal = None
     if save is not None:
         check_writable(save)
         if replaceable(save):
             journal = Journal(save, {**describe("unfinished"), "format": FORMAT})
-    recorder = Recorder(journal, piece=min(max(round(1.0 / period), 1), PIECE))
+    recorder = Recorder(journal, block=min(max(round(1.0 / period), 1), BLOCK))
     loop = _Loop(simulator, controller, recorder, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
     with Shield() as shield:
         try:
@@ -82,7 +79,7 @@ def run_closed_loop(
         finally:
             shield.saving = True
             recorder.flush()
-        run, unsaved = keep_run(simulator.robot, recorder, describe(loop.ending), journal, save)
+        run, unsaved = keep_run(simulator, recorder, describe(loop.ending), journal, save)
         interrupted = loop.ending == "interrupted" or shield.late is not None
         shield.late = None
     lost = "" if unsaved is None else f"; {unsaved}"
@@ -99,40 +96,34 @@ def run_closed_loop(
 def prepare_loop(robot: Robot) -> None:
     """Begin to compile the kernels of the loop for a robot."""
     _finite.prepare(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
-    upright.prepare(np.zeros(robot.model.nq), np.zeros(robot.model.nv), 0.0)
 
 
 def keep_run(
-    robot: Robot, recorder: Recorder, metadata: dict[str, Any], journal: Journal | None, save: str | Path | None
+    plant: Plant, recorder: Recorder, metadata: dict[str, Any], journal: Journal | None, save: str | Path | None
 ) -> tuple[Run, RunFileError | None]:
     """The run, and why it could not be written if it was to be. A file is left as it is where nothing was logged."""
-    unsaved: RunFileError | None = None
-    size = recorder.nbytes
     if len(recorder) == 0:
         if journal is not None:
             journal.remove()
-        return Run(_no_rows(robot), metadata), None
-    if save is not None:
+        return Run({name: np.zeros((0, *array.shape)) for name, array in plant.signals.items()}, metadata), None
+    recorder.flush()
+    if journal is not None:
+        journal.end({**metadata, "format": FORMAT})
+    run, unsaved = Run(recorder.take(), metadata), None
+    try:
+        if save is not None:
+            run.save(save)
+    except RunFileError as error:
+        kept = ""
         if journal is not None:
-            journal.end({**metadata, "format": FORMAT})
-        try:
-            columns = recorder.columns()
-            write_archive(save, file_header(metadata, columns), columns)
-        except RunFileError as error:
-            unsaved = error
-    if journal is None:
-        run = Run(recorder.take(), metadata)
-    elif unsaved is not None:
-        run = Run(recorder.take(), metadata)
-        kept = f"its rows are in '{journal.path}'" if journal.error is None else f"'{journal.path}' holds its beginning"
-        unsaved = RunFileError(f"{unsaved}; {kept}", path=save)
-        journal.close()
-    else:
-        # Too much for the memory: arrays that lie in the file.
-        run = Run(read_archive(journal.target)[0] if size > MAPPED else recorder.take(), metadata)
-        journal.remove()
-    if unsaved is not None:
+            where = f"'{journal.path}'"
+            kept = f"; its rows are in {where}" if journal.error is None else f"; {where} holds its beginning"
+            journal.close()
+        unsaved = RunFileError(f"{error}{kept}", path=save)
         unsaved.run = run
+    else:
+        if journal is not None:
+            journal.remove()
     return run, unsaved
 
 
@@ -174,7 +165,7 @@ class _Loop:
         self._telemetry = getattr(self.controller, "telemetry", None)
         self._shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
         while tick < self.ticks and self.ending == "completed":
-            if compiled is not None and compiled.ready():
+            if compiled is not None:
                 done, ending = compiled.run(tick, self.ticks, self.pushes)
                 tick += done
                 if self.on_piece is not None:
@@ -187,10 +178,10 @@ class _Loop:
             if command is None:
                 return
             simulator.advance(command, self.pushes, steps=self.substeps)
-            self.ending = verdict(simulator.q, simulator.v, fall_height + simulator.ground_below)
+            self.ending = simulator.verdict(fall_height)
             if self.ending != "completed":
                 return
-            if tick == 0 and self.ticks > WORTH_COMPILING and self.on_tick is None and self.sensors is None:
+            if tick == 0 and self.on_tick is None and self.sensors is None:
                 rules = {"start": start, "period": self.period, "fall_height": fall_height}
                 compiled = simulator.compile_loop(self.controller, self.recorder, substeps=self.substeps, **rules)
             tick += 1
@@ -208,14 +199,14 @@ class _Loop:
             command = self.controller.step(measured)
             elapsed = perf_counter_ns() - begin
             command = _checked(command, self._shapes)
-            self.simulator.log(self.recorder, state, command, elapsed, self._telemetry)
+            self.simulator.log(self.recorder, command, elapsed, self._telemetry)
         except Exception as error:
             self.ending, self.failure = f"controller failed: {reason(error)}", error
             return None
         return command
 
 
-def _metadata(
+def run_metadata(
     simulator: Plant, controller: Controller, ending: str, period: float, pushes: Sequence[Push]
 ) -> dict[str, Any]:
     """How the run came about and how it ended."""
@@ -241,25 +232,6 @@ def _metadata(
         "parameters": dict(describe()) if describe is not None else {},
         "versions": describe_versions(),
     }
-
-
-def _no_rows(robot: Robot) -> dict[str, Vector]:
-    """Signals of a run that ended before its first tick."""
-    feet = len(robot.feet)
-    shapes: dict[str, tuple[int, ...]] = {
-        "t": (),
-        "q": (robot.model.nq,),
-        "v": (robot.model.nv,),
-        "foot_position": (feet, 3),
-        "foot_velocity": (feet, 3),
-        "foot_force": (feet, 3),
-        "slip_path": (feet,),
-        "slip_net": (feet,),
-        "torque": (len(robot.joints),),
-        "thrust": (len(robot.thrusters), 3),
-        "tick_ns": (),
-    }
-    return {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
 
 
 def _checked(command: Command, shapes: tuple[tuple[int], tuple[int, int]]) -> Command:

@@ -8,16 +8,16 @@ from harpy_pin.compiled import kernel
 from harpy_pin.log.slip import note_slip, note_slip_along
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
 from harpy_pin.model.entry import all_finite, all_finite_rows
-from harpy_pin.model.integrate import integrate
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import integrate
 from harpy_pin.simulation.actuators import drive_motors
 from harpy_pin.simulation.battery import draw, share_of_thrust
 from harpy_pin.simulation.step import MAX_SWEEPS, StepRecord, implicit_step
 from harpy_pin.simulation.thrusters import drive_thrusters
 
 if TYPE_CHECKING:
-    from harpy_pin.simulation.ground import GroundRecord
+    from harpy_pin.ground.ground import GroundRecord
 
 __all__ = ["MISFIT_COMMAND", "physics_steps"]
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, shown
+from harpy_pin.ground.ground import Ground
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
 from harpy_pin.log.slip import forget_slip
@@ -27,10 +30,10 @@ from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.controller import Controller
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.loop import prepare_loop, run_closed_loop
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Sensors
+from harpy_pin.simulation.upright import VERDICTS, stands
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.ticks import CompiledLoop
@@ -39,8 +42,6 @@ __all__ = ["GRAVITY", "Plant"]
 
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (equations.md §3)."""
-STATE_ARRAYS = 5
-"""Of a state; they come first in a row of the log."""
 
 
 @fixed_arrays("counts", "gravity", "q", "slip_net", "slip_path", "v")
@@ -61,7 +62,7 @@ class Plant(KeepsViews, ABC):
         t: time, s.
         dynamics: terms of the equations of motion at the present state.
         slip_path: (feet,) see :mod:`harpy_pin.log.slip`, m.
-        slip_net: (feet,) likewise.
+        slip_net: (feet,) net displacements of the same feet, m.
         counts: (3,) since the beginning of the last run: most iterations of the contact solver in a step; steps in
             which they ran out; forces commanded of a rotor that were not along its axis or beyond its limits. The rotor
             then has the part along its axis, within its limits.
@@ -71,6 +72,9 @@ class Plant(KeepsViews, ABC):
     """
 
     name: str  # in the log
+    _q_: Vector
+    _v_: Vector
+    _terrain: Record  # of the ground
 
     def __init__(self, robot: Robot, ground: Ground, contact: Record, *, dt: float, gravity: ArrayLike) -> None:
         self.robot = robot
@@ -92,6 +96,8 @@ class Plant(KeepsViews, ABC):
         self._lagging: Vector | None = None  # thrust variables of the last step, where thrusts are not the commands
         self._applied = np.zeros(self._shapes[1])
         self._battery: Record | None = None
+        self._noted_torque, self._noted_thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
+        self._clock, self._tick_ns = np.zeros(()), np.zeros((), np.int64)
         self._prepare()
         self.dynamics.update(self.q, self.v)
         self._placed = False
@@ -102,6 +108,7 @@ class Plant(KeepsViews, ABC):
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""
         forget_slip.prepare(self._contact["slip"], self.dynamics.foot_position)
+        stands.prepare(self._terrain, self.q, self.v, 0.0)
         prepare_loop(self.robot)
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
@@ -149,6 +156,49 @@ class Plant(KeepsViews, ABC):
         surface = self.ground.surface
         return 0.0 if surface is None else float(surface.height(self.q[0], self.q[1]))
 
+    def verdict(self, fall_height: float) -> str:
+        """How a run stands: ``completed`` so far, ``fell``, or ``diverged``.
+
+        Args:
+            fall_height: of the body above the ground, below which it has fallen, m.
+        """
+        return VERDICTS[stands(self._terrain, self._q_, self._v_, fall_height)]
+
+    @cached_property
+    def signals(self) -> dict[str, NDArray[Any]]:
+        """What a log has of the plant, by name: arrays that stay where they are.
+
+        The command and the times are those of the last logged tick. Of thrusters that lag there are the thrusts of the
+        last step, ``applied_thrust``; of a battery ``battery_charge``, ``battery_voltage`` and ``battery_energy``
+        (:mod:`harpy_pin.simulation.battery`).
+        """
+        d = self.dynamics
+        signals = {
+            "t": self._clock,
+            "q": self._q_,
+            "v": self._v_,
+            "foot_position": d.foot_position,
+            "foot_velocity": d.foot_velocity,
+            "foot_force": self._foot_force,
+            "slip_path": self.slip_path,
+            "slip_net": self.slip_net,
+            "torque": self._noted_torque,
+            "thrust": self._noted_thrust,
+            "tick_ns": self._tick_ns,
+        }
+        if self._lagging is not None:
+            signals["applied_thrust"] = self._applied
+        if self._battery is not None:
+            signals |= {f"battery_{name}": field(self._battery, name) for name in ("charge", "voltage", "energy")}
+        return signals
+
+    @cached_property
+    def log_calls(self) -> tuple[Call, ...]:
+        """What brings :attr:`signals` up to date before a row is logged."""
+        if self._lagging is None:
+            return ()
+        return (Call(write_thrusts, self.dynamics.record, self._lagging, self._applied),)
+
     @abstractmethod
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """Physics steps of length dt under a constant command.
@@ -166,11 +216,12 @@ class Plant(KeepsViews, ABC):
     def compile_loop(
         self, controller: Any, recorder: Recorder, *, start: float, period: float, substeps: int, fall_height: float
     ) -> CompiledLoop | None:
-        """The closed loop with a controller as one compiled call for many ticks; None where Python makes every tick.
+        """The closed loop with a controller as one call of C for many ticks; None where Python makes every tick.
 
         Args:
-            controller: may have ``compiled``, a gait's and its own :class:`~harpy_pin.simulation.ticks.CompiledTick`,
-                and ``command``, the arrays of its torques and thrusts.
+            controller: may have ``calls(state)``, the :class:`~harpy_pin.compiled.calls.Call` of a tick at the state in
+                these arrays, those of its gait included, or None; ``command``, the arrays of its torques and thrusts;
+                and signals that are arrays which stay where they are.
             recorder: of the log; has its first row.
             start: time of the first tick, s.
             period: between ticks, s.
@@ -242,20 +293,15 @@ class Plant(KeepsViews, ABC):
     def log(
         self,
         recorder: Recorder,
-        state: State,
         command: Command,
         elapsed: int,
         telemetry: Callable[[], Mapping[str, ArrayLike]] | None = None,
     ) -> None:
-        """Append one tick to a log.
-
-        Of thrusters that lag it has the thrusts of the last step, ``applied_thrust``; of a battery ``battery_charge``,
-        ``battery_voltage`` and ``battery_energy`` (:mod:`harpy_pin.simulation.battery`).
+        """Append one tick to a log: :attr:`signals` and those of the controller.
 
         Args:
             recorder: of the log.
-            state: the true one.
-            command: that it returned.
+            command: what the controller returned.
             elapsed: time it took, ns.
             telemetry: gives more signals.
 
@@ -263,31 +309,18 @@ class Plant(KeepsViews, ABC):
             InputError: telemetry uses a name of the log itself or none that a signal can have, or changed its names or
                 shapes.
         """
-        row: dict[str, ArrayLike] = {
-            "t": self.t,
-            "q": state.q,
-            "v": state.v,
-            "foot_position": state.foot_position,
-            "foot_velocity": state.foot_velocity,
-            "foot_force": state.foot_force,
-            "slip_path": self.slip_path,
-            "slip_net": self.slip_net,
-            "torque": command.torque,
-            "thrust": command.thrust,
-            "tick_ns": elapsed,
-        }
-        if self._lagging is not None:
-            write_thrusts(self.dynamics.record, self._lagging, self._applied)
-            row["applied_thrust"] = self._applied
-        if self._battery is not None:
-            row |= {f"battery_{name}": self._battery[name][0] for name in ("charge", "voltage", "energy")}
+        self._clock[...], self._tick_ns[...] = self.t, elapsed
+        self._noted_torque[...], self._noted_thrust[...] = command.torque, command.thrust
+        for call in self.log_calls:
+            call.kernel(*call.arguments)
+        row: Mapping[str, ArrayLike] = self.signals
         if telemetry is not None:
             signals = telemetry()
             if len(recorder) == 0 and row.keys() & signals.keys():
                 taken = ", ".join(sorted(row.keys() & signals.keys()))
                 raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
-            row.update(signals)
-        recorder.append(row, known=STATE_ARRAYS)
+            row = {**row, **signals}
+        recorder.append(row)
 
     def _checked(self, command: Command) -> tuple[Vector, Vector]:
         """Torques and thrusts as finite float64 arrays of the robot's sizes.

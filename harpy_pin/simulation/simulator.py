@@ -14,20 +14,22 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.compiled import BACKEND
+from harpy_pin.compiled.calls import Call
+from harpy_pin.ground.ground import Ground
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Command
+from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.battery import reset_battery
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.step import step_record
 from harpy_pin.simulation.thrusters import settle_thrusters
-from harpy_pin.simulation.ticks import CompiledLoop, CompiledTick, fits
+from harpy_pin.simulation.ticks import CompiledLoop, lasting_signals
 
 __all__ = ["GRAVITY", "Simulator"]
 
@@ -70,6 +72,7 @@ class Simulator(Plant):
         ground = Ground() if ground is None else checks.instance("ground", ground, Ground)
         dt = checks.number("dt", dt, low=1e-6)
         self._ground = ground.record
+        self._terrain = self._ground["terrain"]
         actuators = Actuators() if actuators is None else checks.instance("actuators", actuators, Actuators)
         robot = actuators.damped(robot)
         thrusters = {"thrusts": robot.n_thrust, "thrusters": len(robot.thrusters)}
@@ -133,8 +136,16 @@ class Simulator(Plant):
     ) -> CompiledLoop | None:
         """See :meth:`harpy_pin.simulation.plant.Plant.compile_loop`."""
         own = vars(self).keys() & {"advance", "log"}  # with a clock around them
-        parts: tuple[CompiledTick, CompiledTick] | None = getattr(controller, "compiled", None)
-        if own or parts is None or type(self) is not Simulator or not fits(recorder, *parts):
+        if own or BACKEND != "c" or type(self) is not Simulator or not hasattr(controller, "calls"):
+            return None
+        d = self.dynamics
+        state = State(0.0, self.q, self.v, d.foot_position, d.foot_velocity, self._foot_force)
+        calls: Sequence[Call] | None = controller.calls(state)
+        if calls is None:
+            return None
+        torque, thrust = controller.command
+        signals, again = ({**self.signals, "torque": torque, "thrust": thrust, **controller.telemetry()} for _ in "12")
+        if not lasting_signals(signals, again, recorder):
             return None
         rules = (start, period, fall_height)
-        return CompiledLoop(self, *parts, controller.command, recorder, rules=rules, substeps=substeps)
+        return CompiledLoop(self, calls, (torque, thrust), signals, recorder, rules=rules, substeps=substeps)

@@ -5,7 +5,9 @@ of the step (:func:`harpy_pin.simulation.contact_step`). B is the joint damping.
 where there is any, is found with them (:mod:`harpy_pin.simulation.joint_friction`). The velocity of a foot includes
 ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
 
-On ground that is not flat all of this is in the frames of the contacts (:mod:`harpy_pin.simulation.step_on_terrain`).
+On ground that is not flat motion and force of every foot are in the frame of its contact. There the third axis is the
+normal, so that the equations hold unchanged: penetration and normal force along the normal, friction in the tangent
+plane. A foot feels the tangent plane below it at the beginning of the step.
 """
 
 from __future__ import annotations
@@ -13,6 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world
+from harpy_pin.ground.ground import GroundRecord, local_friction, local_stiffness
+from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
 from harpy_pin.log.slip import ContactRecord, slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
@@ -21,10 +26,8 @@ from harpy_pin.model.record import Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
 from harpy_pin.simulation.battery import BatteryRecord, battery_record
-from harpy_pin.simulation.ground import GroundRecord, local_friction, local_stiffness
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
-from harpy_pin.simulation.step_on_terrain import forces_to_world, into_contact_frames
 from harpy_pin.simulation.thrusters import ThrustersRecord, thrusters_record
 
 __all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
@@ -110,7 +113,7 @@ def implicit_step(
 
     Args:
         d: of :class:`~harpy_pin.model.dynamics.Dynamics`, at the start of the step.
-        ground: of :class:`~harpy_pin.simulation.ground.Ground`.
+        ground: of :class:`~harpy_pin.ground.ground.Ground`.
         s: see :func:`step_record`.
         v: (nv,) generalised velocity, in and out.
         torque: (joints,) N·m.
@@ -175,3 +178,36 @@ def implicit_step(
         v[i] += change[i]
         s.displacement[i] = dt * v[i]
     return sweeps
+
+
+@kernel
+def into_contact_frames(d: EquationsRecord, t: TerrainRecord, s: StepRecord, v: Vector) -> None:
+    """Heights, free velocities, columns of the Jacobian and the forces guessed, in the frames of the contacts.
+
+    Args:
+        d: of the dynamics at the beginning of the step.
+        t: of the ground's surface.
+        s: of the step; its columns hold the Jacobian in world axes, its forces are those of the step before.
+        v: (nv,) generalised velocity.
+    """
+    for k in range(s.height.shape[0]):
+        place, frame = d.foot_position[k], s.frame[k]
+        nx, ny, nz = surface_normal(t, place[0], place[1])
+        contact_frame(nx, ny, nz, frame)
+        s.height[k] = (place[2] - surface_height(t, place[0], place[1])) * nz
+        free = s.free[3 * k : 3 * k + 3]
+        for c in range(3):
+            free[c] = 0.5 * s.dt * d.foot_drift[3 * k + c]
+            for i in range(v.shape[0]):
+                free[c] += d.foot_jacobian[3 * k + c, i] * v[i]
+        to_contact(frame, free)
+        to_contact(frame, s.force[3 * k : 3 * k + 3])
+        for i in range(v.shape[0]):
+            to_contact(frame, s.columns[i, 3 * k : 3 * k + 3])
+
+
+@kernel
+def forces_to_world(s: StepRecord) -> None:
+    """The forces of the step in world axes."""
+    for k in range(s.height.shape[0]):
+        to_world(s.frame[k], s.force[3 * k : 3 * k + 3])

@@ -1,90 +1,74 @@
-"""Many ticks of a closed loop in one compiled call, where Python has nothing to say between them.
+"""Many ticks of a closed loop in one call of C (ticks.c), where Python has nothing to say between them.
 
-A gait and a controller of this library say how a tick of theirs is computed (:class:`CompiledTick`); the simulator then
-runs until the log has a piece full. Every number of the log is the one that the loop in Python gives.
+A controller says which kernels a tick of it consists of (its ``calls``, those of its gait included), and has its
+signals in arrays that stay where they are. C calls these kernels, and the plant's, by their addresses.
+They are those that Python calls one by one, so every number of the log is the one that the loop in Python gives.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from time import perf_counter_ns
+import ctypes
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import BACKEND, kernel
-from harpy_pin.model.entry import GOOD
-from harpy_pin.model.record import Records
-from harpy_pin.model.state import Vector
+from harpy_pin.compiled import compiler
+from harpy_pin.compiled.bridge import Bound
+from harpy_pin.compiled.calls import Call
 from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.terrain.surface import surface_height
-from harpy_pin.simulation.upright import upright
+from harpy_pin.simulation.upright import stands
 
 if TYPE_CHECKING:
     from harpy_pin.log.recorder import Recorder
-    from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.simulation.ground import GroundRecord
     from harpy_pin.simulation.simulator import Simulator
-    from harpy_pin.simulation.step import StepRecord
 
-__all__ = ["CompiledLoop", "CompiledTick", "fits", "note_array", "note_nothing"]
+__all__ = ["CompiledLoop", "lasting_signals"]
 
-PLANT_SIGNALS = (
-    "t",
-    "q",
-    "v",
-    "foot_position",
-    "foot_velocity",
-    "foot_force",
-    "slip_path",
-    "slip_net",
-    "torque",
-    "thrust",
-    "tick_ns",
-)
-"""In the order in which :func:`_note_plant` writes them."""
-PlantParts = tuple[
-    Records["DynamicsRecord"], Records["GroundRecord"], Records["StepRecord"], Vector, Vector, Vector, Vector
-]
-"""The plant's records, then q, v, torque and thrust."""
+KINDS = {np.dtype(np.float64): 0, np.dtype(np.int64): 1, np.dtype(np.bool_): 2}
+"""Elements of signals, as in ticks.c."""
 HANDED_OVER = -1
 """Ending of a piece whose next tick is Python's: the gait or the controller does not answer as usual."""
 
 
-@dataclass(frozen=True)
-class CompiledTick:
-    """What a gait or a controller does in a tick, for compiled code.
+class _Signal(ctypes.Structure):
+    _fields_ = (("source", ctypes.c_void_p), ("count", ctypes.c_int64), ("kind", ctypes.c_int64))
 
-    Attributes:
-        act: kernel ``act(t, parts)`` of a gait, which returns whether t is a time of it; of a controller
-            ``act(parts, q, v, foot_force)``, which returns what the state is (:mod:`harpy_pin.model.entry`).
-        note: kernel ``note(parts, row, places, s)``: writes its signals into a row of the log and returns how many
-            signals the row has now.
-        parts: records and arrays, a tuple.
-        signals: names of what ``note`` writes, in its order.
-        observe: of a gait that takes the measured state: kernel ``observe(parts, q, v, foot_force)``, called before
-            ``act``.
-    """
 
-    act: Any
-    note: Any
-    parts: tuple[Any, ...]
-    signals: tuple[str, ...] = ()
-    observe: Any = None
+class _Call(ctypes.Structure):
+    _fields_ = (
+        ("bound", ctypes.POINTER(Bound)),
+        *((name, ctypes.c_int64) for name in ("takes_time", "answers", "expected")),
+    )
+
+
+class _Loop(ctypes.Structure):
+    _fields_ = (
+        ("calls", ctypes.POINTER(_Call)),
+        *((name, ctypes.c_int64) for name in ("timed", "count")),
+        *((name, ctypes.POINTER(Bound)) for name in ("physics", "stands")),
+        ("signals", ctypes.POINTER(_Signal)),
+        *((name, ctypes.c_int64) for name in ("signal_count", "width")),
+        *((name, ctypes.c_void_p) for name in ("t", "push", "tick_ns")),
+        *((name, ctypes.c_int64) for name in ("push_count", "misfit")),
+        *((name, ctypes.c_double) for name in ("start", "period")),
+        *((name, ctypes.c_int64) for name in ("sweeps", "ending")),
+    )
 
 
 class CompiledLoop:
-    """A controller and a simulator in one compiled loop.
+    """A controller and a simulator in a loop of C.
 
     Args:
         simulator: the library's own.
-        gait: of the controller.
-        controller: as it says itself.
+        calls: of a tick of the controller.
         command: (torque, thrust) that the controller writes.
-        recorder: of the log; has its first row.
+        signals: of the log, by name: arrays that stay where they are.
+        recorder: of the log; has its first row, with these signals.
         rules: time of the first tick and period, s, and the body's height below which it has fallen, m.
         substeps: physics steps of a tick.
     """
@@ -92,39 +76,41 @@ class CompiledLoop:
     def __init__(
         self,
         simulator: Simulator,
-        gait: CompiledTick,
-        controller: CompiledTick,
+        calls: Sequence[Call],
         command: tuple[Any, Any],
+        signals: Mapping[str, NDArray[Any]],
         recorder: Recorder,
         *,
         rules: tuple[float, float, float],
         substeps: int,
     ) -> None:
-        self._simulator, self._recorder, self._rules, self._substeps = simulator, recorder, rules, substeps
-        records = (simulator.dynamics.record, simulator._ground, simulator.step_record)
-        self._plant = (*records, simulator.q, simulator.v, *command)
-        observe = observe_nothing if gait.observe is None else gait.observe
-        self._gait = (observe, gait.act, gait.note, gait.parts)
-        self._controller = (controller.act, controller.note, controller.parts)
-        spans = recorder.layout.spans
-        names = (*PLANT_SIGNALS, *controller.signals, *gait.signals)
-        self._places = np.array([spans[name][0] for name in names])
-        self._compiling = run_ticks.prepare(0, *self._arguments(1))
-
-    def ready(self, *, wait: bool = False) -> bool:
-        """Whether it is compiled; a run goes on in Python until then.
-
-        Args:
-            wait: until it is.
-        """
-        if wait:
-            self._compiling.result()
-        return self._compiling.done()
-
-    def _arguments(self, rows: int) -> tuple[Any, ...]:
-        """Of :func:`run_ticks`, but for the first; no pushes yet."""
-        push, table = np.zeros((rows * self._substeps, 3)), np.empty((rows, self._recorder.layout.width))
-        return (self._substeps, self._rules, self._gait, self._controller, self._plant, push, self._places, table)
+        self._simulator, self._recorder, self._substeps = simulator, recorder, substeps
+        start, period, fall_height = rules
+        noted = simulator.log_calls
+        bound = [call.bind() for call in (*calls, *noted)]
+        push, state = np.zeros((substeps, 3)), (simulator.q, simulator.v)
+        plant = (simulator.dynamics.record, simulator._ground, simulator.step_record)
+        physics = physics_steps.bind(*plant, *state, *command, push)
+        standing = stands.bind(simulator._terrain, *state, fall_height)
+        layout = recorder.layout
+        self._kept = (bound, physics, standing, signals)  # C has their addresses
+        self._loop = _Loop(
+            calls=(_Call * len(bound))(*map(_call, (*calls, *noted), bound)),
+            timed=len(calls),
+            count=len(bound),
+            physics=ctypes.pointer(physics),
+            stands=ctypes.pointer(standing),
+            signals=(_Signal * len(signals))(*[_signal(signals[name]) for name in layout.shapes]),
+            signal_count=len(signals),
+            width=layout.width,
+            t=signals["t"].ctypes.data,
+            push=push.ctypes.data,
+            tick_ns=signals["tick_ns"].ctypes.data,
+            push_count=push.size,
+            misfit=MISFIT_COMMAND,
+            start=start,
+            period=period,
+        )
 
     def run(self, tick: int, ticks: int, pushes: Sequence[Push]) -> tuple[int, int]:
         """Ticks until the piece of the log is full.
@@ -135,104 +121,60 @@ class CompiledLoop:
             pushes: forces on the body.
 
         Returns:
-            How many were done, and how it stands: 0, 1 and 2 as :func:`~harpy_pin.simulation.upright.upright` says, or
+            How many were done, and how it stands: 0, 1 and 2 as :func:`~harpy_pin.simulation.upright.stands` says, or
             ``HANDED_OVER``.
         """
-        simulator, recorder, substeps = self._simulator, self._recorder, self._substeps
-        start, period, _ = self._rules
+        simulator, recorder, substeps, loop = self._simulator, self._recorder, self._substeps, self._loop
         count = min(ticks - tick, recorder.room)
-        arguments = self._arguments(count)
-        push, rows = arguments[5], arguments[7]
-        for n in range(count) if pushes else ():
-            simulator.t = start + (tick + n) * period
-            push[n * substeps : (n + 1) * substeps] = simulator._push_forces(pushes, substeps)
-        done, ending, simulator.sweeps = run_ticks(tick, *arguments)
+        rows = np.empty((count, recorder.layout.width))
+        forces = np.zeros((count, substeps, 3)) if pushes else None
+        if forces is not None:
+            for n in range(count):
+                simulator.t = loop.start + (tick + n) * loop.period
+                forces[n] = simulator._push_forces(pushes, substeps)
+        given = None if forces is None else forces.ctypes.data
+        done: int = _run_ticks()(ctypes.byref(loop), tick, count, given, rows.ctypes.data)
+        simulator.sweeps = loop.sweeps
         recorder.append_table(rows[:done])
         if done:
-            simulator.t = start + (tick + done - 1) * period + substeps * simulator.dt
-        return done, ending
+            simulator.t = loop.start + (tick + done - 1) * loop.period + substeps * simulator.dt
+        return done, loop.ending
 
 
-def fits(recorder: Recorder, gait: CompiledTick, controller: CompiledTick) -> bool:
-    """Whether a log has just the signals that the compiled loop writes."""
-    names = (*PLANT_SIGNALS, *controller.signals, *gait.signals)
-    return BACKEND == "c" and set(names) == set(recorder.layout.shapes) and not recorder.layout.flags
+def lasting_signals(signals: Mapping[str, Any], again: Mapping[str, Any], recorder: Recorder) -> bool:
+    """Whether signals are arrays that stay where they are, and those of a log.
+
+    Args:
+        signals: by name.
+        again: the same, asked for a second time.
+        recorder: of the log; has its first row.
+    """
+    layout = recorder.layout
+    return signals.keys() == layout.shapes.keys() and all(
+        isinstance(array, np.ndarray)
+        and array.dtype in KINDS
+        and array.flags.c_contiguous
+        and array.shape == layout.shapes[name]
+        and (name in layout.flags) == (array.dtype == np.bool_)
+        and (array.size == 0 or array.ctypes.data == again[name].ctypes.data)
+        for name, array in signals.items()
+    )
 
 
-@kernel(release=True)
-def run_ticks(
-    first: int,
-    substeps: int,
-    rules: tuple[float, float, float],
-    gait: tuple[Any, ...],
-    controller: tuple[Any, ...],
-    plant: PlantParts,
-    push: Vector,
-    places: NDArray[np.int64],
-    rows: Vector,
-) -> tuple[int, int, int]:
-    """A tick for each row; returns how many were done, how the robot stands, and the sweeps of the last contact."""
-    start, period, fall_height = rules
-    observe, plan, note_gait, gait_parts = gait
-    act, note_controller, controller_parts = controller
-    dynamics, ground, step, q, v, torque, thrust = plant
-    d, s, sweeps = dynamics[0], step[0], 0
-    foot_force = s.force.reshape((d.foot_position.shape[0], 3))
-    for n in range(rows.shape[0]):
-        t = start + (first + n) * period
-        begin = perf_counter_ns()
-        observe(gait_parts, q, v, foot_force)
-        if not plan(t, gait_parts):
-            return n, HANDED_OVER, sweeps
-        if act(controller_parts, q, v, foot_force) != GOOD:
-            return n, HANDED_OVER, sweeps
-        elapsed = perf_counter_ns() - begin
-        row = rows[n]
-        signals = _note_plant(t, elapsed, plant, row, places)
-        signals = note_controller(controller_parts, row, places, signals)
-        note_gait(gait_parts, row, places, signals)
-        forces = push[n * substeps : (n + 1) * substeps]
-        sweeps = physics_steps(d, ground[0], s, q, v, torque, thrust, forces)
-        if sweeps == MISFIT_COMMAND:
-            return n, HANDED_OVER, sweeps
-        ending = upright(q, v, fall_height + surface_height(ground[0].terrain, q[0], q[1]))
-        if ending != 0:
-            return n + 1, ending, sweeps
-    return rows.shape[0], 0, sweeps
+def _call(call: Call, bound: Bound) -> _Call:
+    """A call as C has it."""
+    return _Call(ctypes.pointer(bound), call.takes_time, call.expected is not None, call.expected or 0)
 
 
-@kernel
-def _note_plant(t: float, elapsed: int, plant: PlantParts, row: Vector, places: NDArray[np.int64]) -> int:
-    """The state, the command and the time that it took; returns how many signals that is."""
-    dynamics, _, step, q, v, torque, thrust = plant
-    d, s = dynamics[0], step[0]
-    row[places[0]] = t
-    note_array(q, row, places[1])
-    note_array(v, row, places[2])
-    note_array(d.foot_position.reshape(d.foot_position.size), row, places[3])
-    note_array(d.foot_velocity.reshape(d.foot_velocity.size), row, places[4])
-    note_array(s.force, row, places[5])
-    note_array(s.slip.path, row, places[6])
-    note_array(s.slip.net, row, places[7])
-    note_array(torque, row, places[8])
-    note_array(thrust.reshape(thrust.size), row, places[9])
-    row[places[10]] = elapsed
-    return 11
+def _signal(array: NDArray[Any]) -> _Signal:
+    """A signal as C has it."""
+    return _Signal(array.ctypes.data, array.size, KINDS[array.dtype])
 
 
-@kernel
-def note_array(values: Vector, row: Vector, place: int) -> None:
-    """Write an array into a row of the log."""
-    for i in range(values.shape[0]):
-        row[place + i] = values[i]
-
-
-@kernel
-def note_nothing(parts: tuple[Any, ...], row: Vector, places: NDArray[np.int64], s: int) -> int:
-    """What a gait without signals writes."""
-    return s
-
-
-@kernel
-def observe_nothing(parts: tuple[Any, ...], q: Vector, v: Vector, foot_force: Vector) -> None:
-    """What a gait that goes by time alone does with the measured state."""
+@cache
+def _run_ticks() -> Any:
+    """``run_ticks`` of ticks.c; other threads of Python may go on meanwhile."""
+    text = Path(__file__).with_name("ticks.c").read_text(encoding="utf-8")
+    library = compiler.library("ticks", compiler.key_of(text), lambda: text)
+    pointer, whole = ctypes.c_void_p, ctypes.c_int64
+    return ctypes.CFUNCTYPE(whole, ctypes.POINTER(_Loop), whole, whole, pointer, pointer)(("run_ticks", library))

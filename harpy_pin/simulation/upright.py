@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from harpy_pin.compiled import kernel
+from harpy_pin.ground.surface import TerrainRecord, surface_height
 from harpy_pin.model.state import Vector
 
-__all__ = ["upright", "verdict"]
+__all__ = ["VERDICTS", "stands", "upright"]
 
 VERDICTS = ("completed", "fell", "diverged")
+"""How a run ends, by what the kernels say."""
 
 
-def verdict(q: Vector, v: Vector, fall_height: float) -> str:
-    """How a run stands, from the present state: ``completed`` so far, ``fell``, or ``diverged``.
-
-    Args:
-        q: (nq,) configuration.
-        v: (nv,) generalised velocity.
-        fall_height: of the body, below which it has fallen, m.
-    """
-    return VERDICTS[upright(q, v, fall_height)]
+@kernel
+def stands(terrain: TerrainRecord, q: Vector, v: Vector, fall_height: float) -> int:
+    """:func:`upright`, with the height above the ground below the body."""
+    return upright(q, v, fall_height + surface_height(terrain, q[0], q[1]))
 
 
 @kernel

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 __all__ = [
     "APPLIED",
     "BODY",
@@ -17,6 +19,7 @@ __all__ = [
     "SLIP",
     "TARGET",
     "THRUST",
+    "as_hex",
     "as_int",
     "as_rgb",
     "ground_colour",
@@ -47,13 +50,18 @@ def as_int(colour: str) -> int:
     return int(colour.lstrip("#"), 16)
 
 
-def as_rgb(colour: int | str) -> tuple[int, int, int]:
-    """Red, green and blue, 0 to 255, of 0xRRGGBB or ``#rrggbb``: the form viser takes."""
-    number = as_int(colour) if isinstance(colour, str) else colour
+def as_rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255, of ``#rrggbb``: the form viser takes."""
+    number = as_int(colour)
     return number >> 16, number >> 8 & 255, number & 255
+
+
+def as_hex(shares: Iterable[float]) -> str:
+    """``#rrggbb`` of red, green and blue between 0 and 1."""
+    return "#" + "".join(f"{round(255 * min(max(share, 0.0), 1.0)):02x}" for share in shares)
 
 
 def ground_colour(mu: float) -> str:
     """Colour of ground with a friction coefficient: the more slippery, the bluer; pale sand from 0.8 on."""
     share = min(max(mu / _GRIPPING, 0.0), 1.0)
-    return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(_ICE, _GRIP, strict=True))
+    return as_hex((a + share * (b - a)) / 255 for a, b in zip(_ICE, _GRIP, strict=True))

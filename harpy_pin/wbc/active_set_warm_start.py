@@ -23,16 +23,27 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
+from harpy_pin.model.record import ZERO, RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.dual import DualActiveSet, DualRecord, dual_active_set
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus, equality_residual, row_value
+from harpy_pin.wbc.qp_solver import (
+    ACCEPTED,
+    QPSolution,
+    QPSolver,
+    QPStatus,
+    equality_residual,
+    row_value,
+    worst_violation,
+)
 
 __all__ = ["WarmStartedActiveSet"]
 
 BLOCKS = 4
 """Systems after which constraints are exchanged one by one."""
+SOLVED, INACCURATE, MAX_ITERATIONS, INFEASIBLE = (int(status) for status in QPStatus)
+ASK = 4
+"""What :func:`solve_further` says where another solver may help."""
 EXCHANGES = 20
 """Systems solved before the dual method is called."""
 WORK = 450 * 59**2
@@ -63,6 +74,14 @@ class ActiveSetRecord(RecordOf):
         factor: (n, n) L of H = Lᵀ L.
         columns: (n, n_eq + rows + 1) L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint.
         schur: (n_eq + rows, n_eq + rows) factor of W H⁻¹ Wᵀ.
+        budget: exchanges of the dual method that all solves of a tick may take; a system counts as ``SYSTEM``.
+        most: that it may take in one solve.
+        left: of the budget, in this tick.
+        systems: solved in this tick.
+        exchanges: of the dual method in this tick.
+        searched: how many solves needed that method.
+        iterations: of the last solve.
+        violation: of the last solution.
     """
 
     active: NDArray[np.int64] = sized("rows", whole=True)
@@ -71,6 +90,14 @@ class ActiveSetRecord(RecordOf):
     factor: Vector = sized("n", "n")
     columns: Vector = sized("n", "n_eq + rows + 1")
     schur: Vector = sized("n_eq + rows", "n_eq + rows")
+    budget: int
+    most: int
+    left: int = ZERO
+    systems: int = ZERO
+    exchanges: int = ZERO
+    searched: int = ZERO
+    iterations: int = ZERO
+    violation: float = 0.0
 
 
 @fixed_arrays("record")
@@ -83,7 +110,6 @@ class WarmStartedActiveSet(QPSolver):
 
     Attributes:
         dual: the dual method.
-        searched: how many solves needed it.
         fallback_solves: how many solves needed the fallback.
     """
 
@@ -95,16 +121,26 @@ class WarmStartedActiveSet(QPSolver):
         n, n_eq, rows = program.shape
         self.fallback = fallback
         self.dual = DualActiveSet(program)
-        self.searched = self.fallback_solves = 0
-        self._budget = self._left = WORK // max(n, 1) ** 2
-        self.record = make_record(ActiveSetRecord, {"n": n, "n_eq": n_eq, "rows": rows})
+        self.fallback_solves = 0
+        self.record = make_record(
+            ActiveSetRecord,
+            {"n": n, "n_eq": n_eq, "rows": rows},
+            budget=np.int64(WORK // max(n, 1) ** 2),
+            most=np.int64(self.dual.limit),
+        )
         self._active = field(self.record, "active")
+        self._iterations, self._violation = field(self.record, "iterations"), field(self.record, "violation")
+
+    @property
+    def searched(self) -> int:
+        """How many solves needed the dual method."""
+        return int(self.record["searched"][0])
 
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         self._refuse_other(program)
-        exchange_few.prepare(program.record, self.record, self.solution.z, EXCHANGES)
-        self.dual.prepare(program)
+        start_tick.prepare(self.record)
+        solve_further.prepare(program.record, self.record, self.dual.record, self.solution.z, self.dual.solution.z)
         self.fallback.prepare(program)
         _guess.prepare(program.record, self.record, self.solution.z)
 
@@ -112,7 +148,7 @@ class WarmStartedActiveSet(QPSolver):
         """See :meth:`QPSolver.reset`."""
         super().reset()
         self._active[:] = 0
-        self.searched = self.fallback_solves = 0
+        self.record["searched"] = self.fallback_solves = 0
         self.dual.reset()
         self.fallback.reset()
 
@@ -126,69 +162,127 @@ class WarmStartedActiveSet(QPSolver):
         self._active[:] = other
         other[:] = own
 
-    def start_tick(self) -> None:
-        """The solves from here on, up to the next call, share one bound."""
-        self._left = self._budget
-
     def solve(self, program: QuadraticProgram) -> QPSolution:
         """See :meth:`QPSolver.solve`."""
-        self.start_tick()
+        start_tick(self._record_)
         return self.solve_further(program)
 
     def solve_further(self, program: QuadraticProgram) -> QPSolution:
-        """Solve one more program of the same tick."""
+        """Solve one more program of the same tick: both share one bound."""
         self._refuse_other(program)
-        solution = self.solution
-        if self._left < min(self._budget, SPARING):  # a search was needed before, so the last active set will not do
-            solution.iterations = 0
-            return self.search(program)
-        solution.status = self._solve(program)
-        return solution if solution.status is QPStatus.SOLVED else self.search(program)
+        given = (program._record_, self._record_, self.dual._record_, self.solution.z, self.dual.solution.z)
+        return self.told(solve_further(*given), program)
 
-    def search(self, program: QuadraticProgram) -> QPSolution:
-        """Solve where the last active set and its exchange did not end."""
-        solution, sparing = self.solution, self._left < SPARING
-        self.searched += 1
-        spent = solution.iterations
-        self.dual.record["limit"] = min(self.dual.limit, max(self._left - SYSTEM * spent, 0))
-        found = self.dual.solve(program)
-        self._left -= SYSTEM * spent + found.iterations
-        self._active[:] = self.dual.active
-        spent += found.iterations
-        if found.status is QPStatus.SOLVED:
-            # The system on the active set found is free of the rounding that many small steps gather.
-            solution.status = self._exchange(program, 1 if sparing else EXCHANGES)
-            self._left -= SYSTEM * solution.iterations
-            if solution.status is QPStatus.SOLVED:
-                solution.iterations += spent
-                return solution
-        elif (found.status is not QPStatus.INFEASIBLE or found.violation == np.inf) and self._may_ask(program):
-            self.fallback_solves += 1
-            self.fallback.reset()  # what it remembers is many ticks old
-            found = self.fallback.solve(program)
-            self._left -= FALLBACK * found.iterations
-            spent += found.iterations
-            if found.usable:
-                _guess(program.record, self.record, found.z)
-        if not found.usable:
+    def told(self, status: int, program: QuadraticProgram) -> QPSolution:
+        """The solution that the kernel has written; that of the further solver where it is asked.
+
+        Args:
+            status: as the kernel says.
+            program: that was solved.
+        """
+        solution, record = self.solution, self.record
+        solution.iterations, solution.violation = int(self._iterations), float(self._violation)
+        if status != ASK:
+            solution.status = QPStatus(status)
+            return solution
+        self.fallback_solves += 1
+        self.fallback.reset()  # what it remembers is many ticks old
+        found = self.fallback.solve(program)
+        record["left"] -= FALLBACK * found.iterations
+        if found.usable:
+            _guess(program.record, self.record, found.z)
+        else:
             self._active[:] = 0
         solution.z[:] = found.z
-        solution.status, solution.violation, solution.iterations = found.status, found.violation, spent
+        solution.status, solution.violation = found.status, found.violation
+        solution.iterations += found.iterations
         return solution
 
-    def _may_ask(self, program: QuadraticProgram) -> bool:
-        """Whether the fallback, whose time has no bound, is asked after the dual method: only where it may help."""
-        exhausted = self.dual.solution.iterations >= self.dual.record["limit"][0]
-        return not exhausted and bool(np.abs(program.gradient).max(initial=0.0) < LARGEST_GRADIENT)
-
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        return self._exchange(program, EXCHANGES)
+        return self.solve(program).status
 
-    def _exchange(self, program: QuadraticProgram, most: int) -> QPStatus:
-        solution = self.solution
-        given = (program._record_, self._record_, solution.z)
-        solution.iterations, solution.violation = exchange_few(*given, most)
-        return QPStatus.SOLVED if solution.iterations <= EXCHANGES else QPStatus.MAX_ITERATIONS
+
+@kernel
+def start_tick(w: ActiveSetRecord) -> None:
+    """The solves from here on, up to the next call, share one bound."""
+    w.left = w.budget
+    w.systems = w.exchanges = 0
+
+
+@kernel
+def solve_further(p: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
+    """One more program of a tick, by the last active set and its exchange, then by the dual method.
+
+    Args:
+        p: the program.
+        w: the last active set; bounds and account of the tick.
+        dual: work space of the dual method.
+        z: solution, out.
+        found: work space for that of the dual method.
+
+    Returns:
+        A :class:`QPStatus`; ``ASK`` where none was found and another solver may help.
+    """
+    w.iterations = 0
+    if w.left >= min(w.budget, SPARING):  # else a search was needed before, so the last active set will not do
+        w.iterations, w.violation = exchange(p, w, z)
+        w.systems += w.iterations
+        if w.iterations <= EXCHANGES:
+            return SOLVED
+    return _search(p, w, dual, z, found)
+
+
+@kernel
+def _search(p: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
+    """Solve where the last active set and its exchange did not end."""
+    sparing, spent = w.left < SPARING, w.iterations
+    w.searched += 1
+    dual.limit = min(w.most, max(w.left - SYSTEM * spent, 0))
+    outcome, exchanges = dual_active_set(p, dual, found)
+    status, violation = _judged(p, outcome, found)
+    w.exchanges += exchanges
+    w.left -= SYSTEM * spent + exchanges
+    spent += exchanges
+    for c in range(w.active.shape[0]):
+        w.active[c] = dual.active[c]
+    if status == SOLVED:
+        # The system on the active set found is free of the rounding that many small steps gather.
+        w.iterations, w.violation = exchange_few(p, w, z, 1 if sparing else EXCHANGES)
+        w.systems += w.iterations
+        w.left -= SYSTEM * w.iterations
+        if w.iterations <= EXCHANGES:
+            w.iterations += spent
+            return SOLVED
+    w.iterations, w.violation = spent, violation
+    for c in range(z.shape[0]):
+        z[c] = found[c]
+    if status > INACCURATE:
+        if (status != INFEASIBLE or violation == np.inf) and exchanges < dual.limit and _is_of_a_robot(p):
+            return ASK
+        w.active[:] = 0
+    return status
+
+
+@kernel
+def _judged(p: ProgramRecord, outcome: int, z: Vector) -> tuple[int, float]:
+    """Status and violation of what the dual method found, as :meth:`QPSolver.solve` has them."""
+    violation = worst_violation(p, z)
+    status = INFEASIBLE
+    if violation < np.inf and outcome < 2:
+        if outcome == 0:
+            status = SOLVED if violation <= ACCEPTED else MAX_ITERATIONS
+        else:
+            status = INACCURATE if violation <= ACCEPTED else MAX_ITERATIONS
+    return status, violation
+
+
+@kernel
+def _is_of_a_robot(p: ProgramRecord) -> bool:
+    """Whether the gradient is one that a robot may have."""
+    fits = True
+    for c in range(p.gradient.shape[0]):
+        fits = fits and abs(p.gradient[c]) < LARGEST_GRADIENT
+    return fits
 
 
 @kernel

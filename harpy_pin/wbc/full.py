@@ -13,6 +13,7 @@ from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.centre_of_mass import body_row
 from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     ProblemRecord,
@@ -138,6 +139,8 @@ def _full_objective(
         weight = motion_task(i, p)
         motion_hessian[i, i] = weight
         motion_gradient[i] = -weight * desired[i]
+    if t.centred:
+        _centre_task(d, t, p, v, rotation, motion_hessian, motion_gradient)
     for c in range(nt):
         qp.hessian[c, c] = p.w_thrust
     for c in range(nf):
@@ -146,6 +149,25 @@ def _full_objective(
             value = t.feet[c // 3, c % 3] - d.foot_drift[c]
             add_task(p.w_swing, d.foot_jacobian[c], value, motion_hessian, motion_gradient)
     mirror(motion_hessian, nv)
+
+
+@kernel
+def _centre_task(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: ProblemRecord,
+    v: Vector,
+    rotation: Vector,
+    hessian: Vector,
+    gradient: Vector,
+) -> None:
+    """The centre of mass in the place of the body's origin, whose task is on the first three of the diagonal."""
+    row = np.empty(d.bias.shape[0])
+    for i in range(3):
+        hessian[i, i] = gradient[i] = 0.0
+    for k in range(3):
+        value = body_row(k, d, t, v, rotation, row)
+        add_task(p.w_body, row, value, hessian, gradient)
 
 
 @kernel

@@ -22,6 +22,7 @@ from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.centre_of_mass import body_row
 from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     ProblemRecord,
@@ -162,7 +163,9 @@ def _input_objective(
         hessian[a, a] = p.w_thrust
     desired = np.empty(nv)
     desired_acceleration(v, rotation, t, desired)
-    for i in range(nv):
+    if t.centred:
+        _centre_task(p.w_body, d, t, w, v, rotation, hessian, gradient)
+    for i in range(3 if t.centred else 0, nv):
         add_task(motion_task(i, p), response[i], desired[i] - free[i], hessian, gradient)
     for a in range(count):
         add_task(p.w_force, w.gain[a], -w.force[a], hessian, gradient)
@@ -170,6 +173,30 @@ def _input_objective(
         if t.held[c // 3] == 0.0:
             _add_swing_task(p.w_swing, d, t, w, c, hessian, gradient)
     mirror(hessian, ny)
+
+
+@kernel
+def _centre_task(
+    weight: float,
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    w: ContactMapRecord,
+    v: Vector,
+    rotation: Vector,
+    hessian: Vector,
+    gradient: Vector,
+) -> None:
+    """The centre of mass in the place of the body's origin, in the inputs y."""
+    nv, ny = w.response.shape
+    motion, row = np.empty(nv), np.empty(ny)
+    for k in range(3):
+        value = body_row(k, d, t, v, rotation, motion)
+        row[:] = 0.0
+        for i in range(nv):
+            value -= motion[i] * w.drive[i]
+            for y in range(ny):
+                row[y] += motion[i] * w.response[i, y]
+        add_task(weight, row, value, hessian, gradient)
 
 
 @kernel

@@ -129,9 +129,6 @@ class WholeBodyProblem(KeepsViews):
         self.robot = robot
         self.weights = weights if weights is not None else WholeBodyWeights()
         self.limits = limits if limits is not None else WholeBodyLimits()
-        if self.limits.cone != "pyramid":
-            message = f"a quadratic program has no '{self.limits.cone}': take a pyramid, or CondensedController"
-            raise InputError(message, name="cone", value=self.limits.cone)
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust
         self.n_slack = self.feet if self.limits.slack > 0.0 else 0

@@ -14,6 +14,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.centre_of_mass import note_centre_drift
 
 __all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "targets_record", "thrust_box"]
 
@@ -22,7 +23,6 @@ MAX_FRICTION = 10.0
 """Largest friction coefficient: rubber on rubber has less than two."""
 MAX_FACES = 64
 """Most faces of a friction pyramid: its cone is less than two thousandths wider."""
-CONES = ("pyramid", "disc")
 MAX_WEIGHT = 1e6
 """Largest weight of a task or a slack, and largest torque scale: beyond it the Hessian loses the lesser tasks to
 rounding."""
@@ -92,8 +92,6 @@ class WholeBodyLimits:
         mu: friction coefficient of the ground, at most 10.
         friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
         faces: of the friction pyramid, which is inscribed in the cone of that share; three to 64.
-        cone: ``pyramid``, inscribed as said; or ``disc``, Coulomb's cone itself, which only the condensed controller
-            takes. Then ``faces`` is that of the pyramids with which it approximates the disc.
         lateral_thrust: share of a free thruster's limit allowed along world x and y each; the rest of the box goes to
             z, so that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.
@@ -106,7 +104,6 @@ class WholeBodyLimits:
     mu: float = 0.25
     friction_share: float = 0.75
     faces: int = 8
-    cone: str = "pyramid"
     lateral_thrust: float = 0.4
     torque_scale: float = 1.0
     give_way: float = 0.003
@@ -117,7 +114,6 @@ class WholeBodyLimits:
         checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)
         if checks.number("faces", self.faces, low=3.0, high=MAX_FACES) != int(self.faces):
             raise InputError(f"faces must be a whole number, got {self.faces}", name="faces", value=self.faces)
-        checks.one_of("friction cone", self.cone, CONES)
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
         checks.number("torque_scale", self.torque_scale, low=0.0, high=MAX_WEIGHT, strict=True)
         checks.number("give_way", self.give_way, low=0.0, high=1.0, strict=True)
@@ -158,7 +154,8 @@ class WholeBodyTargets(KeepsViews):
         record: where they are kept, a part of a larger record, made by :func:`targets_record`.
 
     Attributes:
-        body: (3,) acceleration of the body's origin, world axes, m/s².
+        body: (3,) acceleration of the body's origin, world axes, m/s²; where ``centred`` its first two entries are that
+            of the centre of mass.
         orientation: (3,) angular acceleration of the body, body axes, rad/s².
         feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in swing, a constraint in stance.
         joints: (joints,) accelerations of the posture task, rad/s².
@@ -168,7 +165,7 @@ class WholeBodyTargets(KeepsViews):
             infinite where there is none.
         tilted: 1 where the ground is not level at every foot; then controllers express position, velocity, Jacobian,
             drift, target and force of each foot in the frame of its contact, whose third axis is the normal.
-        frame: (feet, 3, 3) these frames (:mod:`harpy_pin.model.contact_frame`).
+        frame: (feet, 3, 3) these frames (:mod:`harpy_pin.ground.contact_frame`).
         record: all of it, for kernels; the others are views of its fields, which have their names.
     """
 
@@ -187,6 +184,24 @@ class WholeBodyTargets(KeepsViews):
         self.force_range: Vector = field(self.record, "force_range")
         self.friction: Vector = field(self.record, "friction")
         self.frame: Vector = field(self.record, "frame")
+
+    @property
+    def centred(self) -> bool:
+        """Whether the horizontal part of ``body`` is the acceleration of the centre of mass."""
+        return bool(self.record["centred"][0])
+
+    def demand_of_centre(self, dynamics: Dynamics) -> None:
+        """Take the horizontal part of ``body`` as the acceleration of the centre of mass, at one state.
+
+        Args:
+            dynamics: terms at that state.
+
+        Raises:
+            InputError: terms of another robot.
+        """
+        check_terms(self._robot, dynamics, self)
+        self.record["centred"] = 1
+        note_centre_drift(dynamics.record, self.record)
 
     @property
     def tilted(self) -> bool:
@@ -224,6 +239,8 @@ class TargetsRecord(RecordOf):
     """The arrays of :class:`WholeBodyTargets`, with their names, and:
 
     Attributes:
+        centre_drift: (2,) horizontal acceleration of the centre of mass that velocities alone bring about, world
+            axes, m/s²; used where ``centred``.
         measured: (feet, 3) measured contact forces in the frames of the contacts, where the ground is not level, N.
     """
 
@@ -235,6 +252,8 @@ class TargetsRecord(RecordOf):
     force_range: Vector
     friction: Vector = sized("feet", fill=np.inf)
     tilted: int = ZERO
+    centred: int = ZERO
+    centre_drift: Vector = sized(2)
     frame: Vector = sized("feet", 3, 3)
     measured: Vector = sized("feet", 3)
 

@@ -12,16 +12,17 @@ import typer
 
 from harpy_pin import checks
 from harpy_pin.cli.ending import say
-from harpy_pin.cli.grouped import grouped
 from harpy_pin.cli.output import INTERRUPTED, console, stderr, values_table
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs
+from reproduction.cli.grouped import grouped
 
 if TYPE_CHECKING:
-    from harpy_pin.gaits import OptimisedGait, PlanarGait
     from harpy_pin.model.robot import Robot
     from reproduction.gait import PlanarTask
+    from reproduction.gait.gait_file import OptimisedGait
     from reproduction.gait.optimise import SearchProgress
+    from reproduction.gait.planar_gait import PlanarGait
 
 __all__ = ["gait"]
 
@@ -91,9 +92,9 @@ class SearchOptions:
 
     def task(self, robot: Robot, friction: float) -> PlanarTask:
         """What the search minimises, at this friction coefficient."""
-        from harpy_pin.gaits import PlanarModel
         from reproduction.gait import PlanarTask
-        from reproduction.space_cost import SpaceCost
+        from reproduction.gait.planar_model import PlanarModel
+        from reproduction.gait.search import SpaceCost
 
         space = None if self.in_space is None else SpaceCost(robot=robot, width=self.in_space, friction=friction)
         return PlanarTask(
@@ -107,7 +108,9 @@ class SearchOptions:
 
     def around(self) -> PlanarGait | None:
         """The gait to search around; none for random starts."""
-        from harpy_pin.gaits import GaitParameters, PlanarGait, load_gait
+        from harpy_pin.gaits import GaitParameters
+        from reproduction.gait.gait_file import load_gait
+        from reproduction.gait.planar_gait import PlanarGait
 
         if self.from_walk is not None:
             return PlanarGait.from_walk(GaitParameters(double_support=self.from_walk))
@@ -142,8 +145,8 @@ def gait(*, walk: WalkOptions, search: SearchOptions) -> None:
     python -m reproduction gait
     python -m reproduction gait --search middle --resume s.json --out found.toml
     """
-    from harpy_pin.gaits import load_gait
     from harpy_pin.model.robot import load_harpy
+    from reproduction.gait.gait_file import load_gait
 
     checks.number("friction", walk.friction, low=0.0, high=checks.MAX_FRICTION)
     search.check()  # also where there is no search: a wrong number is never passed over in silence
@@ -205,9 +208,10 @@ def _search_bar(budget: int) -> Iterator[Callable[[SearchProgress], None]]:
 def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:
     from dataclasses import asdict
 
-    from harpy_pin.gaits import PlanarModel, PlanarWalk
-    from harpy_pin.simulation.ground import Ground
+    from harpy_pin.ground.ground import Ground
     from reproduction.gait import analyse_periodicity
+    from reproduction.gait.planar_model import PlanarModel
+    from reproduction.gait.planar_walk import PlanarWalk
 
     ground = Ground(mu_s=friction)
     model = PlanarModel.from_robot(robot)

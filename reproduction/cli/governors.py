@@ -96,7 +96,7 @@ def governors(
         table.add_row(e.phase, str(e.samples), f"{e.median:.3f}", f"{e.p90:.3f}", f"{e.p99:.2f}")
     console.print(table)
     if figure is not None:
-        from harpy_pin.view.figures.slip_figure import slip_figure
+        from reproduction.slip_figure import slip_figure
 
         rows = [(r.method, r.friction, r.slip_mm, r.fell_at_s == r.fell_at_s) for r in results if r.push_ns == 0.0]
         with replacing(figure) as file:

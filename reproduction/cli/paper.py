@@ -43,7 +43,7 @@ def paper(
 
 
 def vlip(
-    governor: Annotated[str, typer.Option(help="Governor: none, paper, cone or margin.")] = "paper",
+    governor: Annotated[str, typer.Option(help="Governor: none, paper or margin.")] = "paper",
     evaluate_at: Annotated[
         str,
         typer.Option(
@@ -70,9 +70,9 @@ def vlip(
     \b
     python -m reproduction vlip --governor none
     python -m reproduction vlip --evaluate-at tracked --start inside
-    python -m reproduction vlip --governor cone --start inside
+    python -m reproduction vlip --governor margin --start inside
     """
-    from harpy_pin.governors.reduced.rows import EVALUATE_AT
+    from harpy_pin.governors.rows import EVALUATE_AT
     from reproduction.vlip_simulation import (
         COORDINATES,
         STARTS,

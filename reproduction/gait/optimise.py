@@ -17,11 +17,11 @@ import numpy as np
 from harpy_pin import __version__, checks
 from harpy_pin.errors import HarpyError, InputError, RunFileError, shown
 from harpy_pin.files import check_writable, write_json
-from harpy_pin.gaits.planar.gait_file import OptimisedGait
-from harpy_pin.gaits.planar.planar_gait import PlanarGait
-from harpy_pin.gaits.planar.planar_model import PlanarModel
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from reproduction.gait.gait_file import OptimisedGait
+from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_model import PlanarModel
 from reproduction.gait.search import PlanarTask
 
 __all__ = ["SearchProgress", "optimise_gait"]

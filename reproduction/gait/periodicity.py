@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.planar.joints import PlanarJoints
-from harpy_pin.gaits.planar.planar_gait import PlanarGait
-from harpy_pin.gaits.planar.planar_model import PlanarModel
-from harpy_pin.gaits.planar.planar_walk import PlanarWalk
+from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ground import Ground
+from reproduction.gait.joints import PlanarJoints
+from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_model import PlanarModel
+from reproduction.gait.planar_walk import PlanarWalk
 
 __all__ = ["Periodicity", "StepMap", "analyse_periodicity", "poincare_map"]
 

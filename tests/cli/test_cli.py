@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ from command_line import ROOT
 from needs import needs_robots
 
 import harpy_pin as hp
+from harpy_pin.cli.walk_options import read_scenario
 from harpy_pin.controllers import CONTROLLERS
+from harpy_pin.scenario.settings import scenario_of, settings_table
 
 
 def test_walk_writes_log_and_json(command, tmp_path):
@@ -38,9 +41,13 @@ def test_walk_writes_log_and_json(command, tmp_path):
     assert run.metadata["controller"] == "CondensedController"
 
 
+PAPER = ("--set", "controller=governed")
+VELOCITY = ("--set", "gait.velocity=0.3 0 0; 0.2s 0 -0.1 0.5")
+
+
 def test_a_walk_goes_where_it_is_told(command, tmp_path):
     first, second = tmp_path / "a.npz", tmp_path / "b.npz"
-    code, out, _ = command("walk", "--duration", 0.5, "--command", "0.3 0 0; 0.2s 0 -0.1 0.5", "--save", first)
+    code, out, _ = command("walk", "--duration", 0.5, *VELOCITY, "--save", first)
     assert code == 0
     assert "commanded" in out
     run = hp.Run.load(first)
@@ -65,81 +72,47 @@ def test_a_walk_goes_where_it_is_told(command, tmp_path):
         ("2s 0 0 0; 1s 0 0 0", "must grow"),
     ],
 )
-def test_a_command_that_is_none_is_refused(command, text, message):
-    code, _, err = command("walk", "--command", text)
+def test_a_velocity_that_is_none_is_refused(command, text, message):
+    code, _, err = command("walk", "--set", f"gait.velocity={text}")
     assert code == 2
     assert message in " ".join(err.split())
 
 
-def test_a_command_is_for_the_commanded_gait(command):
-    for option in (("--gait", "hand"), ("--governor", "paper"), ("--controller", "governed")):
-        assert command("walk", "--command", "0.3 0 0", *option)[0] == 2
+def test_a_velocity_is_for_the_commanded_gait(command):
+    for setting in ("gait=hand", "controller.governor=paper", "controller=governed"):
+        assert command("walk", *VELOCITY, "--set", setting)[0] == 2
 
 
-def test_an_option_of_the_governed_controller_chooses_it(command, tmp_path):
-    for option in (("--governor", "paper"), ("--no-thrust",), ("--limits",), ("--evaluate-at", "tracked")):
-        assert command("walk", "--duration", 0.02, *option, "--save", tmp_path / "a.npz")[0] == 0
-        assert hp.Run.load(tmp_path / "a.npz").metadata["parameters"]["governor"] == "ExplicitReferenceGovernor"
+@pytest.mark.parametrize("setting", ["governor=paper", "thrust=false", "evaluate_at=tracked", "legs=feedforward"])
+def test_a_setting_of_the_governed_controller_chooses_it(setting):
+    assert read_scenario([f"controller.{setting}"], friction=0.8).controller.name == "governed"
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
 def test_every_controller_walks_in_mujoco(command, tmp_path, controller):
     path = tmp_path / "a.npz"
-    options = (
-        "--plant",
-        "mujoco",
-        "--plant-preset",
-        "stiff",
-        "--friction",
-        0.6,
-        "--stiffness",
-        4000,
-        "--duration",
-        0.2,
-    )
-    code, out, _ = command("walk", "--controller", controller, *options, "--profile", "--save", path)
-    assert code == 0
-    assert "physics steps" in out
+    settings = (f"controller={controller}", "plant.preset=stiff", "ground.stiffness=4000")
+    options = [part for setting in settings for part in ("--set", setting)]
+    code, _, err = command("walk", *options, "--friction", 0.6, "--duration", 0.2, "--save", path)
+    assert code == 0, err
     metadata = hp.Run.load(path).metadata
     assert metadata["plant"]["name"] == "mujoco"
     assert metadata["ground"]["stiffness"] == 40e3
 
 
-def test_same_seed_same_walk(command, tmp_path):
-    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
-        arguments = ("--duration", 0.2, "--perturbation", 0.05, "--seed", seed)
-        assert command("walk", *arguments, "--save", tmp_path / f"{name}.npz")[0] == 0
-    a, b, c = (hp.Run.load(tmp_path / f"{name}.npz")["q"] for name in "abc")
-    np.testing.assert_array_equal(a, b)
-    assert np.abs(a - c).max() > 1e-4
-
-
-def test_options_are_the_scenario(command, tmp_path):
-    options = {
-        "--controller": "wbc",
-        "--assumed-friction": 0.3,
-        "--friction": 0.6,
-        "--cone": "per_axis",
-        "--slope": 2.0,
-        "--speed": 0.2,
-        "--duration": 0.2,
-        "--dt": 0.00025,
-        "--mass-error": 0.05,
-        "--noise": 0.5,
-        "--delay": 0.002,
-        "--seed": 3,
-        "--save": tmp_path / "a.npz",
-    }
-    arguments = [part for option in options.items() for part in option]
-    repeated = ("--push", "0.05:0,2,-1", "--push", "0.1:1.5,0,0", "--ice", "1.5:2:0.05", "--ice", "0.6:1.2:0.15")
-    code, _, err = command("walk", *arguments, "--govern-command", "--estimate-friction", *repeated)
-    assert code == 0, err
-    assert hp.Scenario.of(hp.Run.load(tmp_path / "a.npz")) == hp.Scenario(
-        controller=hp.WholeBody(parameters={"govern_command": True, "estimate_friction": True}, mu=0.3),
-        ground=hp.Ground(
-            mu_s=0.6, cone="per_axis", friction_strips=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05)), slope=np.radians(2.0)
-        ),
-        gait=hp.Straight(speed=0.2),
+def test_options_are_the_scenario():
+    settings = (
+        *("controller=wbc", "controller.mu=0.3", "controller.estimate_friction=true", "controller.weights.swing=0.5"),
+        *("ground.cone=per_axis", "ground.slope=0.03", "ground.friction_strips=[0.6,1.2,0.15],[1.5,2,0.05]"),
+        *("dt=0.00025", "disturbances.mass_error=0.05", "disturbances.noise=0.5", "disturbances.delay=0.002"),
+        *("disturbances.seed=3", "disturbances.actuators.torque_share=0.9"),
+        "gait.stiffness=9000",
+    )
+    push = ["0.05:0,2,-1", "0.1:1.5,0,0"]
+    assert read_scenario(settings, friction=0.6, speed=0.2, push=push, duration=0.2) == hp.Scenario(
+        controller=hp.WholeBody(parameters={"estimate_friction": True, "weights": {"swing": 0.5}}, mu=0.3),
+        ground=hp.Ground(mu_s=0.6, cone="per_axis", friction_strips=((0.6, 1.2, 0.15), (1.5, 2.0, 0.05)), slope=0.03),
+        gait=hp.Straight(speed=0.2, stiffness=9000),
         duration=0.2,
         dt=0.00025,
         disturbances=hp.Disturbances(
@@ -147,25 +120,42 @@ def test_options_are_the_scenario(command, tmp_path):
             noise=hp.Noise.typical(0.5),
             delay=0.002,
             seed=3,
+            actuators=hp.Actuators(torque_share=0.9),
             pushes=(hp.Push(0.05, (0.0, 2.0, -1.0)), hp.Push(0.1, (1.5, 0.0, 0.0))),
         ),
     )
 
 
-def test_terrain_is_that_of_the_scenario(command, tmp_path):
-    path = tmp_path / "a.npz"
-    code, _, err = command("walk", "--terrain", "stairs:rise=0.04,steps=3", "--duration", 0.05, "--save", path)
-    assert code == 0, err
-    assert hp.Scenario.of(hp.Run.load(path)).ground.terrain == hp.Stairs(rise=0.04, steps=3)
-    for wrong, says in (("hills", "terrain"), ("stairs:rise", "KIND:NAME=NUMBER"), ("stairs:high=1", "setting")):
-        code, _, err = command("walk", "--terrain", wrong)
-        assert code == 2
-        assert says in err
+def test_a_terrain_is_set_by_its_name_and_its_settings():
+    scenario = scenario_of({"ground.terrain.rise": 0.04, "ground.terrain": "stairs", "ground.terrain.steps": 3})
+    assert scenario.ground.terrain == hp.ground.Stairs(rise=0.04, steps=3)
+
+
+def test_every_setting_is_listed_and_can_be_set(command):
+    """What the table lists with its default is what a scenario has where nothing is set."""
+    default = hp.Scenario()
+    named = {"gait": "hand", "controller": "condensed", "plant": "compliant"}
+    names = set()
+    for setting in settings_table():
+        assert setting.meaning, setting.name
+        assert setting.name not in names
+        names.add(setting.name)
+        part = setting.name.partition(".")[0]
+        if setting.name not in ("ground", "disturbances") and named.get(part) in (*setting.parts, None):
+            scenario = scenario_of({setting.name: setting.default})
+            assert replace(scenario, controller="condensed") == default, setting.name
+    assert {"controller.weights.swing", "controller.joints.k_p", "gait.schedule", "disturbances.noise.position"} < names
+    code, out, _ = command("settings", "plant", "gait.velocity")
+    assert code == 0
+    assert "mujoco: " in out
+    assert "controller" not in out
+    assert command("settings", "colour")[0] == 2
 
 
 def test_a_log_is_walked_again(command, tmp_path):
     first, second = tmp_path / "a.npz", tmp_path / "b.npz"
-    options = ("--duration", 0.2, "--perturbation", 0.05, "--noise", 0.3, "--seed", 3, "--push", "0.1:0,1,0")
+    start = ("--set", "disturbances.start_velocity=0.05,0,0,0,0,0", "--set", "disturbances.noise=0.3")
+    options = ("--duration", 0.2, *start, "--set", "disturbances.seed=3", "--push", "0.1:0,1,0")
     assert command("walk", *options, "--save", first)[0] == 0
     code, _, err = command("walk", "--again", first, "--save", second)
     assert code == 0, err
@@ -174,7 +164,7 @@ def test_a_log_is_walked_again(command, tmp_path):
         np.testing.assert_array_equal(a[name], b[name], err_msg=name)
     assert hp.Scenario.of(a) == hp.Scenario.of(b)
     assert hp.Scenario.of(a).disturbances.start_velocity != (0.0,) * 6
-    for option in (("--speed", 0.3), ("--mass-error", 0.1), ("--limits",), ("--thrust",), ("--push", "0.1:0,1,0")):
+    for option in (("--speed", 0.3), ("--set", "dt=0.0005"), ("--robot", "harpy"), ("--push", "0.1:0,1,0")):
         code, _, err = command("walk", "--again", first, *option)
         assert code == 2
         assert "--again walks the scenario of its file" in err
@@ -199,21 +189,8 @@ def test_version(command):
     assert done.stdout == out
 
 
-def test_profile_says_where_the_time_went(command, tmp_path):
-    arguments = ("walk", "--duration", 0.2, "--json", tmp_path / "a.json", "--save")
-    code, out, _ = command(*arguments, tmp_path / "plain.npz")
-    assert code == 0
-    assert "real time" not in out
-    assert "profile" not in json.loads((tmp_path / "a.json").read_text())
-    code, out, _ = command(*arguments, tmp_path / "timed.npz", "--profile")
-    assert code == 0
-    for part in ("controller tick", "physics steps", "log", "rest", "total"):
-        assert part in out
-    assert json.loads((tmp_path / "a.json").read_text())["profile"]["ticks"] == 200
-
-
 def test_a_fall_has_its_own_exit_code_and_keeps_the_log(command, tmp_path):
-    code, out, err = command("walk", "--governor", "paper", "--friction", 0.0, "--save", tmp_path / "fall.npz")
+    code, out, err = command("walk", *PAPER, "--friction", 0.0, "--save", tmp_path / "fall.npz")
     assert code == 1
     assert "fell" in err or "diverged" in err
     assert len(hp.Run.load(tmp_path / "fall.npz")) > 0
@@ -221,7 +198,7 @@ def test_a_fall_has_its_own_exit_code_and_keeps_the_log(command, tmp_path):
 
 
 def test_a_walk_that_stumbles_does_not_count(command, tmp_path):
-    arguments = ("--governor", "paper", "--duration", 1.5, "--push", "0.5:0,60,0", "--json", tmp_path / "a.json")
+    arguments = (*PAPER, "--duration", 1.5, "--push", "0.5:0,60,0", "--json", tmp_path / "a.json")
     code, out, err = command("walk", *arguments)
     written = json.loads((tmp_path / "a.json").read_text())
     assert written["ending"] == "completed"
@@ -261,27 +238,12 @@ def test_gait_is_shown_searched_and_loaded(command, tmp_path):
     assert "--seed 5 --budget 3" in " ".join(out.split())
 
 
-@pytest.mark.parametrize("gait", ["hand", "optimised", "paper-curves"])
+@pytest.mark.parametrize("gait", ["hand", "commanded"])
 def test_every_gait_walks_a_little(command, gait, tmp_path):
-    code, _, err = command("walk", "--gait", gait, "--duration", 0.3, "--friction", 0.25, "--json", tmp_path / "a.json")
+    arguments = ("--set", f"gait={gait}", "--duration", 0.3, "--friction", 0.25)
+    code, _, err = command("walk", *arguments, "--json", tmp_path / "a.json")
     assert code == 0, err
     assert json.loads((tmp_path / "a.json").read_text())["metadata"]["scenario"]["gait"]["name"] == gait
-
-
-def test_optimised_gait_under_the_papers_governor(command, tmp_path):
-    """Ten seconds at the paper's friction: speed, angles, slip, and the normal force against no governor's."""
-    results = {}
-    for governor in ("none", "paper"):
-        arguments = ("--gait", "optimised", "--friction", 0.25, "--duration", 10, "--governor", governor)
-        assert command("walk", *arguments, "--json", tmp_path / "a.json")[0] == 0
-        results[governor] = json.loads((tmp_path / "a.json").read_text())
-    walk = results["paper"]
-    assert not walk["fell"]
-    assert walk["distance_m"] == pytest.approx(3.0, rel=0.05)
-    assert max(walk[f"{angle}_max_rad"] for angle in ("roll", "pitch", "yaw")) <= 0.15
-    assert walk["slip_mm_per_step"] <= 8.0
-    assert walk["late_slip_mm_per_step"] <= 1.0
-    assert walk["low_force"] < 0.5 * results["none"]["low_force"]
 
 
 def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, monkeypatch):

@@ -11,6 +11,8 @@ from harpy_pin.cli.app import main
 from harpy_pin.errors import HarpyError
 from harpy_pin.view.page.chromium import find_chromium
 
+SMALL = ("--duration", "1", "--size", "200x150")
+
 
 def run(monkeypatch, *words):
     monkeypatch.setattr(sys, "argv", ["harpy", "film", *words])
@@ -28,7 +30,18 @@ def test_film_of_a_robot(tmp_path, monkeypatch):
     from PIL import Image
 
     path = tmp_path / "dog.gif"
-    code = run(monkeypatch, str(path), "--robot", "Solo", "--schedule", "crawl", "--duration", "1", "--size", "200x150")
+    code = run(
+        monkeypatch,
+        str(path),
+        "--robot",
+        "Solo",
+        "--set",
+        "gait.schedule=crawl",
+        "--duration",
+        "1",
+        "--size",
+        "200x150",
+    )
     assert not code
     with Image.open(path) as film:
         assert film.size == (200, 150)
@@ -42,10 +55,8 @@ def test_film_of_a_robot(tmp_path, monkeypatch):
         (["dog.gif", "--robot", "go9"], "did you mean"),
         (["dog.gif", "--duration", "0.1"], "duration"),
         (["dog.gif", "--size", "big"], "--size"),
-        (["dog.gif", "--command", "fast"], "command"),
-        (["dog.gif", "--robot", "harpy", "--schedule", "trot"], "schedule"),
-        (["dog.gif", "--jump"], "only Harpy jumps"),
-        (["dog.gif", "--robot", "harpy", "--jump", "--command", "0.1 0 0"], "only Harpy jumps"),
+        (["dog.gif", "--set", "gait.velocity=fast"], "velocity"),
+        (["dog.gif", "--robot", "harpy", "--set", "gait.schedule=trot"], "schedule"),
     ],
 )
 def test_what_is_refused_in_one_line(words, reason, tmp_path, monkeypatch, capsys):

@@ -29,8 +29,8 @@ from harpy_pin.files import Shield, journal_path
 
 ROOT = Path(__file__).resolve().parents[2]
 MARK = "HARPY_PIN_SIGNALLED"
-PATIENCE = 60.0
-"""For a command to end, s; nothing measures it."""
+PATIENCE = 600.0
+"""For a command and its processes to end, s; nothing measures it."""
 SOON = 6.0
 """Until which moment commands are signalled without ``--fuzz``, s."""
 
@@ -159,7 +159,7 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
     assert "Traceback" not in out + err, told
     code = shown_by_shells(process.returncode)
     assert code in (case.codes if ended else (128 + number, *case.codes)), (code, told)
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + PATIENCE
     while (left := list(living(mark))) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not left, (left, told)

@@ -18,21 +18,13 @@ ZERO = {"0", "1e-300"}
 SEED = {"0", HUGE}
 ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("harpy", "walk", "--friction"): ZERO,
-    ("harpy", "walk", "--assumed-friction"): ZERO,
-    ("harpy", "walk", "--slope"): {*ZERO, "-1"},
     ("harpy", "walk", "--speed"): ZERO,
     ("harpy", "walk", "--duration"): {"1e-300"},  # the first tick
-    ("harpy", "walk", "--mass-error"): ZERO,
-    ("harpy", "walk", "--noise"): ZERO,
-    ("harpy", "walk", "--delay"): ZERO,
-    ("harpy", "walk", "--perturbation"): ZERO,
-    ("harpy", "walk", "--seed"): SEED,
     ("harpy", "view", "--port"): {"0"},
     ("harpy", "film", "--friction"): ZERO,
+    ("harpy", "film", "--speed"): {*ZERO, "-1"},
     ("harpy", "live", "--port"): {"0"},
-    ("harpy", "live", "--slope"): {*ZERO, "-1"},
     ("harpy", "live", "--speed"): ZERO,
-    ("comparison", "jitter", "--priority"): {"0"},
     ("reproduction", "gait", "--from-walk"): ZERO,
     ("reproduction", "gait", "--in-space"): ZERO,
     ("reproduction", "gait", "--friction"): ZERO,
@@ -52,8 +44,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
 """What an option takes of the values above. One that is not here takes none of them."""
 SAYS = {
     ("harpy", "walk", "--speed"): ("speed", "reach"),
-    ("harpy", "walk", "--dt"): ("dt", "physics step"),
-    ("harpy", "walk", "--assumed-stiffness"): ("stiffness",),
+    ("harpy", "film", "--speed"): ("velocity", "--speed"),
     ("reproduction", "vlip", "--dt"): ("dt", "duration"),
     ("comparison", "campaign", "--joint-damping"): ("joint damping", "joint-damping"),
     ("comparison", "tune", "--joint-damping"): ("joint damping", "joint-damping"),
@@ -118,6 +109,29 @@ def test_numbers_are_accepted_or_refused_by_name(run, option):
         assert err.startswith("error: " if command[0] == "comparison" else f"{command[0]}: "), err
         words = SAYS.get(option, (name.lstrip("-"),))
         assert any(word in err.replace("_", "-") for word in words), (value, err)
+
+
+SETTINGS = {
+    **{"dt": set(), "period": set(), "duration": {"1e-300"}, "gait.speed": ZERO, "gait.stiffness": set()},
+    **{"controller.mu": ZERO, "controller.weights.swing": ZERO, "controller.hold_ticks": ZERO},
+    **{"ground.mu_s": ZERO, "ground.stiffness": set(), "ground.slope": {*ZERO, "-1"}},
+    **{"disturbances.noise": ZERO, "disturbances.delay": ZERO, "disturbances.mass_error": ZERO},
+    **{"disturbances.seed": SEED, "disturbances.normal_error": {*ZERO, "-1"}, "plant.foot_radius": ZERO},
+}
+"""Numbers among the settings, and what they take of the values above."""
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_numbers_among_the_settings_are_accepted_or_refused_by_name(run, name):
+    for value in VALUES:
+        code, err = run("harpy", "walk", f"--set={name}={value}")
+        if value in SETTINGS[name]:
+            assert code is None, (value, err)
+            continue
+        assert code == 2, (value, err)
+        assert len(err.strip().splitlines()) == 1, (value, err)
+        words = (name.rpartition(".")[2].replace("_", " "), "reach", "physics step", "number", "multiple")
+        assert any(word in err.replace("_", " ") for word in words), (value, err)
 
 
 @pytest.mark.parametrize("push", ["nan:0,1,0", "inf:0,1,0", "1e308:0,1,0", "-1:0,1,0", "0.1:nan,0,0", "0.1:0,1e308,0"])

@@ -1,77 +1,72 @@
-"""The campaign: its plan, one walk, the file, and that neither a kill nor a lost worker changes the outcome."""
+"""The campaign: which walks, what they are, their file, and what is said of them."""
 
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
-from dataclasses import replace
+from collections import Counter
+from dataclasses import asdict, replace
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import harpy_pin as hp
+from comparison.campaign import exceptions
+from comparison.campaign.exceptions import exceptions_table
 from comparison.campaign.plan import Task, code_digest, plan
-from comparison.campaign.settings import CampaignSettings
+from comparison.campaign.settings import FACTORS, JOINT_DAMPING, KINDS, CampaignSettings, level_key
 from comparison.campaign.store import Store, read_rows
-from comparison.campaign.summary import summarise_rows, summary_tables
+from comparison.campaign.summary import exceptions_of, slip_median, summarise_rows, summary_tables, variants_table
 from comparison.campaign.walks import draw_push, scenario, walk_task
-from comparison.contenders import BEST, CONTENDERS
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, controller_part, label, short_name
+from comparison.tuning.variants import PAPER
 from harpy_pin import InputError, RunFileError, load_harpy
-from harpy_pin.controllers.named_controllers import GOVERNORS
+from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.gaits import make_gait
-from harpy_pin.model.robot import heavier
 from harpy_pin.simulation.sensors import Noise
 
-ROOT = Path(__file__).resolve().parents[2]
+WIDE = CampaignSettings.wide()
+PLAIN = Task(
+    **{"contender": "governed/none", "friction": 0.6, "stiffness": 8e3, "damping": 1.0, "plant": "compliant"},
+    **dict.fromkeys(("push", "mass_error", "friction_error", "noise", "delay", "ice", "jitter"), 0.0),
+    **{"speed": 0.3, "seed": 3, "duration": 1.5},
+)
 
-ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
-WALKS = 28  # four scenarios for each contender
-SMALL = ("--walks", str(WALKS), "--duration", "1.5")
+
+def walked(task: Task) -> dict[str, Any]:
+    return walk_task(task, code_digest())
 
 
-def task_of(**changes: Any) -> Task:
-    task = Task(
-        contender="governed/none",
-        friction=0.6,
-        push=0.0,
-        mass_error=0.0,
-        friction_error=0.0,
-        noise=0.0,
-        delay=0.0,
-        stiffness=8e3,
-        damping=1.0,
-        plant="compliant",
-        speed=0.3,
-        ice=0.0,
-        jitter=0.0,
-        seed=3,
-        duration=1.5,
-    )
-    return replace(task, **changes)
+def scenarios_of(settings: CampaignSettings) -> list[Task]:
+    """What each scenario is, without who walks it."""
+    return [replace(task, contender="") for task in plan(settings) if task.contender == settings.contenders[0]]
+
+
+def shares(factor: str) -> dict[float | str, float]:
+    """How often each level of the wide campaign is to be drawn, of all draws; one given twice twice as often."""
+    given = getattr(WIDE, FACTORS[factor].levels)
+    return {level: count / len(given) for level, count in Counter(given).items()}
 
 
 # --- Which walks ----------------------------------------------------------------------------------------------------
 
 
 def test_every_contender_meets_the_same_balanced_scenarios() -> None:
-    settings = CampaignSettings(walks=30 * len(CONTENDERS))
-    tasks = plan(settings)
-    assert {t.contender for t in tasks} == {*(f"governed/{name}" for name in GOVERNORS), BEST, "condensed", "wbc"}
-    assert len({t.key("x") for t in tasks}) == len(tasks) == settings.walks
-    scenarios: dict[str, list[Task]] = {}
-    for t in tasks:
-        scenarios.setdefault(t.contender, []).append(replace(t, contender=""))
-    first = scenarios["wbc"]
-    assert all(other == first for other in scenarios.values())
-    for factor, levels in (("friction", settings.frictions), ("push", settings.pushes)):
-        drawn = [getattr(t, factor) for t in first]
-        assert [drawn.count(level) for level in levels] == [30 // len(levels)] * len(levels)
+    tasks = plan(WIDE)
+    assert len({t.key("x") for t in tasks}) == len(tasks) == WIDE.walks == 210 * len(WIDE.contenders)
+    assert {task.contender for task in tasks} == {*CONTENDERS, *ESTIMATES}
+    first = scenarios_of(WIDE)
+    for name in WIDE.contenders:
+        assert [replace(task, contender="") for task in tasks if task.contender == name] == first
+    for factor in FACTORS:
+        drawn = Counter(getattr(task, factor) for task in first)
+        assert drawn == {level: 210 * share for level, share in shares(factor).items()}, factor
+    variants = CampaignSettings.variants()
+    assert scenarios_of(variants) == first
+    assert {"paper/tracked/feedforward", "paper/measured/pid/tuned", "condensed/tuned"} <= set(variants.contenders)
 
 
 def test_a_longer_campaign_contains_a_shorter_one() -> None:
@@ -81,70 +76,146 @@ def test_a_longer_campaign_contains_a_shorter_one() -> None:
 
 
 def test_the_key_tells_every_field_and_the_code() -> None:
-    task = task_of()
-    changed = [task.key("b")]
-    for name, value in vars(task).items():
-        changed.append(task_of(**{name: value + (1 if not isinstance(value, str) else "x")}).key("a"))
-    assert len({task.key("a"), *changed}) == len(changed) + 1
-    assert task_of().key("a") == task.key("a")
+    changed = [PLAIN.key("b")]
+    for name, value in vars(PLAIN).items():
+        changed.append(replace(PLAIN, **{name: value + (1 if not isinstance(value, str) else "x")}).key("a"))
+    assert len({PLAIN.key("a"), *changed}) == len(changed) + 1
+    assert replace(PLAIN).key("a") == PLAIN.key("a")
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+def test_no_factor_depends_on_another(factor: str) -> None:
+    """Levels of one factor may come and go: all others are drawn as before."""
+    levels = getattr(WIDE, FACTORS[factor].levels)
+    fewer = scenarios_of(CampaignSettings.wide(**{FACTORS[factor].levels: levels[:1]}))
+    for task, other in zip(scenarios_of(WIDE), fewer, strict=True):
+        assert {**asdict(task), factor: levels[0]} == asdict(other)
+
+
+def test_factors_do_not_go_together() -> None:
+    """Of 210 scenarios, no pair of levels is drawn much more often than by chance (six standard deviations)."""
+    drawn = scenarios_of(WIDE)
+    for one, two in combinations(FACTORS, 2):
+        pairs = Counter((getattr(t, one), getattr(t, two)) for t in drawn)
+        for (a, p), (b, q) in product(shares(one).items(), shares(two).items()):
+            expected = p * q * len(drawn)
+            assert abs(pairs[a, b] - expected) < 6.0 * expected**0.5, (one, a, two, b)
+
+
+def test_kinds_of_campaign_have_no_scenario_in_common_and_are_drawn_as_they_were() -> None:
+    seeds = {kind: {task.seed for task in plan(make())} for kind, make in KINDS.items()}
+    assert not seeds["wide"] & seeds["plain"]
+    assert not seeds["harsh"] & (seeds["plain"] | seeds["wide"])
+    first = scenarios_of(CampaignSettings())[0]  # as published: further factors come last
+    assert (first.friction, first.push, first.mass_error, first.friction_error) == (0.2, 0.0, -0.2, 0.0)
+    assert (first.stiffness, first.damping, first.plant, first.speed) == (8000.0, 1.0, "compliant", 0.3)
+
+
+def test_every_contender_and_every_level_has_a_name_of_its_own() -> None:
+    names = tuple(dict.fromkeys((*CONTENDERS, FORCES, *ESTIMATES)))
+    assert len({label(name) for name in names}) == len({short_name(name) for name in names}) == len(names)
+    made = [hp.Scenario(controller=controller_part(name)) for name in names]
+    assert len({str(scenario.to_dict()) for scenario in made}) == len(names)
+    levels = [(f, level) for kind in KINDS.values() for f in FACTORS for level in getattr(kind(), FACTORS[f].levels)]
+    texts = {(f, level): FACTORS[f].text(level_key(level)) for f, level in levels}
+    assert len(set(texts.values())) == len(texts)
+    assert (texts["push", 2.0], texts["ice", 0.0]) == ("push 2 N·s", "no ice")
 
 
 # --- One walk -------------------------------------------------------------------------------------------------------
 
 
 def test_a_walk_is_what_its_task_says() -> None:
-    run = hp.walk(scenario(task_of(push=2.0, mass_error=0.25, friction_error=0.5, contender="wbc")))
-    gait = make_gait(load_harpy())
+    run = hp.walk(scenario(replace(PLAIN, push=2.0, mass_error=0.25, friction_error=0.5, contender="wbc")))
     assert run.metadata["ground"]["mu_s"] == 0.6
     assert run.metadata["mass"] == pytest.approx(load_harpy().mass + 0.25 * load_harpy().model.inertias[1].mass)
     assert "0.9" in json.dumps(run.metadata["parameters"])  # 0.6 · 1.5: what the controller assumes
     (push,) = run.metadata["pushes"]
     assert push["impulse"][0] == push["impulse"][2] == 0.0
     assert abs(push["impulse"][1]) == 2.0
-    target = gait.update(push["time"] + 0.5 * push["duration"])
+    target = make_gait(load_harpy()).update(push["time"] + 0.5 * push["duration"])
     assert sorted(target.stance) == [0.0, 1.0]
     assert target.phase[int(np.argmin(target.stance))] == pytest.approx(0.5)  # the other foot is half-way
 
 
 def test_the_side_of_the_push_is_drawn() -> None:
-    gait = make_gait(load_harpy())
-    sides = [draw_push(task_of(push=1.0, duration=5.0), gait, np.random.default_rng(seed)) for seed in range(40)]
+    gait, task = make_gait(load_harpy()), replace(PLAIN, push=1.0, duration=5.0)
+    sides = [draw_push(task, gait, np.random.default_rng(seed)) for seed in range(40)]
     assert {p.impulse[1] for p in sides} == {-1.0, 1.0}
     assert len({p.time for p in sides}) == 3  # steps 1, 2 and 3 of six
 
 
-def test_a_heavier_body_leaves_the_nominal_robot_as_it_is() -> None:
-    robot = load_harpy()
-    mass = robot.mass
-    other = heavier(robot, -0.2)
-    assert robot.mass == mass
-    np.testing.assert_allclose(other.model.inertias[1].inertia, 0.8 * robot.model.inertias[1].inertia)
-    assert other.mass == pytest.approx(mass - 0.2 * robot.model.inertias[1].mass)
-    with pytest.raises(InputError, match="mass error"):
-        heavier(robot, -1.5)
-
-
-def test_the_same_task_gives_the_same_row() -> None:
-    task = task_of(contender="governed/paper", push=2.0, jitter=0.01)
-    row = walk_task(task, code_digest())
-    assert walk_task(task, code_digest()) == row
-    assert walk_task(replace(task, seed=4), code_digest()) != row
-    assert row["fell"] is False
-    assert row["fall_time_s"] is None
+def test_the_same_task_gives_the_same_row_and_a_fall_its_time() -> None:
+    task = replace(PLAIN, contender="governed/paper", push=2.0, jitter=0.01)
+    row = walked(task)
+    assert walked(task) == row
+    assert walked(replace(task, seed=4)) != row
+    assert (row["fell"], row["fall_time_s"]) == (False, None)
     json.dumps(row, allow_nan=False)
-
-
-def test_a_fall_has_its_time() -> None:
-    row = walk_task(
-        task_of(contender="governed/paper", friction=0.15, friction_error=-0.3, push=3.5, duration=4.0), code_digest()
-    )
+    row = walked(replace(task, jitter=0.0, friction=0.15, friction_error=-0.3, push=3.5, duration=4.0))
     assert row["fell"] is True
     assert 0.0 < row["fall_time_s"] < 4.0
-
-
-def test_a_worker_with_other_code_is_refused() -> None:
     with pytest.raises(InputError, match="other code"):
-        walk_task(task_of(), "0")
+        walk_task(PLAIN, "0")
+
+
+def test_what_is_drawn_reaches_the_walk() -> None:
+    task = next(t for t in plan(WIDE) if t.plant == "mujoco" and t.damping == 2.0)
+    drawn = scenario(replace(task, contender=FORCES, stiffness=40e3, speed=0.5, noise=0.5, delay=2e-3))
+    assert drawn.ground.stiffness == drawn.stiffness == drawn.felt_ground.stiffness == 40e3
+    assert drawn.ground.damping == pytest.approx(2.0 * 268.3 * 5.0**0.5)  # twice that of the same damping ratio
+    assert (drawn.plant.name, drawn.gait.speed, drawn.controller.name) == ("mujoco", 0.5, "wbc")
+    disturbances = drawn.disturbances
+    assert (disturbances.noise, disturbances.delay, disturbances.seed) == (Noise.typical(0.5), 2e-3, task.seed)
+    pytest.importorskip("mujoco")
+    built = hp.build(drawn)
+    assert built.simulator.describe()["name"] == "mujoco"
+    assert built.sensors is not None
+    assert built.sensors.delay == 2
+    assert isinstance(built.controller, WholeBodyController)
+    assert built.controller.parameters.formulation == "contact_force"
+    plain = hp.build(scenario(replace(PLAIN, contender="condensed/estimate")))
+    assert plain.sensors is None
+    assert isinstance(plain.controller, CondensedController)
+    assert plain.controller.parameters.estimate_friction
+
+
+def test_the_joints_damping_is_that_of_plant_and_controller() -> None:
+    """5 N·m·s/rad as in the authors' own model, in both engines; else the packaged robot's."""
+    assert scenario(PLAIN).urdf is None
+    assert load_harpy().model.damping[6:] == pytest.approx(JOINT_DAMPING)
+    for plant in ("compliant", "mujoco"):
+        pytest.importorskip("mujoco")
+        built = hp.build(scenario(replace(PLAIN, contender="condensed", plant=plant, joint_damping=5.0)))
+        assert built.gait.robot.model.damping[6:] == pytest.approx(5.0)
+        assert built.simulator.robot.model.damping[6:] == pytest.approx(5.0)
+
+
+def test_a_strip_of_ice_lies_in_mid_walk() -> None:
+    icy = replace(PLAIN, friction=0.5, friction_error=0.3, speed=0.4, duration=5.0, ice=0.15)
+    ((begin, end, mu),) = scenario(icy).ground.friction_strips
+    assert (begin, end, mu) == pytest.approx((0.8, 1.4, 0.15))
+    assert scenario(icy).controller.mu == 0.65  # the controller knows nothing of it
+    assert scenario(replace(icy, friction=0.12)).ground.friction_strips[0][2] == 0.12
+    assert scenario(replace(icy, ice=0.0)).ground.friction_strips == ()
+
+
+def test_motors_and_contact_of_the_harsh_campaign_reach_the_walk() -> None:
+    """Who has limits knows the share to which the plant clips; without a share nothing is clipped."""
+    pytest.importorskip("mujoco")
+    tasks = [t for t in plan(CampaignSettings.harsh()) if t.plant == "mujoco default" and t.torque_share == 0.3]
+    assert {t.contender for t in tasks} == set(HARSH) >= {f"{name}{end}" for name in PAPER for end in ("", "/tuned")}
+    for task in tasks[: len(HARSH)]:
+        drawn = scenario(replace(task, bandwidth=50.0))
+        assert (drawn.plant.name, drawn.plant.preset) == ("mujoco", "default")
+        assert drawn.disturbances.actuators == hp.Actuators(torque_share=0.3, bandwidth=50.0)
+        if drawn.controller.name == "governed":
+            assert drawn.controller.limits
+        else:
+            assert drawn.controller.parameters["limits"]["torque_scale"] == 0.3
+    free = scenario(replace(tasks[0], torque_share=0.0, bandwidth=0.0))
+    assert not free.disturbances.actuators
+    assert not free.controller.limits
 
 
 # --- The file -------------------------------------------------------------------------------------------------------
@@ -177,44 +248,25 @@ def test_a_damaged_file_is_not_touched(tmp_path: Path) -> None:
         assert path.read_bytes() == before
 
 
-def test_noise_and_delay_reach_the_walk() -> None:
-    noisy = scenario(task_of(noise=0.5, delay=2e-3))
-    assert noisy.disturbances.noise == Noise.typical(0.5)
-    assert noisy.disturbances.delay == 2e-3
-    assert noisy.disturbances.seed == 3
-    built = hp.build(noisy)
-    assert built.sensors is not None
-    assert built.sensors.delay == 2
-    assert hp.build(scenario(task_of())).sensors is None
-
-
-def test_hard_levels_are_drawn_apart() -> None:
-    """From another seed, and at levels that the plain campaign does not have, so that they judge what it tuned."""
-    hard = CampaignSettings.hard()
-    assert max(hard.pushes) == 8.0
-    assert max(hard.mass_errors) == 0.25
-    tasks = plan(hard)
-    assert {t.noise for t in tasks} == set(hard.noises)
-    assert {t.delay for t in tasks} == set(hard.delays)
-
-
 # --- The summary ----------------------------------------------------------------------------------------------------
+
+
+def rows_of(tasks: list[Task], slip: Any, fell: Any) -> dict[str, dict[str, Any]]:
+    """Rows made by hand, of slip and falls that are functions of the task."""
+    rows: dict[str, dict[str, Any]] = {}
+    for task in tasks:
+        measures = dict.fromkeys(("late_slip_mm_per_step", "sliding", "low_force", "tracking_rms_mm"), 1.0)
+        measures |= {"thrust_rms_n": 1.0, "solver_failures": 1, "slip_mm_per_step": 999.0 if fell(task) else slip(task)}
+        measures |= {"net_slip_mm_per_step": 0.5 * measures["slip_mm_per_step"]}
+        measures |= {"fell": fell(task), "fall_time_s": 2.5 if fell(task) else None}
+        rows[task.key(code_digest())] = {"measures": measures}
+    return rows
 
 
 def test_the_summary_is_a_function_of_the_set_of_rows() -> None:
     tasks = plan(CampaignSettings(walks=12 * len(CONTENDERS)))
-    names = [t.contender for t in tasks]
-    rows: dict[str, dict[str, Any]] = {}
-    for i, t in enumerate(tasks):
-        fell = t.contender == "wbc" and t.friction < 0.2
-        constant = ("net_slip_mm_per_step", "late_slip_mm_per_step", "sliding", "low_force")
-        measures = dict.fromkeys((*constant, "tracking_rms_mm", "thrust_rms_n"), 1.0)
-        measures |= {
-            "fell": fell,
-            "fall_time_s": 2.5 if fell else None,
-            "slip_mm_per_step": float(i // len(set(names))),
-        }
-        rows[t.key(code_digest())] = {"measures": measures | {"solver_failures": 1}}
+    place = {task: i // len(CONTENDERS) for i, task in enumerate(tasks)}
+    rows = rows_of(tasks, lambda task: float(place[task]), lambda task: task.contender == "wbc" and task.friction < 0.2)
     summary = summarise_rows(tasks, rows)
     backward = dict(reversed(list(rows.items()))) | {"of another campaign": {"measures": {}}}
     assert summarise_rows(tasks, backward) == summary
@@ -224,7 +276,7 @@ def test_the_summary_is_a_function_of_the_set_of_rows() -> None:
     assert (wbc["falls"]["low"], wbc["falls"]["high"]) == pytest.approx((0.0470, 0.4480), abs=1e-4)  # Wilson
     assert wbc["fall_time_s"] == {"value": 2.5, "low": None, "high": None}
     # Of 12 values the 3rd and the 10th: P(Binomial(12, 1/2) ≤ 2) = 1.9 %, ≤ 3: 7.3 %.
-    assert wbc["slip_mm_per_step"] == {"value": 5.5, "low": 2.0, "high": 9.0}
+    assert summary["whole"]["condensed"]["slip_mm_per_step"] == {"value": 5.5, "low": 2.0, "high": 9.0}
     assert summary["factors"]["friction"]["0.15"]["wbc"]["falls"]["value"] == 1.0
     assert summary["factors"]["friction"]["0.8"]["wbc"]["falls"]["value"] == 0.0
     del rows[tasks[0].key(code_digest())]
@@ -233,105 +285,47 @@ def test_the_summary_is_a_function_of_the_set_of_rows() -> None:
     assert len(set(names_of_tables)) == len(names_of_tables) == 9
 
 
-# --- The whole: kills -----------------------------------------------------------------------------------------------
+def test_counts_are_those_of_the_rows() -> None:
+    """Without a governor all fall at a push in MuJoCo, the condensed controller never."""
+    names, slips = ("governed/none", "condensed"), {"governed/none": 3.0, "condensed": 0.2}
+    settings = CampaignSettings.wide(walks=120, contenders=names, frictions=(0.12, 0.55), pushes=(0.0, 8.0))
+    tasks = plan(settings)
+    pushed = [task for task in scenarios_of(settings) if task.plant == "mujoco" and task.push > 0.0]
+    assert 0 < len(pushed) < 30
+    rows = rows_of(
+        tasks, lambda t: slips[t.contender], lambda t: t.contender == names[0] and replace(t, contender="") in pushed
+    )
+    summary = summarise_rows(tasks, rows)
+    whole, levels = summary["whole"], summary["factors"]
+    assert [whole[name]["fell"] for name in names] == [len(pushed), 0]
+    for name, slip in slips.items():  # walks that fell have no part in mean and largest, and do not reach the median
+        assert whole[name]["slip_median_mm"] == whole[name]["slip_largest_mm"] == slip
+        assert whole[name]["slip_mean_mm"] == pytest.approx(slip)
+        assert whole[name]["net_slip_median_mm"] == 0.5 * slip
+    for factor, level, share in (
+        ("push", "0", 0.0),
+        ("push", "8", 30),
+        ("plant", "compliant", 0.0),
+        ("plant", "mujoco", 30),
+    ):
+        found = levels[factor][level][names[0]]["falls"]["value"]
+        assert found == (len(pushed) / share if share else 0.0)
+    table = variants_table(summary)
+    assert table.number("no governor", "fell, MuJoCo") == len(pushed)
+    assert table.number("condensed WBC", "slip, median") == 0.2
 
 
-@pytest.fixture(scope="module")
-def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The table of a campaign whose walks were done here, one after the other, without Dask."""
-    path, code = tmp_path_factory.mktemp("campaign") / "rows.jsonl", code_digest()
-    with Store(path) as store:
-        for task in plan(CampaignSettings(walks=WALKS, duration=1.5)):
-            store.append(task.key(code), {"measures": walk_task(task, code)})
-    done = finished(path)
-    assert done.returncode == 0, done.stderr
-    assert "filter" in done.stdout
-    return done.stdout
+def test_a_contender_of_which_half_fell_slips_most() -> None:
+    part = pd.DataFrame({"slip_mm_per_step": [0.1, 0.2, 0.1, 0.3], "fell": [False, False, True, True]})
+    assert slip_median(part) == np.inf
+    assert slip_median(part[:3]) == 0.2
+    assert slip_median(part[:2]) == pytest.approx(0.15)
+    assert np.isnan(slip_median(part[:0]))
 
 
-def command(path: Path, *more: str) -> list[str]:
-    return [sys.executable, "-m", "comparison", "campaign", *SMALL, "--out", str(path), *more]
-
-
-def finished(path: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
-
-
-def wait_for_rows(path: Path, count: int) -> int:
-    end = time.monotonic() + 60.0
-    while time.monotonic() < end:
-        if path.exists() and (found := path.read_bytes().count(b"\n")) >= count:
-            return found
-        time.sleep(0.005)
-    raise AssertionError("no rows")
-
-
-def test_a_killed_campaign_goes_on_where_it_was(undisturbed: str, tmp_path: Path) -> None:
-    path = tmp_path / "rows.jsonl"
-    process = subprocess.Popen(command(path), cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.DEVNULL)
-    try:
-        wait_for_rows(path, 4)
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    before = read_rows(path)
-    assert 4 <= len(before) < WALKS  # killed in the middle
-    path.write_bytes(path.read_bytes() + b'{"key": "half a li')
-    done = finished(path)
-    assert done.stdout == undisturbed
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
-    assert len({line["key"] for line in lines}) == len(lines) == WALKS
-    assert [line["key"] for line in lines[: len(before)]] == list(before)  # nothing was done twice
-
-
-def test_a_killed_worker_loses_nothing(undisturbed: str, tmp_path: Path) -> None:
-    """One scheduler and two workers, each a process; one worker dies in the middle."""
-    path, address = tmp_path / "rows.jsonl", tmp_path / "scheduler.json"
-    started: list[subprocess.Popen[bytes]] = []
-
-    def start(*arguments: str) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "distributed.cli." + arguments[0], *arguments[1:], "--scheduler-file", str(address)],
-            cwd=ROOT,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        started.append(process)
-        return process
-
-    quiet = ("--no-dashboard", "--host", "127.0.0.1")
-    try:
-        start("dask_scheduler", *quiet, "--port", "0")
-        folder = ("--no-nanny", "--nthreads", "1", "--local-directory", str(tmp_path))
-        workers = [start("dask_worker", *quiet, *folder) for _ in range(2)]
-        end = time.monotonic() + 60.0
-        while not address.exists() or not address.read_text().endswith("}"):
-            assert time.monotonic() < end
-            time.sleep(0.05)
-        scheduler = json.loads(address.read_text())["address"]
-        process = subprocess.Popen(
-            command(path, "--scheduler", scheduler), cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True
-        )
-        started.append(process)  # type: ignore[arg-type]
-        assert wait_for_rows(path, 4) < WALKS
-        workers[0].send_signal(signal.SIGKILL)
-        table, _ = process.communicate(timeout=120)
-    finally:
-        for process in started:  # type: ignore[assignment]
-            process.kill()
-            process.wait()
-    assert table == undisturbed
-    keys = [json.loads(line)["key"] for line in path.read_text().splitlines()]
-    assert len(set(keys)) == len(keys) == WALKS
-
-
-def test_nobody_at_the_address_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from comparison.campaign import execute
-    from comparison.campaign.campaign_run import run_campaign
-
-    monkeypatch.setattr(execute, "PATIENCE", 0.5)
-    with pytest.raises(InputError, match="no scheduler answers"):
-        run_campaign(CampaignSettings(walks=1), tmp_path / "rows.jsonl", scheduler="tcp://127.0.0.1:9")
+def test_the_published_measured_variant_is_the_papers_governor_of_all_other_tables() -> None:
+    task = replace(PLAIN, push=4.0, friction=0.2, delay=1e-3)
+    assert walked(replace(task, contender="governed/paper")) == walked(replace(task, contender="paper/measured/pid"))
 
 
 @pytest.mark.parametrize("row", [{}, {"measures": 3}, {"measures": {}}, {"measures": {"fell": "no"}}], ids=str)
@@ -339,3 +333,55 @@ def test_a_row_of_another_kind_is_one_line(row: dict[str, Any]) -> None:
     tasks = plan(CampaignSettings(walks=1))
     with pytest.raises(RunFileError, match="does not hold its measures"):
         summarise_rows(tasks, {tasks[0].key(code_digest()): row})
+
+
+# --- Exceptions -----------------------------------------------------------------------------------------------------
+
+
+def walks_of(seed: int, **fell: bool) -> list[dict[str, object]]:
+    """Rows of one scenario: who fell, everything else the same."""
+    same = {"friction": 0.1 * seed, "fall_time_s": 1.0, "slip_mm_per_step": 2.0}
+    levels = {factor: 0.0 for factor in FACTORS if factor != "friction"}
+    return [{"seed": seed, "contender": name, "fell": f, **levels, **same} for name, f in fell.items()]
+
+
+def test_exceptions_are_scenarios_that_only_a_whole_body_controller_loses() -> None:
+    rows = [
+        *walks_of(1, none=True, wbc=True, condensed=True),
+        *walks_of(2, none=False, wbc=False, condensed=False),
+        *walks_of(3, none=False, wbc=True, condensed=False),
+        *walks_of(4, none=True, wbc=True, condensed=False) + walks_of(4, **{"condensed/estimate": False}),
+        *walks_of(5, none=True, wbc=False, condensed=True) + walks_of(5, **{"paper/best": False}),
+    ]
+    found = exceptions_of(pd.DataFrame(rows))
+    assert [entry["seed"] for entry in found] == [3, 5]
+    assert found[0]["fell"] == {"wbc": 1.0}
+    assert found[1]["stood"] == {"paper/best": 2.0}
+    assert found[0]["levels"] == {"friction": "0.3"}
+    text = exceptions_table({"exceptions": found}).to_string(80)
+    assert "paper's best variant, 2 mm" in text
+    assert "Scenarios in which a WBC fell and another stood: 2" in text
+
+
+def test_reasons_are_the_levels_without_which_a_walk_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Walks in which who is pushed falls, unless there is no delay; the QP does not fall with fast motors either."""
+    tasks = [t for t in plan(CampaignSettings.harsh()) if t.contender in ("condensed", "wbc")]
+    hard = {"push": 8.0, "delay": 2e-3, "bandwidth": 20.0, "ice": 0.15, "stiffness": 8e3}
+    tasks = [replace(task, **hard) for task in tasks if task.seed == tasks[0].seed]
+    both = {"seed": tasks[0].seed, "fell": {"condensed": 1.0, "wbc": 2.0}}
+
+    def done(asked: list[Task], store: Store, **_: object) -> None:
+        for task in asked:
+            fell = task.push > 0.0 and task.delay > 0.0 and (task.contender == "condensed" or task.bandwidth > 0.0)
+            store.append(task.key(code_digest()), {"measures": {"fell": fell}})
+
+    monkeypatch.setattr(exceptions, "execute", done)
+    (entry,) = exceptions.with_reasons([both], tasks, tmp_path / "rows.jsonl")
+    assert entry["reasons"] == ["push 8 N·s", "delay 2 ms"]
+    only = {"seed": tasks[0].seed, "fell": {"wbc": 2.0}}
+    (entry,) = exceptions.with_reasons([only], tasks, tmp_path / "rows.jsonl")
+    assert entry["reasons"] == ["push 8 N·s", "delay 2 ms", "motors 20 Hz"]
+    usual = replace(tasks[0], **exceptions.USUAL)
+    assert exceptions.variations(usual) == {}
+    assert exceptions.variations(replace(usual, ice=0.15)) == {"ice": usual}
+    assert set(exceptions.USUAL) == set(FACTORS) - {"friction"}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from comparison.flights import FLIGHTS
 from comparison.report.flight_films import FILMS, caption, film_flights
+from comparison.studies.flights import FLIGHTS
 from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.view.page.chromium import Chromium, find_chromium
 

@@ -10,9 +10,9 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
-from comparison.joint_pd.controller import JointPD, JointPDGains
-from comparison.joint_pd.search import SPACE, found_gains, search_gains
-from comparison.walking import PD_ROBOTS, WalkingWalk, walked
+from comparison.joint_pd.__main__ import SPACE, search_gains
+from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
+from comparison.studies.walking import PD_ROBOTS, job_of, scenario_of, walked
 
 pytestmark = needs_robots
 
@@ -71,7 +71,7 @@ def test_joint_targets_are_the_inverse_kinematics_of_the_feet(name):
 
 
 def test_loop_in_c_and_loop_in_python_give_the_same_bits():
-    scenario = WalkingWalk(robot="solo12", what="course", duration=0.8, seed=3).scenario()
+    scenario = scenario_of(job_of("solo12", "course", 0.8, 3))
 
     def make(gait):
         return JointPD(gait, JointPDGains(), mu=scenario.mu)
@@ -99,6 +99,6 @@ def test_the_search_finds_the_least_of_a_known_cost():
 
 def test_every_robot_has_gains_and_stands_a_walk_with_them():
     assert set(found_gains()) == set(PD_ROBOTS)
-    row = walked(WalkingWalk(robot="solo12", what="pushed", controller="joint_pd", duration=3.0, seed=4))
+    row = walked(job_of("solo12", "pushed", 3.0, 4, controller="joint_pd"))
     assert not row["fell"]
     assert row["slip_mm_per_step"] < 10.0

@@ -1,11 +1,12 @@
-"""The peers: what they are given, how their answers are judged, and what is said when there are none."""
+"""The peers: environments, what they are given, how their answers are judged, and what is said when there are none."""
 
 from __future__ import annotations
 
+import ast
 import json
 import stat
+import subprocess
 import sys
-from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,57 +14,45 @@ from typing import Any
 import numpy as np
 import pytest
 
+from comparison.benchmark import Settings
 from comparison.cli import app
 from comparison.measure.states import StateSequence, record_states, walk
-from comparison.peers.check import TOLERANCE, Answer, check, load_answers
-from comparison.peers.compare import measure_peers
-from comparison.peers.environment import PEERS, Peer, default_folder, interpreter
+from comparison.measure.timing import TimingSettings
+from comparison.peers import environment
+from comparison.peers.environment import PEERS, PLAYGROUND, Peer, default_folder, install, interpreter
 from comparison.peers.growth_of_peers import standing_problem
-from comparison.peers.measure_peer import PeerSettings
+from comparison.peers.measure_peer import TOLERANCE, check, load_answers, measure_peer
 from comparison.peers.ours import OURS
-from comparison.peers.peer_problem import VARIANTS, PeerProblem, make_problem
+from comparison.peers.peer_problem import ARRAYS, VARIANTS, PeerProblem, make_problem
 from comparison.peers.peer_tables import peer_tables
 from comparison.peers.pinocchio_terms import PinocchioTerms
 from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
 from comparison.tables import from_csv, to_csv
 from harpy_pin import Robot
-from harpy_pin.files import finite
 from harpy_pin.model.dynamics import Dynamics
 
 FRICTION = 0.25
-Measure = Callable[..., dict[str, Any]]
-SETTINGS = PeerSettings(most=400, warm_up=10, repetitions=2)
+ALL = {**PEERS, PLAYGROUND.name: PLAYGROUND}
+HERE = Path(environment.__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
-def sequences(robot: Robot) -> list[StateSequence]:
+def sequences() -> list[StateSequence]:
     return [record_states(name, walk(name, friction=FRICTION, duration=0.4), least=1) for name in ("governed", "wbc")]
 
 
 @pytest.fixture(scope="module")
 def problem(robot: Robot, sequences: list[StateSequence]) -> PeerProblem:
-    return make_problem(robot, sequences, friction=FRICTION, warm_up=SETTINGS.warm_up, most=SETTINGS.most)
-
-
-@pytest.fixture
-def measure(robot: Robot, sequences: list[StateSequence]) -> Measure:
-    """The comparison of peers that lie in a folder."""
-
-    def measured(settings: PeerSettings, folder: Path, peers: Mapping[str, Peer] = PEERS) -> dict[str, Any]:
-        return measure_peers(robot, sequences, friction=FRICTION, settings=settings, folder=folder, peers=peers)
-
-    return measured
+    return make_problem(robot, sequences, friction=FRICTION, warm_up=10, most=400)
 
 
 def right_answers(problem: PeerProblem) -> dict[str, Any]:
     """The file that a perfect peer would write."""
-    n = len(problem)
     out: dict[str, Any] = {"versions": json.dumps({"perfect": "1.0"}), "overhead_ns": 40.0}
     for variant, expected in problem.expected.items():
-        for quantity in TOLERANCE:
-            out[f"{variant}_{quantity}"] = getattr(expected, quantity).copy()
+        out |= {f"{variant}_{quantity}": getattr(expected, quantity).copy() for quantity in TOLERANCE}
         for what, each in (("tick", 2040), ("solve", 1040)):
-            out[f"{variant}_{what}_ns"] = np.full((2, n), each)
+            out[f"{variant}_{what}_ns"] = np.full((2, len(problem)), each)
     return out
 
 
@@ -75,12 +64,15 @@ def fake_peer(folder: Path, script: str, name: str = "fake") -> Peer:
     python.chmod(python.stat().st_mode | stat.S_IXUSR)
     worker = folder / f"{name}_worker.py"
     worker.write_text(script)
-    return Peer(name, worker, (), {"given": "", "decided": ""})
+    return Peer(name, worker, ())
 
 
-def copying(file: Path) -> str:
-    """A worker that answers with a file made before."""
-    return f"import shutil, sys\nshutil.copy({str(file)!r}, sys.argv[2])\n"
+def answered(problem: PeerProblem, folder: Path, answers: dict[str, Any]) -> dict[str, Any]:
+    """The entries of a peer that gives these answers, by variant."""
+    np.savez(folder / "answers.npz", **answers)
+    peer = fake_peer(folder, f"import shutil, sys\nshutil.copy({str(folder / 'answers.npz')!r}, sys.argv[2])\n")
+    entries = measure_peer("fake", peer, problem, folder, 2)
+    return {variant: entries[f"fake, thrusts {variant}"] for variant in VARIANTS}
 
 
 # ---------------------------------------------------------------------------------------------------- the problem
@@ -93,6 +85,7 @@ def test_problem_has_both_supports_and_active_limits(problem: PeerProblem) -> No
     slip = problem.settings["mu"] * force[:, 2:] - np.abs(force[:, :2])
     assert slip.min() > -1e-6
     assert (slip < 1e-6).any(), "no friction row is active: the check would not see a wrong pyramid"
+    np.testing.assert_allclose(problem.expected["given"].thrust, problem.thrust, atol=1e-6)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -110,111 +103,29 @@ def test_expected_solutions_obey_the_equations_of_motion(robot: Robot, problem: 
         np.testing.assert_allclose(expected.force[i][~held], 0.0, atol=1e-6)
 
 
-def test_given_thrusts_are_those_of_the_solution(problem: PeerProblem) -> None:
-    np.testing.assert_allclose(problem.expected["given"].thrust, problem.thrust, atol=1e-6)
-
-
 def test_problem_file_holds_what_was_saved(problem: PeerProblem, tmp_path: Path) -> None:
     problem.save(tmp_path / "problem.npz", repetitions=3)
     with np.load(tmp_path / "problem.npz") as file:
-        for name in ("q", "v", "body", "orientation", "feet", "joints", "held", "thrust", "thrust_force"):
+        for name in ARRAYS:
             np.testing.assert_array_equal(file[name], getattr(problem, name))
         settings = json.loads(str(file["settings"]))
-    assert settings["repetitions"] == 3
+    assert (settings["repetitions"], settings["base"]) == (3, "base")
     assert settings["feet"] == list(problem.settings["feet"])
-    assert settings["base"] == "base"
     assert Path(settings["urdf"]).is_file()
 
 
 def test_ticks_per_sequence_and_warm_up(robot: Robot, sequences: list[StateSequence]) -> None:
     short = make_problem(robot, sequences, friction=FRICTION, warm_up=4, most=10)
-    assert len(short) == 20
     assert short.counted.tolist() == 2 * (4 * [0.0] + 6 * [1.0])
 
 
-# ------------------------------------------------------------------------------------------------------ the check
-
-
-def test_right_answers_pass_and_their_times_count(problem: PeerProblem, measure: Measure, tmp_path: Path) -> None:
-    np.savez(tmp_path / "right.npz", **right_answers(problem))
-    peer = fake_peer(tmp_path, copying(tmp_path / "right.npz"))
-    result = measure(SETTINGS, tmp_path, {"fake": peer})
-    for variant in VARIANTS:
-        entry = result["contenders"][f"fake, thrusts {variant}"]
-        assert entry["reason"] == ""
-        assert entry["compared"] == len(problem)
-        for support in ("single", "double"):
-            times = entry["times"][support]
-            assert times["tick"]["p50_us"] == pytest.approx(2.0)
-            assert times["solve"]["max_us"] == pytest.approx(1.0)
-            counted = problem.supports[support] & (problem.counted > 0.0)
-            assert times["tick"]["samples"] == 2 * np.count_nonzero(counted)
-    assert result["contenders"][OURS]["times"]["single"]["tick"]["samples"] > 0
-
-
-@pytest.mark.parametrize("quantity", TOLERANCE)
-def test_one_wrong_tick_is_refused(problem: PeerProblem, tmp_path: Path, quantity: str) -> None:
-    answers = right_answers(problem)
-    answers[f"decided_{quantity}"][17].flat[0] += 2.0 * TOLERANCE[quantity]
-    np.savez(tmp_path / "wrong.npz", **answers)
-    verdict = check(load_answers(tmp_path / "wrong.npz", problem)["decided"], problem.expected["decided"])
-    assert not verdict.passed
-    assert verdict.differing == 1
-    assert verdict.difference_max[quantity] == pytest.approx(2.0 * TOLERANCE[quantity])
-    assert verdict.difference_median[quantity] == 0.0
-
-
-def test_wrong_answers_get_no_times(problem: PeerProblem, measure: Measure, tmp_path: Path) -> None:
-    answers = right_answers(problem)
-    answers["given_torque"] = answers["given_torque"] + 0.1
-    answers["decided_force"][3] = np.nan
-    np.savez(tmp_path / "wrong.npz", **answers)
-    peer = fake_peer(tmp_path, copying(tmp_path / "wrong.npz"))
-    result = measure(SETTINGS, tmp_path, {"fake": peer})
-    given, decided = (result["contenders"][f"fake, thrusts {variant}"] for variant in VARIANTS)
-    assert given["reason"].startswith(f"not comparable: {len(problem)} of {len(problem)} ticks")
-    assert "1 of them unsolved" in decided["reason"]
-    assert "times" not in given
-    assert "times" not in decided
-    shown = {table.name: table for table in peer_tables(finite(result))}
-    assert shown["peers_tick"].get("fake, thrusts given", "no times").value == given["reason"]  # type: ignore[union-attr]
-
-
-def test_ticks_that_we_did_not_solve_are_not_compared(problem: PeerProblem, tmp_path: Path) -> None:
-    answers = right_answers(problem)
-    answers["decided_force"][5] += 1.0
-    np.savez(tmp_path / "file.npz", **answers)
-    answer = load_answers(tmp_path / "file.npz", problem)["decided"]
-    solved = problem.expected["decided"].solved.copy()
-    solved[5] = False
-    verdict = check(answer, replace(problem.expected["decided"], solved=solved))
-    assert verdict.passed
-    assert verdict.compared == len(problem) - 1
-    assert not check(answer, replace(problem.expected["decided"], solved=np.zeros_like(solved))).passed
-
-
-# ---------------------------------------------------------------------------------------------- what may go wrong
-
-
-def test_absent_peers_are_reported_and_stop_nothing(measure: Measure, tmp_path: Path) -> None:
-    result = measure(SETTINGS, tmp_path)
-    contenders = result["contenders"]
-    assert contenders["placo, thrusts given"]["reason"] == NOT_INSTALLED
-    assert contenders["placo, thrusts decided"]["reason"] == NOT_INSTALLED
-    assert contenders["TSID, thrusts decided"]["reason"] == NOT_INSTALLED
-    assert contenders["TSID, thrusts given"]["reason"] == PEERS["TSID"].variants["given"]
-    assert contenders[OURS]["times"]
-    assert contenders["TSID-C++, thrusts given"]["reason"] == NOT_INSTALLED
-    assert contenders[f"{OURS}, the peers' program, condensed WBC"]["times"]
-    same = contenders[f"{OURS}, the peers' program, WBC QP"]
-    assert same["times"]
-    assert same["difference_max"]["torque"] < 1e-6  # the same program, in other variables
-    tables = peer_tables(finite(result))
-    read = from_csv(to_csv(tables))
-    for table in tables:
-        assert read[table.name].cells == table.cells
-    times = next(table for table in tables if table.name == "peers_tick")
-    assert set(times.rows) >= {*(name for name in contenders if not name.startswith(OURS))}
+def test_standing_robot_without_thrusters_is_posed(tmp_path: Path) -> None:
+    problem, _, _ = standing_problem("solo12", tmp_path, warm_up=2, most=12)
+    assert problem.expected["decided"].solved.all()
+    assert problem.supports["all"].all()
+    assert "mesh" not in Path(problem.settings["urdf"]).read_text()
+    answers = {name: getattr(problem.expected["decided"], name) for name in TOLERANCE}
+    assert not check(answers, problem.expected["decided"])["reason"]
 
 
 def test_terms_of_pinocchio_are_those_of_our_kernel(robot: Robot, sequences: list[StateSequence]) -> None:
@@ -228,37 +139,47 @@ def test_terms_of_pinocchio_are_those_of_our_kernel(robot: Robot, sequences: lis
         np.testing.assert_allclose(theirs.rotation, ours.rotation, atol=1e-14)
 
 
-def test_standing_robot_without_thrusters_is_posed(tmp_path: Path) -> None:
-    made = standing_problem("solo12", tmp_path, warm_up=2, most=12)
-    assert not isinstance(made, str), made
-    problem, _, _ = made
-    assert problem.expected["decided"].solved.all()
-    assert problem.supports["all"].all()
-    assert "mesh" not in Path(problem.settings["urdf"]).read_text()
-    answers = {name: getattr(problem.expected["decided"], name) for name in TOLERANCE}
-    laps = np.ones((1, len(problem)), dtype=np.int64)
-    assert check(Answer(answers, laps, laps, 0.0, {}), problem.expected["decided"]).passed
+# ------------------------------------------------------------------------------------------------------ the check
 
 
-BROKEN = (
-    ("raise RuntimeError('no such joint')", "RuntimeError: no such joint"),
-    ("import os; os.abort()", "ended by SIGABRT"),
-    ("import sys; sys.exit(3)", "no message"),
-    ("pass", "ended without a result"),
-    ("import sys; open(sys.argv[2], 'w').write('garbage')", "its result cannot be read"),
-    ("import sys; open(sys.argv[2], 'w')", "its result cannot be read"),
-    ("import numpy, sys; numpy.savez(sys.argv[2], versions='{}')", "its result cannot be read"),
-    ("import numpy, sys; numpy.savez(sys.argv[2], versions='{}', overhead_ns=1.0)", "its result holds no answer"),
-    ("import numpy, sys; numpy.savez(sys.argv[2], versions='[]', overhead_ns=1.0)", "its result cannot be read"),
-)
+def test_right_answers_pass_and_their_times_count(problem: PeerProblem, tmp_path: Path) -> None:
+    for entry in answered(problem, tmp_path, right_answers(problem)).values():
+        assert entry["reason"] == ""
+        assert entry["compared"] == len(problem)
+        for support, mask in problem.supports.items():
+            times = entry["times"][support]
+            assert times["tick"]["p50_us"] == pytest.approx(2.0)
+            assert times["solve"]["max_us"] == pytest.approx(1.0)
+            assert times["tick"]["samples"] == 2 * np.count_nonzero(mask & (problem.counted > 0.0))
 
 
-def test_a_worker_that_breaks_is_reported(measure: Measure, tmp_path: Path) -> None:
-    peers = {f"fake{i}": fake_peer(tmp_path, script, f"fake{i}") for i, (script, _) in enumerate(BROKEN)}
-    result = measure(replace(SETTINGS, most=20), tmp_path, peers)
-    for i, (_, reason) in enumerate(BROKEN):
-        for variant in VARIANTS:
-            assert result["contenders"][f"fake{i}, thrusts {variant}"]["reason"].startswith(reason)
+@pytest.mark.parametrize("quantity", TOLERANCE)
+def test_one_wrong_tick_is_refused(problem: PeerProblem, quantity: str) -> None:
+    expected = problem.expected["decided"]
+    answer = {name: getattr(expected, name).copy() for name in TOLERANCE}
+    answer[quantity][17].flat[0] += 2.0 * TOLERANCE[quantity]
+    verdict = check(answer, expected)
+    assert verdict["reason"]
+    assert verdict["differing"] == 1
+    assert verdict["difference_max"][quantity] == pytest.approx(2.0 * TOLERANCE[quantity])
+    assert verdict["difference_median"][quantity] == 0.0
+    solved = expected.solved.copy()  # ticks that we did not solve are not compared
+    solved[17] = False
+    verdict = check(answer, replace(expected, solved=solved))
+    assert (verdict["reason"], verdict["compared"]) == ("", len(problem) - 1)
+    assert check(answer, replace(expected, solved=np.zeros_like(solved)))["reason"]
+
+
+def test_wrong_answers_get_no_times(problem: PeerProblem, tmp_path: Path) -> None:
+    answers = right_answers(problem)
+    answers["given_torque"] = answers["given_torque"] + 0.1
+    answers["decided_force"][3] = np.nan
+    found = answered(problem, tmp_path, answers)
+    assert found["given"]["reason"].startswith(f"not comparable: {len(problem)} of {len(problem)} ticks")
+    assert "1 of them unsolved" in found["decided"]["reason"]
+    assert not any("times" in entry for entry in found.values())
+    (table,) = peer_tables({"contenders": {"fake": found["given"]}, "friction": 0.25, "tolerance": TOLERANCE})[:1]
+    assert table.get("fake", "no times").value == found["given"]["reason"]  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(
@@ -268,6 +189,7 @@ def test_a_worker_that_breaks_is_reported(measure: Measure, tmp_path: Path) -> N
         ("given_tick_ns", np.zeros(4, dtype=np.int64)),
         ("given_solve_ns", np.zeros((2, 800))),
         ("overhead_ns", np.array("soon")),
+        ("versions", "[]"),
     ],
 )
 def test_answers_of_a_wrong_shape_or_kind_are_refused(
@@ -278,45 +200,131 @@ def test_answers_of_a_wrong_shape_or_kind_are_refused(
         load_answers(tmp_path / "file.npz", problem)
 
 
-def test_a_worker_that_hangs_is_given_up(tmp_path: Path) -> None:
-    peer = fake_peer(tmp_path, "import time; time.sleep(60)")
+# ---------------------------------------------------------------------------------------------- what may go wrong
+
+BROKEN = {
+    "raise RuntimeError('no such joint')": "RuntimeError: no such joint",
+    "import os; os.abort()": "ended by SIGABRT",
+    "import sys; sys.exit(3)": "no message",
+    "pass": "ended without a result",
+    "import sys; open(sys.argv[2], 'w').write('garbage')": "its result cannot be read",
+    "import sys; open(sys.argv[2], 'w')": "its result cannot be read",
+    "import numpy, sys; numpy.savez(sys.argv[2], versions='{}', overhead_ns=1.0)": "its result cannot be read",
+}
+
+
+@pytest.mark.parametrize("script", BROKEN)
+def test_a_worker_that_breaks_is_reported(problem: PeerProblem, tmp_path: Path, script: str) -> None:
+    entries = measure_peer("fake", fake_peer(tmp_path, script), problem, tmp_path, 1)
+    assert len(entries) == len(VARIANTS)
+    assert all(entry["reason"].startswith(BROKEN[script]) for entry in entries.values())
+
+
+def test_a_worker_that_hangs_or_cannot_be_started_is_given_up(tmp_path: Path) -> None:
+    peer, python = fake_peer(tmp_path, "import time; time.sleep(60)"), interpreter(tmp_path, "fake")
     with pytest.raises(WorkerError, match="no result after"):
-        run_worker(interpreter(tmp_path, "fake"), peer.worker, tmp_path / "a", tmp_path / "b", timeout=0.5)
-
-
-def test_an_interpreter_that_is_none_is_reported(tmp_path: Path) -> None:
-    peer = fake_peer(tmp_path, "pass")
-    python = interpreter(tmp_path, "fake")
+        run_worker(python, peer.worker, tmp_path / "a", tmp_path / "b", timeout=0.5)
     python.chmod(0o644)
     with pytest.raises(WorkerError, match="cannot be started"):
         run_worker(python, peer.worker, tmp_path / "a", tmp_path / "b")
 
 
-# -------------------------------------------------------------------------------------------- command line, peers
-
-
-def test_command_line_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_reports_absent_peers_and_measures_ours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    timing = TimingSettings(repetitions=2, warm_up=10, programs=60)
+    monkeypatch.setattr(Settings, "quick", lambda **changes: Settings(duration=0.7, timing=timing, **changes))
     file = tmp_path / "peers.json"
     with pytest.raises(SystemExit) as ended:
         app(["peers", "--quick", "--folder", str(tmp_path), "--json", str(file)])
     assert ended.value.code == 0
-    out = capsys.readouterr().out
-    assert "not installed: run python -m comparison peers --install" in out
+    assert NOT_INSTALLED in capsys.readouterr().out
     document = json.loads(file.read_text(encoding="utf-8"))
-    assert document["peers"]["contenders"]["placo, thrusts given"]["reason"] == NOT_INSTALLED
     assert document["machine"]
+    peers, contenders = document["peers"], document["peers"]["contenders"]
+    for name in PEERS:
+        for variant in VARIANTS:
+            assert contenders[f"{name}, thrusts {variant}"]["reason"] == NOT_INSTALLED
+    assert contenders[OURS]["times"]["single"]["tick"]["samples"] > 0
+    assert contenders[f"{OURS}, the peers' program, condensed WBC"]["times"]
+    same = contenders[f"{OURS}, the peers' program, WBC QP"]
+    assert same["difference_max"]["torque"] < 1e-6  # the same program, in other variables
+    assert peers["terms"]["difference"]["condensed"] < 1e-6
+    assert peers["growth"]["bolt"]["contenders"][f"{OURS}, WBC QP"]["p50_us"] > 0.0
+    tables = {table.name: table for table in peer_tables(peers)}
+    assert all(from_csv(to_csv([table]))[name].cells == table.cells for name, table in tables.items())
+    assert set(tables["peers_tick"].rows) >= {name for name in contenders if not name.startswith(OURS)}
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", PEERS)
-def test_installed_peers_find_our_solution(problem: PeerProblem, measure: Measure, name: str) -> None:
-    folder = default_folder()
-    if not interpreter(folder, name).exists():
+def test_installed_peers_find_our_solution(problem: PeerProblem, name: str) -> None:
+    if not interpreter(default_folder(), name).exists():
         pytest.skip(f"{name} is not installed")
-    result = measure(replace(SETTINGS, repetitions=1), folder, {name: PEERS[name]})
-    for variant, impossible in PEERS[name].variants.items():
-        entry = result["contenders"][f"{name}, thrusts {variant}"]
-        assert entry["reason"] == impossible
-        if not impossible:
-            assert entry["compared"] == len(problem)
-            assert entry["differing"] == 0
+    for entry in measure_peer(name, PEERS[name], problem, default_folder(), 1).values():
+        assert (entry["reason"], entry["compared"], entry["differing"]) == ("", len(problem), 0)
+
+
+# --------------------------------------------------------------------------------------------------- environments
+
+
+@pytest.mark.parametrize("script", sorted(HERE.rglob("*_worker.py")), ids=lambda path: path.stem)
+def test_workers_import_nothing_of_ours(script: Path) -> None:
+    allowed = {"numpy", "onnxruntime", "placo", "pinocchio"} | set(sys.stdlib_module_names)
+    for node in ast.walk(ast.parse(script.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            assert {alias.name.split(".")[0] for alias in node.names} <= allowed
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            assert (node.module or "").split(".")[0] in allowed
+
+
+def test_default_folder_is_in_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert default_folder() == tmp_path / "harpy_pin" / "peers"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert default_folder() == tmp_path / "home" / ".cache" / "harpy_pin" / "peers"
+
+
+def test_failed_installation_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    asked = []
+
+    def run(command: list[str], **options: Any) -> Any:
+        asked.append(command)
+        text = "ERROR: No matching distribution found\n\n[notice] a new release of pip\n"
+        raise subprocess.CalledProcessError(1, command, "", text)
+
+    monkeypatch.setattr(environment.subprocess, "run", run)
+    monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
+    for name, peer in ALL.items():
+        assert install(tmp_path, name) == "ERROR: No matching distribution found"
+        assert {"--only-binary=:all:", *peer.requirements} <= set(asked[-1])
+        pinned = {*peer.requirements, *peer.libraries, *peer.alone} - {"numpy"}
+        assert all("==" in requirement for requirement in pinned)
+
+
+def test_installation_ends_and_goes_on(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def run(command: list[str], **options: Any) -> Any:
+        if any("placo" in word for word in command):
+            raise subprocess.TimeoutExpired(command, options["timeout"])
+        return subprocess.CompletedProcess(command, 0, str(tmp_path), "")
+
+    monkeypatch.setattr(environment.subprocess, "run", run)
+    monkeypatch.setattr(environment.EnvBuilder, "create", lambda self, folder: None)
+    with pytest.raises(SystemExit) as ended:
+        app(["peers", "--install", "--folder", str(tmp_path)])
+    assert ended.value.code == 1
+    placo, *others = capsys.readouterr().out.splitlines()
+    assert placo == "placo: cannot be installed: not installed after 600 s"
+    assert others == [f"{name}: installed" for name in ALL if name != "placo"]
+
+
+def test_installation_leaves_foreign_folders_alone(tmp_path: Path) -> None:
+    for name in ALL:
+        (tmp_path / name.lower()).mkdir()
+        (tmp_path / name.lower() / "thesis.tex").write_text("precious")
+        assert "no virtual environment" in install(tmp_path, name)
+        assert (tmp_path / name.lower() / "thesis.tex").read_text() == "precious"

@@ -6,21 +6,21 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import qpsolvers
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
 from comparison.cli import app
-from comparison.public import data_set, flips, models, solvers
+from comparison.measure.controllers import make_contender
+from comparison.measure.states import record_states, walk
+from comparison.public import data_set, solvers
 from comparison.public.data_set import record_problems, write_problems
-from comparison.public.flips import replay_flips
-from comparison.public.models import FEET, SOLE, compare_states, growth_exponents, time_models
 from comparison.public.problems import KEYS, Answer, Problem, is_convex, mat_problems, npz_problems, residuals
 from comparison.public.solvers import CONTENDERS, solve_with_dual, time_solvers
 from comparison.public.sources import SOURCES, find_sources
-from comparison.public.study import PublicSettings, measure_public, public_tables
+from comparison.public.study import PublicSettings, measure_public
+from harpy_pin import load_harpy
 from harpy_pin.errors import InputError
 
 MPC = Problem("LIPMWALK0", np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, 1.0]), -np.eye(2), np.array([0.0, -0.2]))
@@ -46,8 +46,7 @@ def drawn(rng: np.random.Generator, n: int = 6) -> Problem:
 
 def clone(folder: Path, name: str) -> Path:
     """The folder that is read of a repository."""
-    repository, inner = SOURCES[name]
-    path = folder / repository.split("/")[1] / inner
+    path = folder / Path(SOURCES[name]).name / "data"
     path.mkdir(parents=True)
     return path
 
@@ -161,147 +160,6 @@ def test_programs_of_matlab_are_those_with_one_side(tmp_path):
         list(mat_problems(folder))
 
 
-def leg(side: str, y: float) -> str:
-    """Six joints down to the link on which libdwbc's robot stands."""
-    names = [f"{side}_{k}" for k in range(5)] + [f"{side}_AnkleRoll_Link"]
-    text, parent = "", "base"
-    for k, (name, axis) in enumerate(zip(names, ("0 0 1", "1 0 0", *(["0 1 0"] * 3), "1 0 0"), strict=True)):
-        text += f"""<link name="{name}"><inertial><origin xyz="0.01 0 -0.1"/><mass value="{2 + k}"/>
-          <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.03" iyz="0" izz="0.025"/></inertial></link>
-        <joint name="{name}_joint" type="revolute"><parent link="{parent}"/><child link="{name}"/>
-          <origin xyz="0 {y if k == 0 else 0} -0.1"/><axis xyz="{axis}"/>
-          <limit lower="-2" upper="2" effort="300" velocity="10"/></joint>"""
-        parent = name
-    return text
-
-
-HUMANOID = f"""<robot name="two legs"><link name="base"><inertial><mass value="30"/>
-  <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="9"/></inertial></link>
-  {leg("L", 0.1)}{leg("R", -0.1)}</robot>"""
-"""The inertia of its base is that of no body, as in libdwbc's files."""
-
-
-def write_libdwbc(tests: Path) -> None:
-    """Two states in its formats, of another robot; the terms are Pinocchio's."""
-    (tests / "dof_test").mkdir()
-    for path in (tests / "dyros_tocabi.urdf", tests / "dof_test" / "dyros_tocabi_dof12.urdf"):
-        path.write_text(HUMANOID)
-    model = pin.buildModelFromXML(HUMANOID, pin.JointModelFreeFlyer())
-    source = ""
-    for case in (1, 2):
-        bent = np.array([0.1 * case, 0.05, -0.3, 0.6, -0.3, 0.02])
-        q = np.concatenate(([0.0, 0.1, 0.9], [0.0, 0.0, 0.0], bent, -0.5 * bent, [1.0]))
-        source += f'    q << {", ".join(f"{x:g}" for x in q)};\n    case_set = "/{case}";\n'
-        data = model.createData()
-        q = np.array([float(f"{x:g}") for x in q])
-        q = np.concatenate((q[:6], q[-1:], q[6:-1]))
-        mass = pin.crba(model, data, q)
-        mass = np.triu(mass) + np.triu(mass, 1).T
-        pin.computeJointJacobians(model, data, q)
-        pin.updateFramePlacements(model, data)
-        jacobian = []
-        for foot in FEET:
-            frame = model.getFrameId(foot)
-            turn = data.oMf[frame].rotation
-            linear, angular = np.split(pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED), 2)
-            jacobian += [linear - pin.skew(turn @ np.array(SOLE.centre)) @ angular, angular]
-        gravity = pin.computeGeneralizedGravity(model, data, q)
-        recorded = {"A_inv_": np.linalg.inv(mass), "J_C": np.vstack(jacobian)}
-        recorded["torque_grav_"] = least_torque(mass, recorded["J_C"], gravity)[:, None]
-        (tests / "cases" / str(case)).mkdir(parents=True)
-        for name, matrix in recorded.items():
-            head = np.array(matrix.shape, dtype=np.int64).tobytes()
-            (tests / "cases" / str(case) / name).write_bytes(head + matrix.T.tobytes())
-    (tests / "dwbc_test.cpp").write_text(source)
-
-
-def least_torque(mass, jacobian, gravity):
-    """Least torques, in the norm of the inverse inertia within the contacts, that hold the robot: by another way.
-
-    At rest [0; τ] + Jᵀ f = gravity. Of all solutions libdwbc's is in the row space of the map from torques to motions.
-    """
-    joints = len(gravity) - 6
-    system = np.hstack((np.vstack((np.zeros((6, joints)), np.eye(joints))), jacobian.T))
-    torque = np.linalg.lstsq(system, gravity, rcond=None)[0][:joints]
-    # Torques that only press the feet against each other move nothing: they are taken out.
-    inner = [solution[:joints] for solution in np.linalg.svd(system)[2][len(gravity) :]]
-    inner = np.linalg.qr(np.array(inner).T)[0]
-    return torque - inner @ (inner.T @ torque)
-
-
-def test_recorded_states_are_our_terms(tmp_path):
-    tests = clone(tmp_path, "libdwbc")
-    write_libdwbc(tests)
-    for row in compare_states(tests):
-        assert row["mass"] < 1e-11
-        assert row["jacobian"] < 1e-13
-        assert row["gravity"] < 1e-7
-    (tests / "dyros_tocabi.urdf").write_text("<robot/>")
-    with pytest.raises(InputError, match="no model of libdwbc"):
-        compare_states(tests)
-
-
-def test_models_are_timed_by_their_joints(tmp_path, monkeypatch):
-    tests, cases = clone(tmp_path, "libdwbc"), []
-    write_libdwbc(tests)
-
-    def timed(case, repetitions, rng):
-        cases.append(case)
-        return dict.fromkeys(("terms", "full", "input_space", "condensed", "unsolved"), 2.0)
-
-    monkeypatch.setattr(models, "time_case", timed)
-    rows = time_models(tests, (12, 12), 1)
-    assert [case.held for case in cases] == [8, 8]
-    assert (rows[0]["joints"], rows[0]["dof"], rows[0]["terms"]) == (12, 18, 2.0)
-    doubled = [{**rows[0], "dof": 10 * k, "terms": 4.0 * k, "full": 3.0 * k**2} for k in (1, 2, 3)]
-    assert growth_exponents(doubled)["terms"] == pytest.approx(1.0)
-    assert growth_exponents(doubled)["full"] == pytest.approx(2.0)
-
-
-def quadruped() -> str:
-    text = """<robot name="four legs"><link name="base"><inertial><mass value="6"/>
-      <inertia ixx="0.05" ixy="0" ixz="0" iyy="0.06" iyz="0" izz="0.07"/></inertial></link>"""
-    for foot in flips.FEET:
-        side, parent = foot[:2], "base"
-        x, y = (0.2 if side[0] == "f" else -0.2), (0.1 if side[1] == "l" else -0.1)
-        for name, axis, place in (
-            ("abad", "1 0 0", f"{x} {y} 0"),
-            ("shoulder", "0 1 0", "0 0 0"),
-            ("knee", "0 1 0", "0 0 -0.15"),
-        ):
-            text += f"""<link name="{side}_{name}_link"><inertial><origin xyz="0 0 -0.05"/><mass value="0.3"/>
-              <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.001" iyz="0" izz="0.001"/></inertial></link>
-            <joint name="{side}_{name}" type="revolute"><parent link="{parent}"/><child link="{side}_{name}_link"/>
-              <origin xyz="{place}"/><axis xyz="{axis}"/>
-              <limit lower="-4" upper="4" effort="30" velocity="40"/></joint>"""
-            parent = f"{side}_{name}_link"
-        text += f"""<link name="{foot}"/><joint name="{foot}_fixed" type="fixed"><parent link="{parent}"/>
-          <child link="{foot}"/><origin xyz="0 0 -0.15"/></joint>"""
-    return text + "</robot>"
-
-
-def test_a_motion_at_rest_stands(tmp_path):
-    workspace = clone(tmp_path, "flips")
-    for path in ("common/model/urdf", "controllers/trajectories"):
-        (workspace / path).mkdir(parents=True)
-    (workspace / flips.URDF).write_text(quadruped())
-    columns = [f"{side}{k}" for side in ("fl", "fr", "bl", "br") for k in (1, 2, 3)]
-    header = ["t[s]", *(f"{kind}_{c}" for kind in ("q", "qd", "Tau") for c in columns)]
-    bent = [0.0, 0.7, -1.4] * 4
-    lines = [",".join(map(str, [t, *bent, *[0.0] * 24])) for t in (0.0, 0.1, 0.2)]
-    for file in flips.FILES.values():
-        (workspace / "controllers/trajectories" / file).write_text("\n".join([",".join(header), *lines]))
-    for row in replay_flips(workspace):
-        assert abs(row["turn_deg"]) < 2.0
-        assert row["up"] > 0.999
-        assert row["peak_m"] == pytest.approx(0.3 * np.cos(0.7), abs=0.02)
-        assert row["error_rad"] < 0.05
-    file.replace("salto", "")
-    (workspace / "controllers/trajectories" / file).write_text("t\n0\n")
-    with pytest.raises(InputError, match="no trajectory"):
-        replay_flips(workspace)
-
-
 @pytest.fixture(scope="module")
 def recorded():
     return record_problems(4, duration=0.3, seed=1)
@@ -321,14 +179,10 @@ def test_data_set_is_read_by_others_and_solved_alike(tmp_path, recorded):
 
 def test_recorded_programs_have_the_optimum_of_the_controller(recorded):
     """What a program of ours says of z, the exported one says of x."""
-    from comparison.measure.controllers import make_whole_body
-    from comparison.measure.states import draw_push, record_states, walk
-    from harpy_pin import load_harpy
-
-    friction = data_set.FRICTIONS[0]
-    push = draw_push(np.random.default_rng(1), data_set.PUSH)
+    friction, angle = data_set.FRICTIONS[0], np.random.default_rng(1).uniform(0.0, 2.0 * np.pi)
+    push = data_set.PUSH * np.array([np.cos(angle), np.sin(angle)])
     states = record_states("wbc", walk("wbc", friction=friction, duration=0.3, push=push), least=1).states
-    controller = make_whole_body(load_harpy(), friction)
+    controller = make_contender("wbc", load_harpy(), friction)
     kind = controller.parameters.formulation.replace("_", "").upper()
     names = [p.name for p in recorded if p.name.startswith(f"HARPY{kind}80T")]
     assert names
@@ -357,46 +211,30 @@ def test_parquet_is_written_or_refused(tmp_path, recorded):
 def test_missing_repositories_are_named(tmp_path):
     with pytest.raises(InputError) as error:
         find_sources(tmp_path)
-    for repository, _ in SOURCES.values():
+    for repository in SOURCES.values():
         assert f"git clone https://github.com/{repository} " in str(error.value)
     clone(tmp_path, "maros")
     found, missing = find_sources(tmp_path)
     assert list(found) == ["maros"]
-    assert missing == ("mpc", "libdwbc", "flips")
+    assert missing == ("mpc",)
 
 
 def test_command_measures_what_is_there(tmp_path, capsys, monkeypatch):
     save(clone(tmp_path, "mpc"), MPC)
     app(["public", "--data", str(tmp_path), "--quick", "--json", str(tmp_path / "a.json")], standalone_mode=False)
     told = capsys.readouterr().out
-    assert "git clone https://github.com/saga0619/libdwbc" in told.replace("\n", " ")
+    assert "1 dense programs of mpc_qpbenchmark" in told
+    assert "git clone https://github.com/qpsolvers/maros" in told.replace("\n", " ")
     found = json.loads((tmp_path / "a.json").read_text())
     assert found["mpc"]["problems"] == 1
     assert found["mpc"]["solvers"]["dual (ours)"]["high"]["solved_percent"] == 100.0
-    assert "libdwbc" not in found
+    assert "maros" not in found
     monkeypatch.setattr("comparison.cli.public.record_problems", lambda count, **how: [MPC])
     app(["public", "--export", str(tmp_path / "set"), "--quick"], standalone_mode=False)
     assert [path.name for path in (tmp_path / "set").iterdir()] == ["LIPMWALK0.npz"]
     for options in ([], ["--data", str(tmp_path), "--export", str(tmp_path)]):
         with pytest.raises(InputError, match="either --data or --export"):
             app(["public", *options], standalone_mode=False)
-
-
-def test_tables_show_every_part():
-    state = {"state": "recorded state 1", "mass": 1e-14, "jacobian": 1e-16, "gravity": 1e-11}
-    model = {"joints": 18, "dof": 24, "terms": 2.0, "full": 13.0, "input_space": 60.0, "condensed": 8.0}
-    replay = {"peak_m": 0.7, "turn_deg": -365.0, "up": 0.99, "error_rad": 0.1, "torque": 30.0}
-    tables = public_tables(
-        {
-            "missing": ["git clone a"],
-            "states": [state],
-            "models": [model, {**model, "joints": 45, "dof": 51}],
-            "flips": [{"motion": "backflip", "by": "springs", **replay}],
-        }
-    )
-    assert [table.name for table in tables] == ["public_states", "public_models", "public_flips", "public_missing"]
-    assert tables[1].number("18 joints", "condensed WBC") == 8.0
-    assert tables[2].number("backflip, springs", "turn, °") == -365.0
 
 
 def test_a_folder_without_repositories_is_refused(tmp_path):

@@ -126,17 +126,15 @@ def test_only_what_the_folder_lacks_is_measured(tmp_path, monkeypatch):
     for _ in range(2):
         ended = CliRunner().invoke(app, ["results", str(page), "--data", str(tmp_path / "data")])
         assert ended.exit_code == 0, ended.output
-    assert run == [["-m", "comparison", "grounds"]]
+    assert run == [["-m", "comparison", "grounds", "--out", str(tmp_path / "data" / "grounds.jsonl")]]
     assert read_blocks(page.read_text())["grounds/grounds_0.25_net"] == {("whole-body QP", "8 kN/m"): "0.25"}
 
 
 def test_a_command_that_fails_leaves_its_tables(tmp_path, monkeypatch):
     """The tables of the others are made, and the error comes last."""
-    rows = [
-        {"speed": 0.3, "friction": 0.25, "push": push, "controller": "wbc", "governed": False} for push in (0.0, 4.0)
-    ]
-    found = {"fell": False, "stumbled": False, "direction": "left", "speed_share": 0.75, "slip_mm_per_step": 0.5}
-    (tmp_path / "edge.json").write_text(json.dumps({"walks": [row | found for row in rows]}))
+    row = {"what": "course", "plant": "compliant", "controller": "wbc", "impulse": 0.0, "fell": False}
+    found = {"path_rms_mm": 0.75, "path_worst_mm": 2.0, "slip_mm_per_step": 0.5}
+    (tmp_path / "steering.json").write_text(json.dumps({"walks": [row | found]}))
 
     class Ended:
         returncode = 3
@@ -144,14 +142,11 @@ def test_a_command_that_fails_leaves_its_tables(tmp_path, monkeypatch):
     monkeypatch.setattr(command.subprocess, "run", lambda *_, **__: Ended())
     page = tmp_path / "page.md"
     old = '<!-- figures\ntable = "grounds/x"\n-->\n| | slip |\n|---|---:|\n| walk | 1 |\n\n'
-    page.write_text(old + '<!-- figures\ntable = "edge/edge_friction"\n-->\n')
+    page.write_text(old + '<!-- figures\ntable = "steering/steering_commands"\n-->\n')
     with pytest.raises(HarpyError, match="failed, and their tables are as before: grounds"):
         command.results(page, tmp_path)
     assert page.read_text().startswith(old)
-    assert (
-        read_blocks(page.read_text())["edge/edge_friction"]["μ 0.25, 0.3 m/s, whole-body QP", "speed kept, off"]
-        == "0.75"
-    )
+    assert read_blocks(page.read_text())["steering/steering_commands"]["course, compliant, QP", "rms, mm"] == "0.75"
 
 
 def test_pages_that_are_wrong_stay(tmp_path):

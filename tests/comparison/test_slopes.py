@@ -7,9 +7,9 @@ import pytest
 from needs import needs_robots
 from PIL import Image
 
-from comparison.report.slopes_figure import slopes_figure, what_happens
-from comparison.slopes import SlopeSettings, slope_tables, stand_on_slopes
-from comparison.statics import static_bound
+from comparison.cli.studies import STUDIES
+from comparison.report.slopes_figure import what_happens
+from comparison.studies.statics import static_bound
 
 WEIGHT = 4.02 * 9.81
 
@@ -46,19 +46,18 @@ def test_go2_topples_on_steep_ground():
 
 @needs_robots
 def test_the_map_is_drawn(tmp_path):
-    settings = SlopeSettings(degrees=(0.0, 30.0), frictions=(0.1, 0.8), walkers=("no_thrust", "go2"), duration=0.2)
-    rows = stand_on_slopes(settings)
+    small = {"degrees": (0.0, 30.0), "frictions": (0.1, 0.8), "walkers": ("no_thrust", "go2"), "duration": 0.2}
+    rows = STUDIES["slopes"].run(**small)
     happens = {(row["walker"], row["degrees"], row["friction"]): what_happens(row) for row in rows}
     assert happens["no_thrust", 0.0, 0.8] == happens["go2", 0.0, 0.8] == "stands"
     assert happens["go2", 30.0, 0.1] in ("not possible", "stands")  # within 0.2 s it may slide little
-    slopes_figure(rows).savefig(tmp_path / "map.png")
+    STUDIES["slopes"].figure(rows).savefig(tmp_path / "map.png")
     assert Image.open(tmp_path / "map.png").size[0] > 400
 
 
 def test_a_small_study():
-    settings = SlopeSettings(degrees=(0.0, 15.0), frictions=(0.8,), walkers=("condensed",), duration=0.5)
-    rows = stand_on_slopes(settings)
+    rows = STUDIES["slopes"].run(degrees=(0.0, 15.0), frictions=(0.8,), walkers=("condensed",), duration=0.5)
     assert [row["fell"] for row in rows] == [False, False]
     assert max(row["slip_mm"] for row in rows) < 1.0
-    names = [table.name for table in slope_tables(rows)]
+    names = [table.name for table in STUDIES["slopes"].tables(rows)]
     assert names == ["slopes_statics_harpy", "slopes_condensed", "slopes"]

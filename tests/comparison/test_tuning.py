@@ -15,13 +15,10 @@ from comparison.campaign.plan import plan
 from comparison.campaign.settings import CampaignSettings
 from comparison.campaign.store import read_rows
 from comparison.contenders import BEST, TUNED, controller_part, label
-from comparison.tuning.objective import Outcome, Score, walk_scenario
-from comparison.tuning.search import propose
-from comparison.tuning.training import judging_tasks, scenario_with, training_tasks
-from comparison.tuning.tune import TuneSettings, tune
+from comparison.tuning.tune import TuneSettings, propose, tune, tuning_tables
 from comparison.tuning.tuned import best_paper, searched, tuned
-from comparison.tuning.tuning_tables import tuning_tables
 from comparison.tuning.variants import PAPER, VARIANTS, Range
+from comparison.tuning.walks import Outcome, Score, judging_tasks, scenario_with, training_tasks, walk_scenario
 from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
 from harpy_pin.governors import ExplicitReferenceGovernor
 from harpy_pin.scenario import CONTROLLER_PARTS
@@ -54,7 +51,7 @@ def test_factors_multiply_what_is_published() -> None:
     factors = {"parameters.feedforward.swing_p": 0.5, "governor_parameters.alpha_n": 3.0}
     part = variant.controller({**variant.published, **factors, "governor_parameters.conditions": "equation"}, mu=0.3)
     controller = hp.build(hp.Scenario(controller=part)).controller
-    assert isinstance(controller, hp.GovernedController)
+    assert isinstance(controller, hp.controllers.GovernedController)
     assert controller.parameters.feedforward.swing_p == (100.0, 100.0, 30.0)
     assert controller.parameters.feedforward.swing_d == GovernedParameters().feedforward.swing_d
     governor = controller.governor

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -12,12 +11,13 @@ import pytest
 from comparison.cli import app
 from comparison.peers.environment import PLAYGROUND, default_folder, interpreter
 from comparison.peers.worker import WorkerError
+from comparison.studies.walkers import RANGE, STUDY
 from comparison.walkers.go1 import FEET, robot_of
 from comparison.walkers.policy import WEIGHTS, Policy, observation
-from comparison.walkers.study import RANGE, WalkersSettings, _jobs, walkers_tables
-from comparison.walkers.walk import LAW, NETWORK, Law, WalkersWalk, followed, walked
+from comparison.walkers.walk import LAW, NETWORK, Law, followed, walked
 from comparison.walkers.watch import Watch, sliding
-from harpy_pin import InputError, State
+from harpy_pin import InputError
+from harpy_pin.simulation.mujoco import Conventions
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
 
@@ -83,7 +83,7 @@ def test_our_robot_is_the_one_of_mujoco():
     spec = dog()
     model, robot = spec.compile(), robot_of(spec)
     data = moved(model, 1)
-    state, ours = State.from_mujoco(model, data, robot), robot.model.createData()
+    state, ours = Conventions(model, robot).read(data), robot.model.createData()
     np.testing.assert_allclose(state.foot_position, [data.site(foot).xpos for foot in FEET], atol=1e-9)
     momentum = np.zeros(model.nv)
     mujoco.mj_mulM(model, data, momentum, data.qvel)
@@ -133,15 +133,8 @@ def test_velocity_is_measured_in_the_frame_of_the_heading():
     assert watch.fell
 
 
-WALK = WalkersWalk(
-    what="look",
-    walker=LAW,
-    plant="MuJoCo as trained",
-    number=0,
-    friction=0.8,
-    commands=((0.5, 0.3, 0.0, 0.0),),
-    duration=3.0,
-)
+WALK = {"walker": LAW, "plant": "MuJoCo as trained", "friction": 0.8, "push": None, "duration": 3.0}
+WALK["commands"] = [[0.5, 0.3, 0.0, 0.0]]
 
 
 @pytest.mark.parametrize("learning", [False, True])
@@ -152,7 +145,7 @@ def test_the_law_walks_any_model_that_takes_torques(learning):
     found = followed(WALK, model, law.act, law.period)
     assert not found["fell"]
     assert found["steps_per_s"] > 4.0
-    beside = WalkersWalk(**{**vars(WALK), "push": (1.0, 0.0, 40.0)})
+    beside = WALK | {"push": [1.0, 0.0, 40.0]}
     again = Law(robot_of(spec), model, 0.8, learning=learning)
     assert followed(beside, model, again.act, again.period)["fell"]
 
@@ -191,20 +184,22 @@ def test_actions_are_targets_about_the_posture(tmp_path):
             policy.act(model, data, np.zeros(3))
 
 
-def test_a_policy_that_does_not_start_says_why(tmp_path):
+def test_a_policy_that_does_not_start_says_why(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "none"))
     with pytest.raises(InputError, match="peers --install"):
-        app(["walkers", "--folder", str(tmp_path)])
+        app(["walkers"])
     with pytest.raises(WorkerError, match="no weights"):
         Policy(tmp_path, installed(tmp_path, "raise SystemExit('no weights')"))
 
 
-def test_all_walk_the_same():
-    jobs = _jobs(WalkersSettings(walks=3, pushes=1))
-    law = [replace(job, walker=NETWORK) for job in jobs if job.walker == LAW]
-    assert law == [job for job in jobs if job.walker == NETWORK]
-    commands = np.array([row[1:] for job in law if job.what == "go1, random" for row in job.commands])
+def test_all_walk_the_same(monkeypatch):
+    monkeypatch.setattr("comparison.studies.walkers.package_in", lambda folder: folder)
+    jobs = list(STUDY.jobs(STUDY.settings(walks=3, pushes=1)))
+    law = [job | {"walker": NETWORK} for job in jobs if job["walker"] == LAW]
+    assert law == [job for job in jobs if job["walker"] == NETWORK]
+    commands = np.array([row[1:] for job in law if job["what"] == "go1, random" for row in job["commands"]])
     assert np.all(np.abs(commands).max(axis=0) <= RANGE)
-    pushes = [job.push[1:] for job in law if job.push is not None and job.plant == "MuJoCo as trained"]
+    pushes = [job["push"][1:] for job in law if job["push"] is not None and job["plant"] == "MuJoCo as trained"]
     np.testing.assert_allclose(np.sum(pushes, axis=0), 0.0, atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(pushes, axis=1), 0.6)
 
@@ -213,9 +208,9 @@ FOUND = ((False, 2.0), (True, 90.0))
 
 
 def test_tables_count_falls_and_leave_them_out_of_medians():
-    same = {"what": "random", "plant": "MuJoCo as trained", "walker": LAW}
+    same = {"what": "go1, random", "plant": "MuJoCo as trained", "walker": LAW}
     rows = [{**same, "fell": fell, "slip_mm_per_step": slip} for fell, slip in FOUND]
-    table = walkers_tables(rows)[0]
+    table = STUDY.tables(rows)[0]
     assert table.get(LAW, "fell").value == "1 of 2"
     assert table.get(LAW, "slip").value == 2.0
 
@@ -224,4 +219,4 @@ def test_tables_count_falls_and_leave_them_out_of_medians():
 def test_the_policy_walks():
     if not interpreter(default_folder(), PLAYGROUND.name).exists():
         pytest.skip("the policy is not installed")
-    assert not walked(replace(WALK, walker=NETWORK), default_folder())["fell"]
+    assert not walked(WALK | {"walker": NETWORK}, default_folder())["fell"]

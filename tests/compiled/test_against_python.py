@@ -43,11 +43,11 @@ def powers(x: float):
 
 
 @given(st.floats(-1e3, 1e3))
-def test_higher_powers_are_products_in_numba_too(x):
+def test_higher_powers_are_products(x):
     """Python asks its library, whose digits may differ."""
     ours = powers(x)
     np.testing.assert_array_max_ulp(np.array(ours), np.array(powers.python(x)), maxulp=2)
-    assert ours == powers.numba(x)
+    assert ours == (x * (x * x), (x * x) * (x * x))
 
 
 @kernel

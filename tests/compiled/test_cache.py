@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harpy_pin import KernelError
 from harpy_pin.compiled import BACKEND, compiler, kernel
+from harpy_pin.errors import KernelError
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="libraries are C")
 MODULE = """
@@ -35,6 +35,7 @@ def run(script, folder, **environment):
     """What a process prints, and its notices."""
     known = {name: value for name, value in os.environ.items() if not name.startswith("HARPY_PIN")}
     known |= {"HARPY_PIN_CACHE": str(folder / "cache"), "PYTHONPATH": f"{folder}:{Path.cwd()}", **environment}
+    known["PYTHONDONTWRITEBYTECODE"] = "1"  # an edit within a second, of the same size, is not seen by Python itself
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=known, cwd=folder)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip(), done.stderr
@@ -131,7 +132,8 @@ def test_without_a_compiler_everything_works(tmp_path):
     write(tmp_path)
     empty = tmp_path / "bin"
     empty.mkdir()
-    printed, notice = run(SCRIPT, tmp_path, PATH=str(empty), CC="")
+    hidden = "import sys\nsys.modules['ziglang'] = None\n"
+    printed, notice = run(hidden + SCRIPT, tmp_path, PATH=str(empty), CC="")
     assert printed == "6.5"
     assert len([line for line in notice.splitlines() if "no C compiler found" in line]) == 1
     assert not (tmp_path / "cache").exists()
@@ -145,7 +147,7 @@ def test_a_compiler_that_does_not_work(tmp_path):
     assert "the C compiler does not work" in notice
 
 
-@pytest.mark.parametrize("kind", ["c", "numba", "python"])
+@pytest.mark.parametrize("kind", ["c", "python"])
 def test_the_kind_of_kernels_can_be_chosen(tmp_path, kind):
     write(tmp_path)
     script = f"{SCRIPT}; import harpy_pin.compiled as c; print(c.BACKEND)"
@@ -159,7 +161,7 @@ def test_another_kind_is_refused(tmp_path):
     )
     printed, _ = run(script, tmp_path, HARPY_PIN_KERNELS="fortran")
     assert "'fortran'" in printed
-    assert "c, numba, python" in printed
+    assert "c, python" in printed
 
 
 def test_what_the_compiler_says_is_told(monkeypatch, tmp_path):
@@ -194,7 +196,7 @@ def test_old_libraries_go(tmp_path):
 
 
 def test_results_do_not_depend_on_where_they_come_from(tmp_path):
-    """A kernel of arrays: compiled, loaded from the disk, by Numba and in Python."""
+    """A kernel of arrays: compiled, loaded from the disk, and in Python."""
     (tmp_path / "edited.py").write_text(
         "import numpy as np\nfrom harpy_pin.compiled import kernel\n\n@kernel\ndef outer(x, out):\n"
         "    for i in range(x.shape[0]):\n        out[i] = np.sin(x[i]) / (1.0 + x[i] * x[i]) - 0.1\n"
@@ -203,8 +205,8 @@ def test_results_do_not_depend_on_where_they_come_from(tmp_path):
         "import numpy as np\nfrom edited import outer\nx = np.linspace(-3, 3, 50)\ny = np.zeros(50)\n"
         "outer(x, y)\nprint(y.tobytes().hex())"
     )
-    found = {kind: run(script, tmp_path, HARPY_PIN_KERNELS=kind)[0] for kind in ("c", "numba")}
-    assert found["c"] == found["numba"] == run(script, tmp_path, HARPY_PIN_KERNELS="c")[0]
+    found = {kind: run(script, tmp_path, HARPY_PIN_KERNELS=kind)[0] for kind in ("c", "python")}
+    assert found["c"] == found["python"] == run(script, tmp_path, HARPY_PIN_KERNELS="c")[0]
     x = np.linspace(-3.0, 3.0, 50)
     exact = np.frombuffer(bytes.fromhex(found["c"]))
     np.testing.assert_allclose(exact, np.sin(x) / (1.0 + x * x) - 0.1, rtol=0, atol=1e-15)

@@ -35,7 +35,7 @@ def test_what_is_compiled_ahead_is_not_compiled_again(tmp_path: Path) -> None:
     assert str(tmp_path) in summary
     before = libraries(tmp_path)
     assert int(summary.split()[0]) == len(before)
-    for options in ([], ["--controller", "wbc"], ["--governor", "paper"]):
+    for options in ([], ["--set", "controller=wbc"], ["--set", "controller=governed"]):
         assert run("walk", "--duration", "0.01", *options, folder=tmp_path).returncode == 0
     assert libraries(tmp_path) == before
     assert run("compile", folder=tmp_path).stdout.splitlines()[-1].startswith("0 libraries")

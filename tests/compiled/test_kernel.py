@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+from itertools import chain
 
 import numpy as np
 import pytest
 
 import harpy_pin
-from harpy_pin import InputError, KernelError
+import reproduction
+from harpy_pin import InputError
 from harpy_pin.compiled import Kernel, kernel
-from harpy_pin.gaits import PlanarModel
-from harpy_pin.gaits.planar.joints import PlanarJoints, walk_record
-from harpy_pin.gaits.planar.planar_gait import PlanarGait
-from harpy_pin.governors.reduced.cone import cone_record
-from harpy_pin.governors.reduced.erg import erg_record
-from harpy_pin.governors.reduced.point_mass import Law, model_record
+from harpy_pin.errors import KernelError
+from harpy_pin.governors.erg import erg_record
+from harpy_pin.governors.point_mass import Law, model_record
+from harpy_pin.ground.ground import Ground
 from harpy_pin.model.kinematics import LegGeometry
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.step import step_record
+from reproduction.gait.joints import PlanarJoints, walk_record
+from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_model import PlanarModel
 
 GUARD, CANARY = 32, 1.2345e67
 COMPILED = {
@@ -29,14 +31,14 @@ COMPILED = {
     "harpy_pin.simulation.ticks",
     "harpy_pin.simulation.upright",
     "harpy_pin.wbc.condensed.condensed_solver",
-    "harpy_pin.export.steps",
 }
 """Modules whose kernels are for kernels, and take what other objects have checked."""
 
 
 def public_kernels():
     """Compiled functions among the public names, checked or not."""
-    for module in pkgutil.walk_packages(harpy_pin.__path__, "harpy_pin."):
+    both = (pkgutil.walk_packages(package.__path__, f"{package.__name__}.") for package in (harpy_pin, reproduction))
+    for module in chain(*both):
         if module.name.endswith("__main__"):
             continue
         found = importlib.import_module(module.name)
@@ -57,20 +59,16 @@ def records(robot):
     walk = walk_record(PlanarGait(), PlanarJoints(), period=1e-3)
     leg = LegGeometry.from_robot(robot, robot.feet[0])
     reduced = model_record(mass=4.0, g=9.81, gains=None, law=Law.FULL)
-    cone = cone_record(mass=4.0, mu=0.3)
     return {
         "leg": leg.record[0],
         "gains": reduced[0],
         "model": {
             "axial_force": reduced[0],
-            "feedback": cone[0],
-            "lift": cone[0],
-            "acceleration": cone[0],
             "planar_step": model.record,
             "planar_control": model.record[0],
             "joint_targets": model.record[0],
         },
-        "p": {"cone_rows": cone[0], "explicit_update": erg_record(rows=5, size=6, alpha_r=1, alpha_t=1, alpha_n=1)[0]},
+        "p": {"explicit_update": erg_record(rows=5, size=6, alpha_r=1, alpha_t=1, alpha_n=1)[0]},
         "walk": walk[0],
         "gait": walk[0],
         "d": model.record[0],
@@ -141,8 +139,7 @@ def shortened(array, shape):
 def test_public_kernels_are_checked():
     for path, function in KERNELS.items():
         module = path.rpartition(".")[0]
-        numbers_alone = path == "harpy_pin.simulation.ground.normal_force"
-        assert function._shapes or module in COMPILED or numbers_alone, path
+        assert function._shapes or module in COMPILED, path
     assert len(KERNELS) > 30
 
 
@@ -228,4 +225,4 @@ def test_records_that_are_none():
     with pytest.raises(KernelError, match=r"leg_forward: 'leg\.upper'"):
         KERNELS["harpy_pin.model.kinematics.leg_forward"](1.0, np.zeros(3), np.zeros(3))
     with pytest.raises(InputError, match="p must be a record with 'rate'"):
-        KERNELS["harpy_pin.governors.reduced.erg.explicit_update"](np.zeros(6), np.zeros(6), 0.0, None)
+        KERNELS["harpy_pin.governors.erg.explicit_update"](np.zeros(6), np.zeros(6), 0.0, None)

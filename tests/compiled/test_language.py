@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harpy_pin import KernelError
 from harpy_pin.compiled import BACKEND, kernel
 from harpy_pin.compiled.types import Array
+from harpy_pin.errors import KernelError
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="C alone refuses")
 

@@ -13,7 +13,7 @@ from harpy_pin.controllers import CONTROLLERS, GOVERNORS
 KINDS = {
     **{name: hp.Scenario(controller=name).controller for name in CONTROLLERS if name != "governed"},
     **{f"governed, {name}": hp.Governed(governor=name) for name in GOVERNORS},
-    "estimating": hp.Condensed(parameters={"estimate_friction": True, "govern_command": True}),
+    "estimating": hp.Condensed(parameters={"estimate_friction": True}),
 }
 
 

@@ -8,16 +8,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from comparison.delay import (
-    WALKERS,
-    DelaySettings,
-    _erring,
-    cone_margins,
-    delay_tables,
-    force_gain,
-    memoryless,
-    walk_delays,
-)
+from comparison.studies.delay import _erring, cone_margins, force_gain, memoryless
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
@@ -31,11 +22,7 @@ def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
     joints = {"k_p": (0.0,) * 3, "k_i": (0.0,) * 3, "k_d": (0.0,) * 3}
     gait = hp.make_gait(robot)
     controller = hp.make_controller(
-        "governed",
-        gait,
-        mu=0.8,
-        governor="none",
-        parameters={"legs": "feedforward", "feedforward": SOFT, "joints": joints},
+        "governed", gait, mu=0.8, governor="none", legs="feedforward", feedforward=SOFT, joints=joints
     )
     built = hp.build(hp.Scenario(controller=hp.Governed(governor="none"), ground=hp.Ground(mu_s=0.8), duration=0.5))
     built.run()
@@ -77,7 +64,7 @@ def test_gains_follow_the_phase(robot):
     for loaded in (True, False):
         torques = []
         for small in (1e-6, -1e-6):
-            controller = hp.make_controller("governed", gait, mu=0.8, governor="none", parameters=parameters)
+            controller = hp.make_controller("governed", gait, mu=0.8, governor="none", **parameters)
             moved = state.copy()
             moved.q[7:] += small
             if not loaded:
@@ -117,7 +104,7 @@ def test_torque_limits_hold():
 
 def test_unknown_laws_and_bad_gains():
     with pytest.raises(hp.InputError, match="leg control law"):
-        hp.GovernedParameters(legs="stiff")
+        hp.controllers.GovernedParameters(legs="stiff")
     with pytest.raises(hp.InputError, match="swing_p"):
         FeedforwardGains(swing_p=(-1.0, 0.0, 0.0))
     with pytest.raises(hp.InputError, match="legs"):
@@ -154,21 +141,3 @@ def test_margins_cover_the_errors_they_are_made_for(robot, who):
     gaussian = cone_margins(gain, bound, mu, deviations=3.0)
     drawn = np.array([faces @ (exact - force(bound * rng.standard_normal(24))) for _ in range(250)])
     np.testing.assert_allclose(drawn.std(axis=0), gaussian / 3.0, rtol=0.15)
-
-
-def test_every_walker_is_walked_with_every_delay_and_noise():
-    seen = []
-    settings = DelaySettings(frictions=(0.8,), delays=(0, 2), noises=(0.5,), duration=0.5)
-    rows = walk_delays(settings, lambda done, total: seen.append((done, total)))
-    assert len(rows) == 3 * len(WALKERS) == seen[-1][0] == seen[-1][1]
-    fallen = {row["walker"] for row in rows if row["fell_s"] is not None}
-    assert fallen == {"PID, none", "PID, paper", "PID, filter"}
-    joints, tasks, forces, walks = delay_tables(rows)
-    assert walks.rows == list(WALKERS)
-    assert walks.columns == ["0 ms", "2 ms", "0.5 × noise"]
-    # What the tables predict is what happened.
-    whole = [row for row in joints.rows if row.startswith("all")]
-    assert max(joints.number(row, "margin, PID") for row in whole) < 2.0
-    assert min(joints.number(row, "margin, feedforward") for row in whole) > 2.0
-    assert min(tasks.number(row, "margin") for row in tasks.rows) > 2.0
-    assert forces.number("condensed WBC", "deviation of f_z") < forces.number("PID, none", "deviation of f_z")

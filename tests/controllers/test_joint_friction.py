@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
+from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.controllers import WholeBodyParameters
 
 
@@ -83,4 +84,4 @@ def test_reset_forgets_it():
 
 def test_a_batch_refuses_it():
     with pytest.raises(hp.errors.InputError, match="estimates no friction"):
-        hp.CondensedBatch(hp.load_harpy(), 2, WholeBodyParameters(estimate_joint_friction=True))
+        CondensedBatch(hp.load_harpy(), 2, WholeBodyParameters(estimate_joint_friction=True))

@@ -10,7 +10,7 @@ from needs import needs_robots
 from random_states import draw
 
 import harpy_pin as hp
-from harpy_pin.controllers.lag_margins import pd_lag_margin
+from comparison.studies.margins import pd_lag_margin
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_lag import advance_thrusts, command_thrusts, keep_thrusts, thrust_lag_record
 from harpy_pin.errors import InputError
@@ -26,7 +26,7 @@ NEEDS_MUJOCO = pytest.mark.skipif(installed_version() is None, reason="MuJoCo is
 
 def walk(kind, *, duration=1.5, **parameters):
     """A walk with fans that lag."""
-    controller = hp.make_controller(kind, GAIT, mu=MU, parameters=parameters)
+    controller = hp.make_controller(kind, GAIT, mu=MU, **parameters)
     plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=Actuators(thrusters={"lag": LAG}))
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
     return controller, plant, plant.run(controller, duration)
@@ -39,7 +39,7 @@ def test_thrusts_are_those_of_the_plant(turning_lag):
     Where directions turn, they are those at the end of the tick.
     """
     parameters = {"thrust_lag": LAG, "thrust_turning_lag": turning_lag}
-    controller = hp.make_controller("condensed", GAIT, mu=MU, parameters=parameters)
+    controller = hp.make_controller("condensed", GAIT, mu=MU, **parameters)
     actuators = Actuators(thrusters={"lag": LAG, "turning_lag": turning_lag})
     plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=actuators)
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
@@ -50,7 +50,9 @@ def test_thrusts_are_those_of_the_plant(turning_lag):
             plant.advance(command)
             means.append(plant.step_record["thrusters"]["mean_thrust"][0].copy())
         end = plant.step_record["thrusters"]["direction"][0]
-        np.testing.assert_allclose(controller._lag["direction"][0], end, atol=1e-3)  # the body turns in a tick
+        np.testing.assert_allclose(
+            controller.tasks.record["lag"]["direction"][0], end, atol=1e-3
+        )  # the body turns in a tick
         had = np.linalg.norm(np.mean(means, axis=0).reshape(2, 3), axis=1)
         fixed = np.linalg.norm(controller.solver.inputs[:6].reshape(2, 3), axis=1)
         np.testing.assert_allclose(had, fixed, rtol=2e-3 if turning_lag else 1e-12, atol=1e-9)
@@ -111,8 +113,8 @@ def test_condensed_is_the_quadratic_program(formulation, fuzz):
     """Commands of both, in states as they come, with thrusts that lag behind their own commands."""
     rng = np.random.default_rng(3)
     parameters = {"thrust_lag": LAG, "weights": {"posture": 1e-10}}
-    law = hp.make_controller("condensed", GAIT, mu=MU, parameters=parameters)
-    program = hp.make_controller("wbc", GAIT, mu=MU, parameters=parameters | {"formulation": formulation})
+    law = hp.make_controller("condensed", GAIT, mu=MU, **parameters)
+    program = hp.make_controller("wbc", GAIT, mu=MU, **(parameters | {"formulation": formulation}))
     compared = 0
     for _ in range(300 * fuzz):
         state = draw(ROBOT, rng, legs="anyhow")
@@ -130,8 +132,8 @@ def test_condensed_is_the_quadratic_program(formulation, fuzz):
 def test_condensed_is_the_quadratic_program_on_a_walk(formulation, turning_lag):
     """Both answer every state of a pushed walk alike; the condensed controller walks."""
     parameters = {"thrust_lag": LAG, "thrust_turning_lag": turning_lag, "weights": {"posture": 1e-10}}
-    law = hp.make_controller("condensed", GAIT, mu=MU, parameters=parameters)
-    program = hp.make_controller("wbc", GAIT, mu=MU, parameters=parameters | {"formulation": formulation})
+    law = hp.make_controller("condensed", GAIT, mu=MU, **parameters)
+    program = hp.make_controller("wbc", GAIT, mu=MU, **(parameters | {"formulation": formulation}))
     thrusters = {"lag": LAG, "turning_lag": turning_lag}
     plant = hp.Simulator(ROBOT, hp.Ground(mu_s=MU), actuators=Actuators(thrusters=thrusters))
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
@@ -173,7 +175,7 @@ def test_copies_and_reset(kind):
     assert (again.torque == wanted[0]).all()
     assert (again.thrust == wanted[1]).all()
     controller.reset()
-    fresh = hp.make_controller(kind, GAIT, mu=MU, parameters={"thrust_lag": LAG})
+    fresh = hp.make_controller(kind, GAIT, mu=MU, thrust_lag=LAG)
     for one in (controller, fresh):
         one.step(state)
     assert np.allclose(controller._command.thrust, fresh._command.thrust, atol=1e-9)
@@ -182,4 +184,4 @@ def test_copies_and_reset(kind):
 @pytest.mark.parametrize("value", [-0.1, float("nan"), 1e9])
 def test_bad_lags_are_refused(value):
     with pytest.raises(InputError, match="thrust_lag"):
-        hp.make_controller("condensed", GAIT, mu=MU, parameters={"thrust_lag": value})
+        hp.make_controller("condensed", GAIT, mu=MU, thrust_lag=value)

@@ -9,10 +9,10 @@ from commands import CONTROLLERS, ROBOT, P, scripts, settings_of
 from hypothesis import given, settings
 
 import harpy_pin as hp
-from harpy_pin import CommandedGait, InputError
+from harpy_pin import InputError
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks
-from harpy_pin.gaits import CommandedParameters, GovernedGait
+from harpy_pin.gaits import CommandedGait, CommandedParameters
 from harpy_pin.log.measures import body_angles
 from harpy_pin.model.kinematics import leg_inverse
 
@@ -305,8 +305,6 @@ def test_who_cannot_follow_it_says_so():
     gait = CommandedGait(ROBOT)
     with pytest.raises(InputError, match="cannot turn"):
         hp.make_controller("governed", gait, mu=0.5)
-    with pytest.raises(InputError, match="cannot turn"):
-        hp.make_controller("governed", GovernedGait(gait), mu=0.5)
     with pytest.raises(InputError, match="cannot turn"):
         hp.Scenario(controller="governed", gait="commanded")
 

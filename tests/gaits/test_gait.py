@@ -13,8 +13,9 @@ from hypothesis.extra.numpy import arrays
 from scipy.interpolate import BPoly
 
 import harpy_pin as hp
-from harpy_pin import GaitParameters, InputError, StraightGait, make_gait
-from harpy_pin.gaits import bezier
+from harpy_pin import InputError, make_gait
+from harpy_pin.gaits import GaitParameters, StraightGait
+from harpy_pin.gaits.bezier import bezier
 
 PERIOD = 1.5
 coordinates = arrays(float, (5, 3), elements=st.floats(-2, 2))

@@ -9,12 +9,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harpy_pin as hp
+from harpy_pin.compiled import kernel
+from harpy_pin.gaits.downhill import SHARE
 from harpy_pin.gaits.on_felt_ground import OnFeltGround
 from harpy_pin.gaits.on_terrain import OnTerrain
+from harpy_pin.gaits.terrain_record import RADIUS, STEEPEST, way_over
+from harpy_pin.ground.terrain import Plane, Ramp, Rough, Stairs
 from harpy_pin.log.measures import measure
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.scenario import build
-from harpy_pin.simulation.terrain import Plane, Rough, Stairs
 
 ROBOT = hp.load_harpy()
 TERRAINS = (Plane(slope=0.3, heading=0.4), Rough(amplitude=0.03, resolution=0.2), Stairs(rise=0.05, start=0.3))
@@ -178,7 +181,7 @@ def test_four_headings_give_equal_walks():
 
 def test_environments_refuse_terrain():
     pytest.importorskip("gymnasium")
-    from harpy_pin.gym.batched_env import BatchedEnv
+    from harpy_pin.contrib.gym.batched_env import BatchedEnv
 
     scenario = hp.Scenario(ground=hp.Ground(slope=0.1), period=5e-3, dt=1e-3)
     with pytest.raises(hp.InputError, match="flat ground"):
@@ -207,7 +210,7 @@ def test_harpy_feels_an_unknown_slope(degrees):
 @robots
 def test_go2_feels_an_unknown_ramp():
     gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0))
-    ground = hp.Ground(terrain=hp.Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3)
+    ground = hp.Ground(terrain=hp.ground.Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3)
     part = hp.Condensed(parameters=gait.parameters)
     felt = OnFeltGround(gait)
     run = hp.walk(hp.Scenario(robot="go2", controller=part, ground=ground, duration=4.0), gait=felt)
@@ -223,3 +226,172 @@ def test_what_was_felt_is_forgotten_when_the_clock_goes_back():
     q, v = gait.initial_state()
     gait.observe(hp.State(0.0, q, v, places(ROBOT, q), np.zeros((2, 3)), np.zeros((2, 3))))
     np.testing.assert_array_equal(gait.slope, 0.0)
+
+
+# --- Slopes that are too steep for friction ---------------------------------------------------------------------------
+
+
+ROBOT_DOWNHILL = hp.load_harpy()
+STEEP = Plane(slope=np.radians(25.0), heading=0.7)
+FRICTION = 0.2
+
+
+def frames(q: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    data = ROBOT_DOWNHILL.model.createData()
+    pin.framesForwardKinematics(ROBOT_DOWNHILL.model, data, q)
+    return np.array([data.oMf[ROBOT_DOWNHILL.frame_id(name)].translation for name in names])
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.7, np.pi])
+def test_weight_and_thrust_along_the_slope_leave_no_moment_about_the_feet(heading):
+    """With as much of the weight on friction as its share."""
+    angle = np.radians(25.0)
+    gait = OnTerrain(hp.make_gait(ROBOT_DOWNHILL, speed=0.0), Plane(slope=angle, heading=heading), friction=FRICTION)
+    q = gait.initial_state()[0]
+    middle = frames(q, ROBOT_DOWNHILL.feet).mean(axis=0)
+    mass = pin.centerOfMass(ROBOT_DOWNHILL.model, ROBOT_DOWNHILL.model.createData(), q) - middle
+    arm = frames(q, ROBOT_DOWNHILL.thrusters).mean(axis=0) - middle
+    uphill = np.array((np.cos(heading) * np.cos(angle), np.sin(heading) * np.cos(angle), np.sin(angle)))
+    thrust = (np.sin(angle) - SHARE * FRICTION * np.cos(angle)) * uphill
+    moment = np.cross(mass, (0.0, 0.0, -1.0)) + np.cross(arm, thrust)  # per newton of weight
+    across = np.array((-np.sin(heading), np.cos(heading), 0.0))
+    assert abs(moment @ across) < 1e-3
+    assert abs(np.cross(arm, thrust) @ across) > 0.1
+
+
+def test_body_and_feet_are_told_where_they_begin():
+    flat = OnTerrain(hp.make_gait(ROBOT_DOWNHILL), STEEP)
+    gait = OnTerrain(hp.make_gait(ROBOT_DOWNHILL), STEEP, friction=FRICTION)
+    away = gait.describe()["on_terrain"]["offset"]
+    assert float(STEEP.height(*away[:2])) == pytest.approx(away[2])
+    np.testing.assert_allclose(gait.initial_state()[0][:3], flat.initial_state()[0][:3] + away, atol=1e-12)
+    for t in (0.0, 0.4, 1.1):
+        a, b = flat.update(t), gait.update(t)
+        np.testing.assert_allclose(b.body[:3], a.body[:3] + away, atol=1e-12)
+        np.testing.assert_allclose(b.body[:3] + b.foot_position, a.body[:3] + a.foot_position, atol=1e-12)
+        np.testing.assert_array_equal(b.foot_velocity, a.foot_velocity)
+
+
+@pytest.mark.parametrize(
+    ("terrain", "friction"),
+    [(STEEP, None), (STEEP, 1.01 * np.tan(np.radians(25.0)) / SHARE), (Ramp(slope=0.4), FRICTION)],
+    ids=["friction not given", "enough friction", "no plane"],
+)
+def test_it_stays_above_its_feet_otherwise(terrain, friction):
+    gait = OnTerrain(hp.make_gait(ROBOT_DOWNHILL), terrain, friction=friction)
+    assert gait.describe()["on_terrain"]["offset"] == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+def test_harpy_walks_where_friction_holds_a_sixth_of_what_it_must(plant):
+    """Up a slope of 30 degrees at friction 0.1, whose angle is 5.7 degrees."""
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.1, slope=np.radians(30.0)), plant=plant, duration=2.0)
+    run = hp.walk(scenario)
+    assert run.ending == "completed"
+    assert run["q"][-1, 0] - run["q"][0, 0] > 0.5
+    assert measure(run).slip_mm_per_step < 3.0
+
+
+# --- Harpy on stairs --------------------------------------------------------------------------------------------------
+
+
+ROBOT_STAIRS = hp.load_harpy()
+AWAY = 0.02
+"""Distance of a foothold from a riser, m: the margin, less the way on which a riser rises by as much."""
+starts = st.floats(0.3, 0.6)
+rises = st.sampled_from((0.05, -0.05))
+
+
+def to_risers(stairs: Stairs, x: float) -> float:
+    """Distance of a place from the nearest riser, m; negative on one."""
+    begin = stairs.start + stairs.depth * np.arange(stairs.steps)
+    return float(np.maximum(begin - x, x - begin - stairs.edge).min())
+
+
+@kernel
+def over(record, x, y):
+    return way_over(record[0], x, y)
+
+
+@given(start=starts, rise=rises)
+@settings(max_examples=15, deadline=None)
+def test_footholds_keep_their_distance_from_risers(start, rise):
+    """That of a foot that carries, after its first swing; it stays in the world, and its walk is that of flat ground
+    where no riser is near."""
+    stairs = Stairs(rise=rise, depth=0.3, start=start)
+    flat, gait = hp.make_gait(ROBOT_STAIRS), OnTerrain(hp.make_gait(ROBOT_STAIRS), stairs)
+    at = np.full(2, np.nan)
+    for t in np.arange(0.0, 9.0, 0.01):
+        plain, target = flat.update(float(t)), gait.update(float(t))
+        for k in range(2):
+            x = target.body[0] + target.foot_position[k, 0]
+            own = plain.body[0] + plain.foot_position[k, 0]
+            if not target.stance[k] or t < 1.5:
+                at[k] = np.nan
+                continue
+            assert to_risers(stairs, x) > AWAY - 1e-9
+            assert abs(x - own) <= (0.035 if to_risers(stairs, own) < 0.025 else 1e-9)
+            assert np.isnan(at[k]) or x == pytest.approx(at[k], abs=1e-9)
+            at[k] = x
+
+
+def test_feet_move_as_their_velocities_say():
+    """Beside a riser, too, along the ground: places are the integral of velocities, these of accelerations."""
+    stairs, step = Stairs(rise=0.05, depth=0.3, start=0.47), 1e-4
+    gait = OnTerrain(hp.make_gait(ROBOT_STAIRS), stairs)
+    rows = []
+    for t in np.arange(0.5, 4.0, step):
+        target = gait.update(float(t))
+        moving = target.foot_velocity + target.body[3:6]
+        rows.append((target.foot_position + target.body[:3], moving, target.foot_acceleration + target.body[6:9]))
+    place, velocity, acceleration = (np.array(part) for part in zip(*rows, strict=True))
+    for value, rate in ((place, velocity), (velocity, acceleration)):
+        sums = step * np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0)
+        np.testing.assert_allclose((value[1:] - value[0])[..., :2], sums[..., :2], atol=5e-3)
+    drops = np.abs(np.diff(place[..., 2], axis=0)).max()
+    assert drops < 2.5 * step  # no jumps: 2.5 m/s
+
+
+@given(x=st.floats(0.2, 1.4), start=starts, rise=rises)
+@settings(max_examples=60, deadline=None)
+def test_the_way_over_steps_is_the_lowest_that_is_not_too_steep(x, start, rise):
+    """Against the definition, looked up at many places."""
+    stairs = Stairs(rise=rise, depth=0.3, start=start)
+    dx = np.linspace(-RADIUS, RADIUS, 24001)
+    around = stairs.height(x + dx, 0.0 * dx)
+    assert over(stairs.record, x, 0.0)[0] == pytest.approx((around - STEEPEST * np.abs(dx)).max(), abs=2e-4)
+
+
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+@pytest.mark.parametrize("rise", [0.05, -0.05])
+def test_harpy_slips_little_on_stairs_wherever_they_begin(plant, rise):
+    if plant == "mujoco":
+        pytest.importorskip("mujoco")
+    for start in (0.5, 0.52, 0.56, 0.58):
+        stairs = Stairs(rise=rise, depth=0.3, start=start, steps=4)
+        run = hp.walk(hp.Scenario(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=7.0, plant=plant))
+        assert run.ending == "completed"
+        assert measure(run).slip_mm_per_step < 1.0
+
+
+@pytest.mark.parametrize(("rise", "start"), [(0.05, 0.59), (-0.05, 0.59), (-0.05, 0.74)])
+def test_a_commanded_walk_keeps_off_risers_and_stops_on_stairs(rise, start):
+    stairs = Stairs(rise=rise, depth=0.3, start=start, steps=10)
+    gait = OnTerrain(hp.make_commanded_gait(ROBOT_STAIRS, [(0.0, 0.3, 0.0, 0.05), (7.0, 0.0, 0.0, 0.0)]), stairs)
+    run = hp.walk(hp.Scenario(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=11.0), gait=gait)
+    assert run.ending == "completed"
+    assert measure(run).slip_mm_per_step < 1.0
+    assert not gait.gait.walking
+    assert 1.5 < run["q"][-1, 0] < 3.0
+    place, loaded = run["foot_position"][::20], np.abs(run["foot_force"][::20]).max(axis=2) > 1.0
+    assert min(to_risers(stairs, x) for x in place[..., 0][loaded]) > AWAY - 0.01
+
+
+def test_a_clock_that_goes_back_begins_anew():
+    stairs = Stairs(rise=0.05, depth=0.3, start=0.47)
+    gait, new = OnTerrain(hp.make_gait(ROBOT_STAIRS), stairs), OnTerrain(hp.make_gait(ROBOT_STAIRS), stairs)
+    for t in np.arange(0.0, 5.0, 0.05):
+        gait.update(float(t))
+    for t in np.arange(0.0, 2.0, 0.05):
+        a, b = gait.update(float(t)), new.update(float(t))
+        np.testing.assert_array_equal(a.foot_position, b.foot_position)

@@ -15,13 +15,11 @@ EXACT = {"solver": "daqp", "formulation": "contact_force"}  # ProxQP's last digi
 CONTROLLERS = {
     "ungoverned": hp.Governed(governor="none"),
     "paper": hp.Governed(governor="paper"),
-    "cone": hp.Governed(governor="cone"),
     "filter": hp.Governed(governor="filter"),
     "feedforward": hp.Governed(governor="filter", parameters={"legs": "feedforward"}),
     "QP": hp.WholeBody(parameters=EXACT),
     "QP by phases": hp.WholeBody(parameters=EXACT | {"reuse": False}),
     "condensed": hp.Condensed(),
-    "command governor": hp.Condensed(parameters={"govern_command": True}),
 }
 
 
@@ -119,8 +117,3 @@ def test_what_is_no_gait_is_refused(controller):
     ):
         with pytest.raises(hp.ControlError, match=words):
             hp.walk(scenario, gait=kind(straight))
-
-
-def test_the_governor_of_the_command_needs_to_know_the_step():
-    with pytest.raises(hp.InputError, match="needs the gait's step_duration; Bare has none"):
-        hp.make_controller("condensed", Bare(hp.make_gait(ROBOT)), mu=0.3, parameters={"govern_command": True})

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from long import long_but
 from needs import needs_robots
 
 import harpy_pin as hp
+from comparison.studies.robots import STUDY, friction_used, run_standing, stood, terms_error
+from comparison.tables import to_csv
 from harpy_pin.gaits.gait import own_target
+from harpy_pin.model import CATALOGUE
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from harpy_pin.wbc.condensed.condense import condensation_record
@@ -19,9 +26,6 @@ BOLT = np.array([-0.2, 0.7854, -1.5708, 0.2, 0.7854, -1.5708])
 LIGHT = {"min_normal_force": 0.5, "max_normal_force": 60.0}
 """Ranges of normal force for robots of some kilograms."""
 WEIGHTS = WholeBodyWeights(posture=1e-10)
-
-
-pytestmark = needs_robots
 
 
 @pytest.fixture
@@ -39,6 +43,7 @@ def stand(gait, controller, *, friction, push=None, duration=2.0, **parameters):
     return hp.walk(scenario, gait=gait)
 
 
+@needs_robots
 def test_targets_are_smooth_and_keep_the_feet_in_place(solo):
     gait = hp.Standing(solo, SOLO, shift=(0.02, -0.01, 0.015), shift_period=1.5, penetration_offset=0.004)
     places, h = [], 1e-5
@@ -63,6 +68,7 @@ def test_targets_are_smooth_and_keep_the_feet_in_place(solo):
     assert not v.any()
 
 
+@needs_robots
 @pytest.mark.parametrize(
     ("posture", "more"),
     [
@@ -81,6 +87,7 @@ def test_bad_input(solo, posture, more):
         hp.Standing(solo, SOLO).update(np.inf)
 
 
+@needs_robots
 def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
     """In every support from none to four feet: the same forces and torques; always inside pyramids and ranges."""
     dynamics, rng = hp.Dynamics(solo), np.random.default_rng(0)
@@ -118,6 +125,7 @@ def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
     assert binding > 50
 
 
+@needs_robots
 def test_late_feet_land(solo):
     """Let go 5 mm above the ground: all feet are late, and reach for it, softly; then it stands."""
     gait = hp.Standing(solo, SOLO)
@@ -131,6 +139,7 @@ def test_late_feet_land(solo):
     assert abs(run["q"][-1, 2] - gait.initial_state()[0][2]) < 2e-3
 
 
+@needs_robots
 def test_two_feet_with_thrusters_stand():
     """Bolt with thrusters at its shoulders, where it could not stay upright on two points without them."""
     thrusters = ("FL_SHOULDER", "FR_SHOULDER")
@@ -141,6 +150,7 @@ def test_two_feet_with_thrusters_stand():
     np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-3)
 
 
+@needs_robots
 def test_straight_legs_give_numbers_within_every_limit(solo):
     """A straight knee leaves its limb singular: the foot is not held exactly, but what is commanded is bounded."""
     dynamics, rng = hp.Dynamics(solo), np.random.default_rng(1)
@@ -165,11 +175,13 @@ def test_straight_legs_give_numbers_within_every_limit(solo):
         assert ((law.force[:, 2] >= 0.5) & (law.force[:, 2] <= 60.0)).all()
 
 
+@needs_robots
 def test_legs_that_carry_no_foot_are_like_arms():
     two = hp.load_robot("solo12", feet=FEET[:2])
     np.testing.assert_array_equal(condensation_record(two)["others"][0], np.arange(12, 18))
 
 
+@needs_robots
 def test_moves_are_smooth_and_end_at_rest(solo):
     """Position, velocity and acceleration fit each other and have no jump, also where one move begins in another."""
     gait, h = hp.Standing(solo, SOLO, shift=(0.01, 0.0, 0.0), shift_period=0.9), 1e-5
@@ -200,6 +212,7 @@ def test_moves_are_smooth_and_end_at_rest(solo):
             gait.over(*feet)
 
 
+@needs_robots
 def test_over_is_where_the_centre_of_mass_has_to_go(solo):
     gait = hp.Standing(solo, SOLO)
     q, _ = gait.initial_state()
@@ -210,6 +223,7 @@ def test_over_is_where_the_centre_of_mass_has_to_go(solo):
     np.testing.assert_allclose(gait.over(0, 1, 2, 3), np.mean([gait.over(k) for k in range(4)], axis=0), atol=1e-15)
 
 
+@needs_robots
 def test_copies_of_controllers_move_too(solo):
     gait = hp.Standing(solo, SOLO)
     copy = own_target(gait)
@@ -218,8 +232,111 @@ def test_copies_of_controllers_move_too(solo):
     assert copy.target is not gait.target
 
 
+@needs_robots
 def test_settings_fit_the_weight(solo):
     parameters = hp.Standing(solo, SOLO).parameters
     assert parameters["min_normal_force"] == pytest.approx(0.02 * solo.mass * 9.81 / 4.0)
     assert parameters["max_normal_force"] == pytest.approx(2.0 * solo.mass * 9.81)
     assert "formulation" not in parameters
+
+
+# --- Robots of the catalogue ------------------------------------------------------------------------------------------
+
+
+ALWAYS = ("solo12", "g1")
+REQUIRED = (*ALWAYS, "go2", "anymal_b", "talos")
+
+
+@needs_robots
+@pytest.mark.parametrize("name", long_but(REQUIRED, ALWAYS))
+def test_stands_and_takes_a_push(name):
+    """The weight shifted towards a foot, and a push on the base of 0.1 m/s times the mass; both controllers alike."""
+    robot = hp.load_robot(name)
+    assert terms_error(robot, np.random.default_rng(0), states=3) < 1e-9
+    runs = {"shift": {"lean": 0.2}, "push": {"push": (0.06, 0.08, 0.0)}}
+    for case, how in runs.items():
+        ends = []
+        for controller in ("wbc", "condensed"):
+            run, _ = run_standing(robot, controller, duration=1.0, **how)
+            assert stood(run)
+            assert 1e3 * run["slip_path"][-1].mean() < 0.5
+            assert friction_used(run, robot) < 0.5
+            desired, held = run["desired_force"], run["held"] > 0.0
+            outside = np.linalg.norm(desired[held][:, :2], axis=1) - 0.75 * 0.5 * desired[held][:, 2]
+            assert outside.max() < 1e-6 * robot.mass
+            moved = run["q"][-1, :2] - run["q"][0, :2]
+            if case == "shift":
+                assert np.linalg.norm(moved - 0.2 * hp.Standing(robot).over(0)[:2]) < 5e-3
+            else:
+                assert np.abs(run["q"][:, :2] - run["q"][0, :2]).max() > 5e-3  # it was pushed
+            ends.append(run["q"][-1])
+        np.testing.assert_allclose(ends[0][:7], ends[1][:7], rtol=0, atol=5e-3)
+
+
+@needs_robots
+@pytest.mark.parametrize(("speed", "degrees"), [(0.1, 20.0), (0.17, 40.0)])
+def test_a_push_askew_does_not_tip_the_soles(speed, degrees):
+    """The centre of pressure stays inside the soles, so that they neither rock nor walk away."""
+    robot, angle = hp.load_robot("g1"), np.deg2rad(degrees)
+    run, _ = run_standing(robot, "condensed", duration=2.0, push=(speed * np.cos(angle), speed * np.sin(angle), 0.0))
+    assert stood(run)
+    places = run["foot_position"].reshape(len(run), 8, 3)
+    assert 1e3 * np.linalg.norm(places[-1, :, :2] - places[0, :, :2], axis=1).max() < 2.0
+    assert 1e3 * run["slip_path"][-1].mean() < 1.0
+    force = run["desired_force"].reshape(len(run), 2, 4, 3)[..., 2]
+    for foot in range(2):
+        corners, load = places[0, 4 * foot : 4 * foot + 4, :2], force[:, foot].sum(axis=1)
+        pressure = (force[:, foot] @ corners)[load > 0.0] / load[load > 0.0, None]
+        inside = np.minimum(pressure - corners.min(axis=0), corners.max(axis=0) - pressure)
+        assert len(inside) > 1000
+        assert (inside > 0.02 * np.ptp(corners, axis=0)).all()
+
+
+@needs_robots
+def test_the_table_says_what_happened():
+    rows = STUDY.run(robots=("solo12", "solo8"), duration=1.0, pushes=(0.1,))
+    standing, times = STUDY.tables(rows)
+    assert standing.number("solo12", "sideways, condensed") == standing.number("solo12", "forward, QP") == 0.1
+    assert standing.number("solo12", "mass") == pytest.approx(2.5, abs=0.01)
+    refused = standing.get("solo8", "stands, condensed")
+    assert refused is not None
+    assert "point foot must have 3 joints" in str(refused.value)
+    assert times.rows[:2] == ["solo12, QP", "solo12, condensed"]
+    assert to_csv([standing, times])
+
+
+# --- Postures that the joints cannot have -----------------------------------------------------------------------------
+
+
+@needs_robots
+@pytest.mark.parametrize("kind", [hp.Standing, hp.WalkingGait])
+def test_an_angle_beyond_its_limits_is_refused_by_name(kind: type) -> None:
+    robot = hp.load_robot("go2")
+    bent_the_wrong_way = np.tile((0.0, -0.7, 1.4), 4)
+    with pytest.raises(hp.InputError, match=r"'FL_calf_joint' is at 1\.4 rad, .* -2\.7227 to -0\.83776 rad"):
+        kind(robot, posture=bent_the_wrong_way)
+
+
+@needs_robots
+def test_hovering_refuses_it_too() -> None:
+    robot = hp.load_robot("borinot")
+    with pytest.raises(hp.InputError, match="beyond its limits"):
+        hp.Hovering(robot, posture=robot.joint_upper + 0.1)
+
+
+@needs_robots
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_postures_of_the_catalogue_are_within_the_limits(name: str) -> None:
+    robot = hp.load_robot(name)
+    posture = np.zeros(len(robot.joints)) if robot.posture is None else robot.posture
+    assert np.all((robot.joint_lower <= posture) & (posture <= robot.joint_upper))
+    (hp.Standing if robot.feet else hp.Hovering)(robot)
+
+
+def test_joints_without_limits_are_free(tmp_path: Path) -> None:
+    text = hp.load_harpy().urdf.read_text()
+    free = tmp_path / "free.urdf"
+    free.write_text(re.sub(r'lower="[^"]*" upper="[^"]*"', "", text))
+    robot = hp.load_harpy(free)
+    assert not np.any([robot.joint_lower, robot.joint_upper])
+    hp.Standing(robot, [0.0, 0.7, -1.4] * 2)

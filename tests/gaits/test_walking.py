@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from long import long_but
 from needs import needs_robots
 from scipy.integrate import solve_ivp
 from scipy.optimize import nnls
@@ -15,8 +16,7 @@ from walks import made_state, walk
 
 import harpy_pin as hp
 from harpy_pin.gaits.walking.measuring import measure
-from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
-from harpy_pin.gaits.walking.quintic import toward
+from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict, toward
 from harpy_pin.gaits.walking.settings import draw_together
 from harpy_pin.gaits.walking.support import nearest_in_hull
 
@@ -246,10 +246,40 @@ def test_what_it_cannot_do_is_refused():
     for velocity in ((0.1, 0.2), (0.1, np.nan, 0.0), "fast", ((1.0, 0, 0, 0), (0.5, 0, 0, 0))):
         with pytest.raises(hp.InputError):
             hp.WalkingGait(robot, velocity=velocity)
-    for bad in ({"step_duration": 0.0}, {"clearance": -0.1}, {"height": 1.0}, {"double_support": 1.0}):
+    for bad in ({"max_speed": 0.0}, {"clearance": -0.1}):
         with pytest.raises(hp.InputError):
             hp.WalkingGait(robot, **bad)
     gait = hp.WalkingGait(robot)
     gait.observe(made_state(gait))
     with pytest.raises(hp.InputError, match="finite"):
         gait.update(np.inf)
+
+
+# --- The centre of mass on soles --------------------------------------------------------------------------------------
+
+
+SIDES = [45 * k for k in range(8)]
+
+
+@needs_robots
+@pytest.mark.parametrize(("name", "slope", "centred"), [("g1", 0.0, 1.0), ("g1", 0.1, 0.0), ("go2", 0.0, 0.0)])
+def test_on_level_soles_the_demand_is_of_the_centre_of_mass(name, slope, centred):
+    gait = hp.WalkingGait(hp.load_robot(name))
+    if slope:
+        gait = hp.OnTerrain(gait, hp.ground.Plane(slope=slope))
+    q, v = gait.initial_state()
+    zeros = np.zeros((len(gait.robot.feet), 3))
+    gait.observe(hp.State(0.0, q, v, zeros, zeros, zeros))
+    assert gait.update(0.0).centre_of_mass == centred
+
+
+@needs_robots
+@pytest.mark.parametrize("degrees", long_but(SIDES, (0, 135)))
+def test_icub_that_stands_takes_a_push_without_a_step(degrees):
+    gait, angle = hp.WalkingGait(hp.load_robot("icub")), np.deg2rad(degrees)
+    push = (0.15 * np.cos(angle), 0.15 * np.sin(angle), 0.0)
+    run = walk(gait, pushes=((1.0, push),), duration=2.5)
+    assert run.ending == "completed"
+    assert int(run["steps"][-1]) == 0
+    assert hp.measure(run).tilt_max_rad < 0.15
+    assert abs(run["v"][-1]).max() < 0.1

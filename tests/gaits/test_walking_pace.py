@@ -3,16 +3,21 @@ at two metres per second in both plants."""
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pinocchio as pin
 import pytest
+from long import long_but
 from needs import needs_robots
+from scipy.optimize import brentq
 
 import harpy_pin as hp
+from harpy_pin.gaits.walking.footholds import _keep_in_reach
 from harpy_pin.gaits.walking.motors import fastest_speed, swing_load
 from harpy_pin.gaits.walking.settings import build_of
-
-pytestmark = needs_robots
+from harpy_pin.gaits.walking.swinging import CREEP, NEAR, SETTLE, STRAIGHT_NEAR, UPRIGHT_END, upright_end
+from harpy_pin.gaits.walking.walking_gait import LOW
 
 
 def go2():
@@ -21,6 +26,7 @@ def go2():
     return robot, q, build_of(robot, q)
 
 
+@needs_robots
 def test_a_leg_that_does_not_move_needs_the_torque_of_its_weight():
     robot, q, build = go2()
     load = swing_load(robot, q, build, 0.0, 0.2, 0.1, 0.0)
@@ -28,6 +34,7 @@ def test_a_leg_that_does_not_move_needs_the_torque_of_its_weight():
     assert load == pytest.approx(np.max(np.abs(weight) / robot.model.effortLimit[6:]), rel=1e-6)
 
 
+@needs_robots
 def test_torques_of_a_swing_without_weight_grow_with_the_square_of_its_rate():
     robot, q, build = go2()
     robot.model.gravity.linear = np.zeros(3)
@@ -35,6 +42,7 @@ def test_torques_of_a_swing_without_weight_grow_with_the_square_of_its_rate():
     assert fast == pytest.approx(4.0 * slow, rel=1e-6)
 
 
+@needs_robots
 @pytest.mark.parametrize(("most", "speed"), [(9.0, 3.0), (4.0, 2.0), (1e-9, 0.0)])
 def test_fastest_speed_is_where_the_load_is_reached(most, speed):
     found = fastest_speed(lambda v: v * v, 3.0, most)
@@ -42,6 +50,7 @@ def test_fastest_speed_is_where_the_load_is_reached(most, speed):
     assert found**2 <= most
 
 
+@needs_robots
 def test_reaction_is_the_momentum_that_a_moving_foot_gives_the_pendulum():
     robot, q, build = go2()
     model, data = robot.model, robot.model.createData()
@@ -54,6 +63,7 @@ def test_reaction_is_the_momentum_that_a_moving_foot_gives_the_pendulum():
         np.testing.assert_allclose(build.reaction[k] @ foot, wanted, atol=1e-12)
 
 
+@needs_robots
 @pytest.mark.parametrize("plant", ["compliant", "mujoco"])
 def test_go2_trots_at_two_metres_per_second_with_shorter_steps(plant):
     if plant == "mujoco":
@@ -73,6 +83,7 @@ def test_go2_trots_at_two_metres_per_second_with_shorter_steps(plant):
     assert np.ptp(run["steps"][last]) > 1.3 * 1.0 / gait.step_duration
 
 
+@needs_robots
 @pytest.mark.parametrize("name", ["anymal_b", "anymal_c", "solo12"])
 def test_legs_of_a_bound_reach_their_feet_at_its_largest_speed(name):
     """By the leg's own geometry: from the hip of the posture to where the foot is when it leaves the ground."""
@@ -86,6 +97,7 @@ def test_legs_of_a_bound_reach_their_feet_at_its_largest_speed(name):
         assert np.sqrt((drawn + behind) ** 2 - hip) < 0.97 * build.leg
 
 
+@needs_robots
 def test_anymal_b_bounds_as_fast_as_its_legs_reach():
     robot = hp.load_robot("anymal_b")
     with pytest.warns(UserWarning, match="limited"):
@@ -98,3 +110,149 @@ def test_anymal_b_bounds_as_fast_as_its_legs_reach():
     run = hp.walk(scenario, gait=gait)
     assert run.ending == "completed"
     assert run["centre"][-1, 0] > 5.0 * 0.9 * gait.max_speed
+
+
+# --- Limits of walks --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("near", "low", "height"), [(NEAR, LOW, 0.053), (STRAIGHT_NEAR, 0.0, 0.04)])
+@pytest.mark.parametrize("speed", [0.0, 0.1, 0.3, 0.6, 1.0])
+def test_a_foot_is_slow_when_it_is_near_the_ground(speed, near, low, height):
+    # A trot with steps of 1 s: a foot goes two steps' way in a swing of 0.95 s, by the motion of least jerk.
+    end, swing = upright_end(speed, 1.0, near), 0.95
+    assert end >= UPRIGHT_END
+    glide = low * SETTLE / (1.0 - SETTLE)  # the height there falls at the rate at which it goes on to the ground
+
+    def above(w):  # at the share w before it begins to go down slowly
+        return 64.0 * (w * (1.0 - w)) ** 3 + low + glide * w - height
+
+    before = brentq(above, 0.0, 0.5)
+    assert 1.0 - SETTLE * (1.0 - before) == pytest.approx(near, abs=0.004)
+    s = min(SETTLE * (1.0 - before) / (1.0 - end), 1.0)
+    velocity = 2.0 * speed / ((1.0 - end) * swing) * 30.0 * (s * (1.0 - s)) ** 2
+    assert velocity <= 1.2 * CREEP
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["go2", "anymal_c"])
+@pytest.mark.parametrize("higher", [0.0, 0.03])
+def test_no_foothold_stretches_a_leg(name, higher):
+    robot = hp.load_robot(name)
+    gait = hp.WalkingGait(robot)
+    q, v = gait.initial_state()
+    p, build, model = gait.record[0], gait._build, robot.model
+    q[2] = build.height + higher
+    feet = np.zeros((4, 3))
+    gait.observe(hp.State(0.0, q, v, feet, feet, feet))
+    gait.update(0.0)
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    for k, foot in enumerate(robot.feet):
+        knee = model.frames[robot.frame_id(foot)].parentJoint
+        axis = data.oMi[model.parents[model.parents[knee]]].translation  # about which the leg swings sideways
+        for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
+            p["foothold"][k, :2] = p["measured"]["centre"][:2] + 5.0 * np.array((np.cos(angle), np.sin(angle)))
+            _keep_in_reach(gait.record[0], k, 0.0)
+            place = np.array((*p["foothold"][k, :2], 0.0))
+            # Beside the axis by d, a leg of length l reaches to √(l² + d²) from a point of it.
+            thigh = data.oMi[model.parents[knee]].translation
+            along = place - np.array((thigh[0], axis[1], thigh[2]))
+            length = np.sqrt(along @ along - build.beside[k] ** 2)
+            assert length < 0.99 * build.leg
+
+
+@needs_robots
+def test_a_late_foot_that_rests_has_landed_though_it_hardly_pushes():
+    gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.0))
+    p, (q, v), feet = gait.record[0], gait.initial_state(), np.zeros((4, 3))
+
+    def state(force):
+        load = feet.copy()
+        load[:, 2] = force
+        return hp.State(0.0, q, v, feet, feet, load)
+
+    rests, free, t = state(0.5 * float(p["touch_force"])), state(0.0), 0.0
+
+    def late_after(given):
+        nonlocal t
+        t = 0.0
+        while not (p["in_air"].any() and p["phase"] >= 1.0):
+            gait.observe(free)
+            gait.update(t)
+            t += 1e-3
+        ticks = 0
+        while p["in_air"].any() and p["phase"] >= 1.0:
+            gait.observe(given)
+            gait.update(t)
+            t, ticks = t + 1e-3, ticks + 1
+        return 1e-3 * ticks
+
+    wait = 0.5 * gait.step_duration
+    assert late_after(free) == pytest.approx(wait, abs=3e-3)
+    assert late_after(rests) < 0.2 * wait
+
+
+@needs_robots
+def test_turns_bend_the_way_by_the_acceleration_at_most():
+    gait = hp.WalkingGait(hp.load_robot("go2"))
+    gait.observe(hp.State(0.0, *gait.initial_state(), *np.zeros((3, 4, 3))))
+    for command in np.random.default_rng(3).uniform(-1.5, 1.5, (50, 3)):
+        gait.command[:3] = command
+        gait.update(0.0)
+        goal = gait.record[0]["goal"][:3]
+        assert np.hypot(goal[0], goal[1]) * abs(goal[2]) <= 1.0 + 1e-9
+        np.testing.assert_allclose(np.cross(goal, command), 0.0, atol=1e-12)
+    with pytest.warns(UserWarning, match="limited to"):
+        hp.WalkingGait(gait.robot, velocity=(0.9, 0.0, 1.4))
+
+
+@needs_robots
+@pytest.mark.parametrize("start", long_but(range(4), (3,)))
+def test_solo12_walks_fast_at_friction_three_tenths_in_mujoco(start):
+    pytest.importorskip("mujoco")
+    robot = hp.load_robot("solo12")
+    speed = hp.WalkingGait(robot).max_speed
+    velocity = np.random.default_rng([101, start]).normal(0.0, 0.02, 3)
+    run = hp.walk(
+        hp.Scenario(
+            robot="solo12",
+            plant="mujoco",
+            gait=hp.Walking(velocity=((0.5, 0.99 * speed, 0.0, 0.0),)),
+            ground=hp.Ground(mu_s=0.3, stiffness=robot.mass * 9.81 / 2e-3),
+            disturbances=hp.Disturbances(start_velocity=(*velocity.tolist(), 0.0, 0.0, 0.0)),
+            duration=5.0,
+        )
+    )
+    assert run.ending == "completed"
+    assert 1e3 * run["slip_path"][-1].sum() / run["steps"][-1] < 0.5
+
+
+# --- Velocities beyond what the legs walk -----------------------------------------------------------------------------
+
+
+@needs_robots
+def test_a_walking_gait_says_to_what_it_limits_the_velocity() -> None:
+    robot = hp.load_robot("go2")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        most = hp.WalkingGait(robot).max_speed
+        hp.WalkingGait(robot, velocity=(most, 0.0, 0.0))
+    for velocity in ((9.0, 0.0, 0.0), ((0.0, 0.1, 0.0, 0.0), (1.0, 9.0, 0.0, 0.0))):
+        with pytest.warns(UserWarning, match=rf"velocity \(9, 0, 0\) .* limited to \({most:.3g}, 0, 0\)") as said:
+            gait = hp.WalkingGait(robot, velocity=velocity)
+        assert [warning.filename for warning in said] == [__file__]
+        assert gait.max_speed == most
+
+
+@needs_robots
+def test_what_is_said_is_what_is_walked() -> None:
+    gait = hp.Walking(velocity=(9.0, 0.0, 0.0))
+    with pytest.warns(UserWarning, match="limited to") as said:
+        run = hp.walk(hp.Scenario(robot="go2", gait=gait, duration=4.0))
+    limited = float(str(said[0].message).partition("limited to (")[2].partition(",")[0])
+    assert run["applied_velocity"][:, 0].max() == pytest.approx(limited, abs=0.005)
+
+
+def test_commanded_harpy_says_so_too() -> None:
+    with pytest.warns(UserWarning, match=r"velocity \(0, 3, 0\) .* limited to \(0, 0.2, 0\)"):
+        hp.gaits.CommandedGait(hp.load_harpy(), ((0.0, 0.0, 3.0, 0.0),))

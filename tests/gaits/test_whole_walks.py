@@ -16,7 +16,7 @@ from needs import needs_robots
 from walks import made_state, path_error, slip_per_step, walk
 
 import harpy_pin as hp
-from harpy_pin.simulation.terrain import HeightField, Stairs
+from harpy_pin.ground.terrain import HeightField, Stairs
 
 small = st.floats(-1.0, 1.0)
 
@@ -122,6 +122,17 @@ def test_bolt_walks_forward_and_sideways():
         assert hp.measure(run).tilt_max_rad < 0.02
         moved = run["centre"][-1, :2] - run["centre"][0, :2]
         assert np.abs(moved - 3.9 * np.array(velocity[:2])).max() < 0.1
+
+
+@needs_robots
+@pytest.mark.parametrize("push", [(0.0, 0.0), (0.0, 0.1), (0.1, 0.0)])
+def test_bolt_steps_in_place_and_takes_a_push(push):
+    pushes = ((0.5, (*push, 0.0)),) if any(push) else ()
+    gait = hp.WalkingGait(hp.load_robot("bolt"), "step", (0.0, 0.0, 0.0))
+    run = walk(gait, mu=0.5, duration=4.0, pushes=pushes)
+    assert run.ending == "completed"
+    assert hp.measure(run).tilt_max_rad < 0.05
+    assert np.abs(run["v"][-1000:, :2].mean(axis=0)).max() < 0.05  # it has caught itself
 
 
 @needs_robots
@@ -270,3 +281,28 @@ def test_a_copy_walks_alone():
     assert other.walking
     assert not gait.walking
     assert not np.shares_memory(gait.record, other.command)
+
+
+# --- Pushes on soles --------------------------------------------------------------------------------------------------
+
+
+SIDES = [45 * k for k in range(8)]
+
+
+@needs_robots
+@pytest.mark.parametrize("degrees", long_but(SIDES, (90,)))
+def test_a_push_from_any_side_does_not_fell_g1_in_mujoco(degrees):
+    pytest.importorskip("mujoco")
+    robot, angle = hp.load_robot("g1"), np.deg2rad(degrees)
+    gait = hp.WalkingGait(robot, velocity=((0.3, 0.2, 0.0, 0.0),))
+    impulse = 0.15 * robot.mass * np.array((np.cos(angle), np.sin(angle), 0.0))
+    scenario = hp.Scenario(
+        controller=hp.Condensed(parameters=gait.parameters),
+        ground=hp.Ground(mu_s=0.5, stiffness=robot.mass * 9.81 / 2e-3),
+        disturbances=hp.Disturbances(pushes=(hp.Push(2.2, tuple(impulse)),)),
+        duration=6.0,
+        plant="mujoco",
+    )
+    run = hp.walk(scenario, gait=gait)
+    assert run.ending == "completed"
+    assert run["centre"][-1, 2] > 0.9 * run["centre"][0, 2]

@@ -9,10 +9,11 @@ from reduced_states import references, states
 from scipy.linalg import null_space
 
 from harpy_pin.errors import InputError
-from harpy_pin.governors import AngleRow, ExplicitReferenceGovernor, ForceRows, StackedRows
-from harpy_pin.governors.reduced.erg import erg_record, explicit_update
-from harpy_pin.governors.reduced.point_mass import Law
+from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows, StackedRows
+from harpy_pin.governors.erg import erg_record, explicit_update
+from harpy_pin.governors.point_mass import Law
 from harpy_pin.model.thrust import CentreGains
+from reproduction.vlip_model import AngleRow
 from reproduction.vlip_simulation import cartesian
 
 ALPHA = (10.0, 15.0, 20.0)

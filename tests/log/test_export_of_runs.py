@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 
 import numpy as np
 import pytest
@@ -45,9 +44,6 @@ def test_without_pandas_it_says_how_to_install(run, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(hp.InputError, match="pip install pandas"):
         run.to_pandas()
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    with pytest.raises(hp.InputError, match=r"pip install 'harpy-pin\[mcap\]'"):
-        run.to_mcap("never.mcap")
 
 
 def test_csv(run, tmp_path):
@@ -65,58 +61,18 @@ def test_csv(run, tmp_path):
         run.to_csv(tmp_path / "nowhere" / "run.csv")
 
 
-def test_mcap(run, tmp_path):
-    reader = pytest.importorskip("mcap.reader")
-    path = tmp_path / "run.mcap"
-    run.to_mcap(path, every=2)
-    with open(path, "rb") as file:
-        found = [
-            (schema, channel, message, json.loads(message.data))
-            for schema, channel, message in reader.make_reader(file).iter_messages()
-        ]
-    topics = {channel.topic for _, channel, _, _ in found}
-    assert topics == {f"/{name}" for name in run.signals if name != "t"} | {"/tf"}
-    assert len(found) == 25 * len(topics)
-    for schema, channel, message, content in found:
-        assert (schema.encoding, channel.message_encoding) == ("jsonschema", "json")
-        row = message.sequence
-        assert message.log_time == pytest.approx(1e9 * (run["t"][row] - run["t"][0]), abs=1.0)
-        if channel.topic == "/foot_force":
-            assert content["right_foot"]["z"] == run["foot_force"][row, 1, 2]
-            assert json.loads(schema.data)["properties"].keys() == content.keys()
-        elif channel.topic == "/v":
-            assert content["values"] == run["v"][row].tolist()
-        elif channel.topic == "/tick_ns":
-            assert content == {"value": run["tick_ns"][row]}
-        elif channel.topic == "/tf":
-            assert schema.name == "foxglove.FrameTransform"
-            assert [content["rotation"][axis] for axis in "xyzw"] == run["q"][row, 3:7].tolist()
-
-
-def test_numbers_that_json_lacks_are_null(run, tmp_path):
-    reader = pytest.importorskip("mcap.reader")
-    run.to_mcap(tmp_path / "run.mcap")
-    with open(tmp_path / "run.mcap", "rb") as file:
-        messages = reader.make_reader(file).iter_messages(topics=["/foot_force"])
-        contents = {message.sequence: json.loads(message.data) for _, _, message in messages}
-    assert contents[7]["left_foot"]["z"] is None
-    assert contents[8]["left_foot"]["z"] is not None
-
-
 def test_command_line(run, tmp_path, monkeypatch, capsys):
-    pytest.importorskip("mcap")
     from harpy_pin.cli.app import main
 
     log = tmp_path / "run.npz"
     run.save(log)
-    words = ["harpy", "view", str(log), "--csv", str(tmp_path / "a.csv"), "--mcap", str(tmp_path / "a.mcap")]
+    words = ["harpy", "view", str(log), "--csv", str(tmp_path / "a.csv")]
     monkeypatch.setattr("sys.argv", words)
     with pytest.raises(SystemExit) as ended:
         main()
     assert not ended.value.code
     assert (tmp_path / "a.csv").stat().st_size > 1000
-    assert (tmp_path / "a.mcap").read_bytes()[:5] == b"\x89MCAP"
-    assert capsys.readouterr().out.count("wrote") == 2
+    assert capsys.readouterr().out.count("wrote") == 1
 
 
 def test_objects_in_one_line(robot, run):

@@ -6,6 +6,11 @@ import contextlib
 import json
 import os
 import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +18,8 @@ from counting import Counting, check, names
 
 import harpy_pin as hp
 from harpy_pin.errors import Interrupted, RunFileError, RunFileWarning
-from harpy_pin.log import archive as archive_module
 from harpy_pin.log.journal import MAGIC, Journal, read_journal
 from harpy_pin.log.recorder import Recorder
-from harpy_pin.simulation import loop
 
 # --- The whole way --------------------------------------------------------------------------------------------------
 
@@ -32,18 +35,6 @@ def test_saved_run_is_the_run(simulator, tmp_path, rows):
     assert loaded.metadata == {**json.loads(json.dumps(run.metadata)), "format": 1}
     assert run.ending == "completed"
     assert names(tmp_path) == ["run.npz"]
-
-
-def test_big_run_lies_in_its_file(simulator, tmp_path, monkeypatch):
-    monkeypatch.setattr(loop, "MAPPED", 1000)
-    monkeypatch.setattr(archive_module, "MAPPED", 1000)
-    run = simulator.run(Counting(), 2.5, save=tmp_path / "run.npz")
-    check(run, 2500)
-    assert not run["q"].flags.owndata
-    simulator.reset(simulator.q, simulator.v)
-    simulator.run(Counting(), 0.5, save=tmp_path / "run.npz")  # another in its place
-    check(run, 2500)
-    check(hp.Run.load(tmp_path / "run.npz"), 500)
 
 
 def test_rows_are_on_disk_every_second(simulator, tmp_path):
@@ -106,14 +97,14 @@ def test_second_interrupt_waits_until_the_log_is_written(simulator, tmp_path, mo
     def press():
         os.kill(os.getpid(), signal.SIGINT)
 
-    original = loop.write_archive
+    original = hp.Run.save
 
     def write(*arguments):
         press()
         press()
         original(*arguments)
 
-    monkeypatch.setattr(loop, "write_archive", write)
+    monkeypatch.setattr(hp.Run, "save", write)
     handler = signal.getsignal(signal.SIGINT)
     controller = Counting(700, press) if during == "run" else Counting()
     with pytest.raises(Interrupted) as caught:
@@ -148,7 +139,7 @@ def test_a_loop_over_walks_ends_with_the_first_that_is_interrupted(simulator):
 def leave(target, rows=5, ended=False):
     """The journal of a process that died."""
     journal = Journal(target, {"format": 1, "ending": "unfinished", "control_period": 1e-3})
-    recorder = Recorder(journal, piece=2)
+    recorder = Recorder(journal, block=2)
     for k in range(rows):
         recorder.append(
             {
@@ -167,7 +158,7 @@ def leave(target, rows=5, ended=False):
     return journal.path
 
 
-def test_journal_up_to_its_last_piece(tmp_path):
+def test_journal_up_to_its_last_block(tmp_path):
     path = leave(tmp_path / "run.npz")
     for asked in (tmp_path / "run.npz", path):
         with pytest.warns(RunFileWarning, match="4 ticks"):
@@ -192,20 +183,28 @@ def test_older_log_beside_a_journal(simulator, tmp_path):
         check(hp.Run.load(tmp_path / "run.npz"), 10)
 
 
-def test_empty_journal_is_not_kept(simulator, tmp_path):
-    Journal(tmp_path / "run.npz", {}).close()
-    simulator.run(Counting(), 0.01, save=tmp_path / "run.npz")
-    assert names(tmp_path) == ["run.npz"]
-
-
-def test_next_run_sets_the_journal_aside(simulator, tmp_path):
-    for k in range(2):
-        leave(tmp_path / "run.npz", rows=4)
-        with pytest.warns(RunFileWarning, match=rf"set aside as.*run\.npz\.part\.{k + 1}"):
-            simulator.run(Counting(), 0.01, save=tmp_path / "run.npz")
-    assert names(tmp_path) == ["run.npz", "run.npz.part.1", "run.npz.part.2"]
+def test_the_journal_of_a_run_that_died_is_not_written_over(simulator, tmp_path):
+    path, controller = leave(tmp_path / "run.npz", rows=4), Counting()
+    with pytest.raises(RunFileError, match=r"another run is writing it, or died: .*run\.npz\.part.* another name"):
+        simulator.run(controller, 0.01, save=tmp_path / "run.npz")
+    assert controller.tick == 0
     with pytest.warns(RunFileWarning):
-        check(hp.Run.load(tmp_path / "run.npz.part.1"), 4)
+        check(hp.Run.load(tmp_path / "run.npz"), 4)
+    path.rename(tmp_path / "first.part")
+    simulator.run(controller, 0.01, save=tmp_path / "run.npz")
+    assert names(tmp_path) == ["first.part", "run.npz"]
+    with pytest.warns(RunFileWarning):
+        check(hp.Run.load(tmp_path / "first.part"), 4)
+
+
+def test_two_runs_that_begin_at_once_spoil_nothing(tmp_path):
+    """The second one finds the file when its first row comes, and keeps its rows in memory."""
+    first, second = (Recorder(Journal(tmp_path / "run.npz", {}), block=2) for _ in range(2))
+    for k in range(5):
+        first.append({"a": 1.0 * k})
+        second.append({"a": -1.0 * k})
+    assert first.take()["a"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert second.take()["a"].tolist() == [0.0, -1.0, -2.0, -3.0, -4.0]
 
 
 @pytest.mark.filterwarnings("ignore::harpy_pin.errors.RunFileWarning")
@@ -228,7 +227,7 @@ def test_damaged_journals(tmp_path, fuzz):
             continue
         check(run, len(run))
         lengths.add(len(run))
-    assert lengths == {0, 1, 2, 4, 6, 8}  # the first tick is a piece of its own
+    assert lengths == {0, 1, 2, 4, 6, 8}  # the first tick is a block of its own
 
 
 @pytest.mark.parametrize("signals", [{"t": [2**62]}, {"t": ["x"]}, {"t": [-1]}, {"<t>": []}, {}, [], {"t": None}])
@@ -249,3 +248,163 @@ def test_metadata_that_are_no_json_are_found_before_the_run(simulator, tmp_path)
         simulator.run(controller, 0.01, metadata={"own": {(1, 2): 3}}, save=tmp_path / "run.npz")
     assert controller.tick == 0
     assert names(tmp_path) == []
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def script(code, *arguments, timeout=600):
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code), *map(str, arguments)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+KILLS = """
+    import mmap, os, random, signal, sys, time
+    import numpy as np
+    import harpy_pin as hp
+    folder, cases = sys.argv[1], int(sys.argv[2])
+    random.seed(5)
+    simulator = hp.Simulator(hp.load_harpy())
+    simulator.reset(simulator.q, simulator.v)
+    simulator.advance = lambda command, pushes=(), *, steps=1: None
+    q, v = simulator.q, simulator.v
+    shared = np.frombuffer(mmap.mmap(-1, 8), np.int64)  # written at once: a kill leaves the old or the new number
+    class Counting:
+        period, tick = 1e-3, 0
+        def step(self, state):
+            shared[0] = self.tick
+            self.tick += 1
+            return hp.Command(np.full(6, self.tick - 1.0), np.zeros((2, 3)))
+    simulator.run(Counting(), 0.01)
+    for case in range(cases):
+        simulator.reset(q, v)
+        shared[0] = -1
+        child = os.fork()
+        if child == 0:
+            simulator.run(Counting(), 8.0, save=f"{folder}/{case}.npz")
+            os._exit(0)
+        goal, deadline = random.randrange(0, 8050), time.monotonic() + 600
+        while shared[0] < min(goal, 7999) and time.monotonic() < deadline:
+            time.sleep(1e-4)
+        time.sleep(0.05 * random.random() if goal > 7900 else 0.0)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        print(shared[0])
+"""
+
+
+@pytest.mark.filterwarnings("ignore::harpy_pin.errors.RunFileWarning")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_killed_runs_are_there_up_to_their_last_second(tmp_path, fuzz):
+    ticks = [int(line) for line in script(KILLS, tmp_path, 6 * fuzz, timeout=600 * fuzz).split()]
+    assert len(ticks) == 6 * fuzz
+    for case, tick in enumerate(ticks):
+        try:
+            run = hp.Run.load(tmp_path / f"{case}.npz")
+        except RunFileError:
+            assert tick <= 0
+            continue
+        check(run, len(run))
+        if run.ending == "completed":
+            assert len(run) == 8000
+        else:
+            assert run.ending == "unfinished"
+            assert len(run) % 1000 == 0 or len(run) == 8000
+            assert tick - 1000 <= len(run) <= tick + 1
+    assert any(ticks)
+
+
+FULL = """
+    import resource, sys
+    import harpy_pin as hp
+    from harpy_pin.cli.app import main
+    hp.walk(hp.Scenario(duration=0.002))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+    sys.argv = ["harpy", "walk", "--duration", "2.5", "--save", sys.argv[1]]
+    try:
+        main()
+    except SystemExit as ending:
+        print("code", ending.code)
+    sys.stderr.flush()
+"""
+
+
+@pytest.mark.filterwarnings("ignore::harpy_pin.errors.RunFileWarning")
+@pytest.mark.parametrize(("room", "rows"), [(1_000_000, 1000), (100, None)])
+def test_full_disk_is_told_after_the_table(tmp_path, room, rows):
+    """The walk goes on in memory; what was measured is printed, then the failure; what fitted stays on disk."""
+    pytest.importorskip("resource")
+    out = script(FULL, tmp_path / "run.npz", room)
+    assert "distance along x, m" in out
+    assert out.strip().endswith("code 2")
+    assert names(tmp_path) == ["run.npz.part"]
+    if rows is None:
+        with pytest.raises(RunFileError):
+            hp.Run.load(tmp_path / "run.npz")
+    else:
+        assert len(hp.Run.load(tmp_path / "run.npz")) == rows
+
+
+def test_full_disk_hands_over_the_run(simulator, tmp_path, monkeypatch):
+    def full(*_):
+        raise RunFileError("cannot write: No space left on device")
+
+    monkeypatch.setattr(hp.Run, "save", full)
+    with pytest.raises(RunFileError, match=r"No space left.*its rows are in .*run\.npz\.part") as caught:
+        simulator.run(Counting(), 1.5, save=tmp_path / "run.npz")
+    check(caught.value.run, 1500)
+    with pytest.warns(RunFileWarning, match="log was not written"):
+        loaded = hp.Run.load(tmp_path / "run.npz")
+    check(loaded, 1500)
+    assert loaded.ending == "completed"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_device_that_is_full(simulator):
+    with pytest.raises(RunFileError, match="No space left") as caught:
+        simulator.run(Counting(), 0.01, save="/dev/full")
+    check(caught.value.run, 10)
+    assert not Path("/dev/full.part").exists()
+
+
+def test_a_second_run_leaves_the_journal_of_the_first_alone(simulator, tmp_path):
+    """The second one says so before its first tick, and the first one loses nothing."""
+    second = hp.Simulator(simulator.robot)
+    late = Counting()
+
+    def begin():
+        with pytest.raises(RunFileError, match=r"run\.npz': another run is writing it") as caught:
+            second.run(late, 0.01, save=tmp_path / "run.npz")
+        assert "\n" not in str(caught.value)
+
+    simulator.run(Counting(1200, begin), 2.5, save=tmp_path / "run.npz")
+    assert late.tick == 0
+    assert names(tmp_path) == ["run.npz"]
+    check(hp.Run.load(tmp_path / "run.npz"), 2500)
+
+
+def test_two_processes_with_one_file(tmp_path):
+    """The second one ends with one line and exit code 2; the first one writes its whole log."""
+    command = [sys.executable, "-m", "harpy_pin", "walk", "--save", str(tmp_path / "run.npz"), "--duration"]
+    first = subprocess.Popen([*command, "600"], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    journal, deadline = tmp_path / "run.npz.part", time.monotonic() + 600
+    while time.monotonic() < deadline and not (journal.exists() and journal.stat().st_size > 100_000):
+        time.sleep(0.02)
+    first.send_signal(signal.SIGSTOP)  # or it might end before the second one has begun
+    second = subprocess.run([*command, "1"], cwd=ROOT, capture_output=True, text=True, timeout=600)
+    first.send_signal(signal.SIGCONT)
+    assert (second.returncode, second.stdout) == (2, "")
+    assert "another run is writing it" in second.stderr
+    assert second.stderr.count("\n") == 1
+    first.send_signal(signal.SIGINT)
+    said = [line for line in first.communicate(timeout=600)[1].splitlines() if not line.startswith("compiling")]
+    assert (len(said), first.returncode) == (1, 130)
+    assert names(tmp_path) == ["run.npz"]
+    assert hp.Run.load(tmp_path / "run.npz").ending == "interrupted"

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import tracemalloc
-from pathlib import Path
+import math
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from needs import needs_robots
 
+import harpy_pin as hp
 from harpy_pin import InputError, Run, measure
-from harpy_pin.log import archive
-from harpy_pin.log import measures as measures_module
-from harpy_pin.log.measures import body_angles, contact_age
+from harpy_pin.log.measures import WORDS, body_angles, contact_age
 
 PERIOD = 1e-3
 
@@ -221,9 +220,8 @@ def test_robot_without_thrusters_or_joints():
     assert found.thrust_rms_n == found.thrust_max_n == found.torque_max_nm == 0.0
 
 
-@pytest.mark.parametrize("block", [1, 2, 7, 100, 1 << 16])
-def test_blocks_change_nothing(monkeypatch, block):
-    """Feet that come and go, slide, and touch down at the edges of blocks; a tilt and a peak in one row each."""
+def test_measures_are_those_of_their_definition():
+    """Feet that come and go, slide and touch down; a tilt and a peak in one row each."""
     rng = np.random.default_rng(0)
     run = still(400)
     run["foot_force"][:, :, 2] = np.repeat(rng.integers(0, 2, (40, 2)), 10, axis=0) * rng.uniform(1.0, 30.0, (400, 2))
@@ -234,7 +232,6 @@ def test_blocks_change_nothing(monkeypatch, block):
     run["q"][211, 3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.6, -0.1, 0.2)).coeffs()
     run.signals["x_r"], run.signals["qp_status"] = rng.normal(size=(400, 6)), rng.integers(0, 4, 400)
     expected = by_definition(run)
-    monkeypatch.setattr(measures_module, "BLOCK", block)
     found = measure(run)
     for name, value in expected.items():
         assert getattr(found, name) == pytest.approx(value, rel=1e-13), name
@@ -269,49 +266,6 @@ def by_definition(run):
     }
 
 
-def test_memory_does_not_grow_with_the_run(tmp_path, monkeypatch):
-    """The arrays lie in the file; what is allocated to measure them is that of one block, not of all rows."""
-    monkeypatch.setattr(archive, "MAPPED", 1000)
-    peaks = []
-    for rows in (2 * measures_module.BLOCK, 8 * measures_module.BLOCK):
-        still(rows).save(tmp_path / "run.npz")
-        run = Run.load(tmp_path / "run.npz")
-        tracemalloc.start()
-        try:
-            assert measure(run).duration_s == pytest.approx(rows * PERIOD)
-            peaks.append(tracemalloc.get_traced_memory()[1])
-        finally:
-            tracemalloc.stop()
-    assert peaks[1] < 1.1 * peaks[0] < 200 * 8 * measures_module.BLOCK
-
-
-@pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="only Linux tells what is in memory")
-def test_measured_rows_leave_the_memory(tmp_path, monkeypatch):
-    """Pages of the file that have been read are given back, and what was written to the arrays is kept."""
-    monkeypatch.setattr(archive, "MAPPED", 1000)
-    still(4 * measures_module.BLOCK).save(tmp_path / "run.npz")
-    run = Run.load(tmp_path / "run.npz")
-    run["q"][7, 0] = 5.0
-    size = sum(array.nbytes for array in run.signals.values())
-    assert sum(float(array.sum()) for array in run.signals.values()) > 0.0
-    read = mapped_bytes(tmp_path / "run.npz")
-    assert read > 0.9 * size
-    measure(run)
-    assert run["q"][7, 0] == 5.0
-    assert mapped_bytes(tmp_path / "run.npz") < 0.1 * size
-
-
-def mapped_bytes(path):
-    """Bytes of a file that this process has in memory."""
-    total, inside = 0, False
-    for line in Path("/proc/self/smaps").read_text().splitlines():
-        if "-" in line.split(maxsplit=1)[0]:
-            inside = line.endswith(str(path))
-        elif inside and line.startswith("Rss:"):
-            total += 1024 * int(line.split()[1])
-    return total
-
-
 def test_a_walk_that_tilts_is_said_to_stumble():
     run = still(5)
     upright = measure(run)
@@ -334,7 +288,7 @@ def test_empty_run():
         measure(Run({}, {"ending": "interrupted"}))
 
 
-@pytest.mark.parametrize("gait", ["walking", "stepping"])
+@pytest.mark.parametrize("gait", ["walking", "standing"])
 def test_only_a_target_of_its_own_is_tracked(gait):
     """The target of a walking gait is a velocity: its x_r is the measured body."""
     run = still(5, parameters={"gait": {"gait": gait}})
@@ -352,3 +306,111 @@ def test_as_dict_has_every_measure():
     assert found.as_dict() == {name: getattr(found, name) for name in found.__dataclass_fields__} | {
         "tracking_rms_mm": pytest.approx(float("nan"), nan_ok=True)
     }
+
+
+N, PERIOD = 2000, 1e-3
+YAW = 0.7
+
+
+def made_up(*, feet=2, **changes):
+    """A body that goes along its heading, YAW, at 0.5 m/s, and turns at 0.2 rad/s; a joint at 10 N·m and 3 rad/s."""
+    t = PERIOD * np.arange(N)
+    q, v = np.zeros((N, 8)), np.zeros((N, 7))
+    q[:, 0], q[:, 1], q[:, 2] = 0.5 * t * np.cos(YAW), 0.5 * t * np.sin(YAW), 0.3
+    q[:, 5], q[:, 6] = np.sin(0.5 * YAW), np.cos(0.5 * YAW)
+    v[:, 0], v[:, 5], v[:, 6] = 0.5, 0.2, 3.0
+    force = np.zeros((N, feet, 3))
+    force[:, :, 2] = 10.0
+    heading = np.zeros((N, 3))
+    heading[:, 0] = YAW
+    signals = {
+        "t": t,
+        "q": q,
+        "v": v,
+        "foot_position": np.zeros((N, feet, 3)),
+        "foot_velocity": np.zeros((N, feet, 3)),
+        "foot_force": force,
+        "torque": np.full((N, 1), 10.0),
+        "thrust": np.zeros((N, 0, 3)),
+        "tick_ns": np.zeros(N),
+        "heading": heading,
+        "applied_velocity": np.tile([0.4, 0.0, 0.1], (N, 1)),
+    }
+    metadata = {"mass": 2.0, "control_period": PERIOD, "parameters": {"gait": {"step_duration": 0.2}}}
+    return Run(signals | changes.pop("signals", {}), metadata | changes)
+
+
+def test_known_numbers():
+    measures = hp.measure(made_up())
+    distance = 0.5 * PERIOD * (N - 1)
+    assert measures.cost_of_transport == pytest.approx(30.0 * PERIOD * N / (2.0 * 9.81 * distance))
+    assert measures.velocity_rms_m_s == pytest.approx(0.1)
+    assert measures.turning_rms_rad_s == pytest.approx(0.1)
+    assert math.isnan(measures.pressure_margin_mm)
+
+
+def test_sway_within_a_step_is_no_error_of_tracking():
+    run = made_up()
+    run["v"][:, 0] = 0.4 + 0.3 * np.sin(2.0 * np.pi * run["t"] / 0.4)
+    assert hp.measure(run).velocity_rms_m_s < 1e-3
+
+
+def test_negative_power_is_not_given_back():
+    run = made_up()
+    run["torque"][::2] *= -1.0
+    assert hp.measure(run).cost_of_transport == pytest.approx(0.5 * hp.measure(made_up()).cost_of_transport)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.9])
+def test_margin_of_a_sole(turn):
+    """A sole of 200 by 120 mm with its centre of pressure 30 mm ahead and 40 mm to the left of its middle."""
+    corners = np.array([(0.1, 0.06, 0.0), (0.1, -0.06, 0.0), (-0.1, 0.06, 0.0), (-0.1, -0.06, 0.0)])
+    along, across = 0.5 + 0.03 / 0.2, 0.5 + 0.04 / 0.12
+    share = np.array([along * across, along * (1 - across), (1 - along) * across, (1 - along) * (1 - across)])
+    position = np.tile(corners @ pin.rpy.rpyToMatrix(0.0, 0.0, turn).T + (3.0, -1.0, 0.0), (N, 1, 1))
+    force = np.zeros((N, 4, 3))
+    force[:, :, 2] = 19.62 * share
+    force[: N // 2] *= 0.1  # too little to count
+    force[: N // 2, 0] += (0.0, 0.0, 0.5)
+    names = [f"sole_{k}" for k in range(4)]
+    signals = {"foot_position": position, "foot_force": force, "foot_velocity": np.zeros((N, 4, 3))}
+    run = made_up_with(signals, names)
+    assert hp.measure(run).pressure_margin_mm == pytest.approx(20.0, abs=0.15)
+
+
+def made_up_with(signals, names):
+    run = made_up(feet=4, signals=signals)
+    run.metadata["feet"] = names
+    return run
+
+
+def test_words_and_units_of_every_measure():
+    measures = hp.measure(made_up())
+    assert set(measures.as_dict()) == set(WORDS)
+    text = str(measures)
+    assert "cost of transport" in text
+    assert "m/s rms: 0.1" in text
+    assert "nan" not in text
+    assert "pressure" not in text
+
+
+@needs_robots
+def test_walk_of_a_robot():
+    gait = hp.Walking(velocity=(0.5, 0.0, 0.3))
+    ground = hp.Ground(mu_s=0.6, stiffness=75e3)
+    run = hp.walk(hp.Scenario(robot="go2", gait=gait, ground=ground, duration=3.0))
+    measures = hp.measure(run)
+    assert measures.velocity_rms_m_s < 0.06
+    assert measures.turning_rms_rad_s < 0.1
+    power = np.maximum(run["torque"] * run["v"][:, 6:], 0.0).sum()
+    path = np.linalg.norm(np.diff(run["q"][:, :2], axis=0), axis=1).sum()
+    expected = 1e-3 * power / (9.81 * hp.load_robot("go2").mass * path)
+    assert measures.cost_of_transport == pytest.approx(expected, rel=1e-9)
+    assert 0.05 < measures.cost_of_transport < 2.0
+
+
+def test_logs_without_these_signals_are_measured():
+    run = made_up(signals={"applied_velocity": np.zeros((N, 7))}, mass="heavy")
+    measures = hp.measure(run)
+    assert math.isnan(measures.velocity_rms_m_s)
+    assert math.isnan(measures.cost_of_transport)

@@ -209,13 +209,13 @@ def test_read_only_folder(tmp_path):
 
 def failing(error, after=3):
     """NumPy's function, until some arrays are written."""
-    original, calls = np.lib.format.write_array_header_1_0, []
+    original, calls = np.lib.format.write_array, []
 
-    def write(file, description):
+    def write(*arguments, **options):
         calls.append(1)
         if len(calls) > after:
             raise error
-        original(file, description)
+        original(*arguments, **options)
 
     return write
 
@@ -228,7 +228,7 @@ def test_saving_that_fails_or_is_interrupted_keeps_the_old_run(tmp_path, monkeyp
     path = tmp_path / "run.npz"
     make_run(3).save(path)
     before = path.read_bytes()
-    monkeypatch.setattr(np.lib.format, "write_array_header_1_0", failing(error))
+    monkeypatch.setattr(np.lib.format, "write_array", failing(error))
     with pytest.raises(raised, match="No space left" if raised is RunFileError else None):
         make_run(7).save(path)
     assert path.read_bytes() == before
@@ -248,14 +248,14 @@ def test_saving_replaces_and_respects_the_umask(tmp_path):
 
 def test_whole_file_is_in_place_at_once(tmp_path, monkeypatch):
     """While the new log is being written the old one can be read."""
-    path, original, seen = tmp_path / "run.npz", np.lib.format.write_array_header_1_0, set()
+    path, original, seen = tmp_path / "run.npz", np.lib.format.write_array, set()
     make_run(3).save(path)
 
-    def spy(file, description):
-        original(file, description)
+    def spy(*arguments, **options):
+        original(*arguments, **options)
         seen.add(len(Run.load(path)))
 
-    monkeypatch.setattr(np.lib.format, "write_array_header_1_0", spy)
+    monkeypatch.setattr(np.lib.format, "write_array", spy)
     make_run(7).save(path)
     assert seen == {3}
     assert len(Run.load(path)) == 7

@@ -12,8 +12,7 @@ from random_trees import BODIES, random_model, random_state
 import harpy_pin as hp
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import RobotError
-from harpy_pin.model.integrate import integrate
-from harpy_pin.model.terms import joint_space_terms, place_bodies
+from harpy_pin.model.terms import integrate, joint_space_terms, place_bodies
 from harpy_pin.model.tree import tree_record
 
 seeds = st.integers(0, 2**32 - 1)

@@ -7,7 +7,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from entrances import CONTROLLERS, few_ticks
+from hostile import outcome, spoil_urdf
 
+import harpy_pin as hp
 from harpy_pin import RobotError, load_harpy, load_robot
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -208,3 +211,45 @@ def test_joints_without_torque_are_warned_of(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match=r"limp.urdf': joints of effort 0 .* 'left_hip_frontal' and 1 more") as said:
         load_robot(limp, feet=("left_foot", "right_foot"))
     assert [warning.filename for warning in said] == [__file__]
+
+
+FILES = 100
+
+
+def test_hostile_files(robot, tmp_path, capfd, fuzz):
+    rng = np.random.default_rng(1)
+    text, path = robot.urdf.read_text(), tmp_path / "hostile.urdf"
+    read = 0
+    for k in range(FILES * fuzz):
+        path.write_bytes(spoil_urdf(rng, text))
+        made, _ = outcome(hp.load_harpy, path)
+        assert capfd.readouterr() == ("", "")
+        if made is None:
+            continue
+        read += 1
+        if k % 4 == 0:
+            outcome(few_ticks, path, CONTROLLERS[k % 3])
+            capfd.readouterr()
+    assert 0.1 * FILES * fuzz < read < 0.9 * FILES * fuzz
+
+
+SHAPES = (
+    "<visual/>",
+    "<collision/>",
+    "<visual><geometry/></visual>",
+    "<visual><geometry><capsule radius='1' length='1'/></geometry></visual>",
+    "<visual><geometry><box size='1 1 1'/></geometry><material/></visual>",
+    "<visual><geometry><mesh/></geometry></visual>",
+)
+
+
+def test_shapes_that_no_reader_knows_are_read_over_in_silence(robot, tmp_path, capfd):
+    """They are no part of the model: Pinocchio's reader tells of each on standard error."""
+    path = tmp_path / "shapes.urdf"
+    for shape in SHAPES:
+        path.write_text(robot.urdf.read_text().replace('<link name="base">', f'<link name="base">{shape}', 1))
+        assert hp.load_harpy(path).model == robot.model
+        assert capfd.readouterr() == ("", "")
+    path.write_text(robot.urdf.read_text().replace("</robot>", "<material/><material name='a'/></robot>"))
+    assert hp.load_harpy(path).model == robot.model
+    assert capfd.readouterr() == ("", "")

@@ -72,7 +72,7 @@ def test_pipe_is_written_to(tmp_path):
             break
         except RunFileError:  # the thread has not opened it yet
             threading.Event().wait(0.01)
-    reader.join(timeout=30)
+    reader.join(timeout=600)
     assert json.loads(got[0]) == {"x": list(range(50_000))}
     assert stat.S_ISFIFO(pipe.stat().st_mode)
 

@@ -29,14 +29,6 @@ def refused(call: Callable[[], object], *says: str) -> None:
         assert words in message
 
 
-def test_arguments_of_another_name_say_what_was_meant() -> None:
-    robot = hp.load_harpy()
-    gait = hp.make_gait(robot)
-    refused(lambda: hp.make_gait(robot, velocity=0.3), "make_gait(robot, speed=0.3)")
-    refused(lambda: hp.make_controller("condensed", gait, friction=0.6), "make_controller('condensed', gait, mu=0.6)")
-    refused(lambda: hp.WalkingGait(robot, speed=0.3), "WalkingGait(robot, velocity=(0.5, 0, 0))")
-
-
 @pytest.mark.parametrize("walk", [hp.walk, hp.scenario.build])
 def test_a_controller_where_its_maker_is_expected(walk: Callable[..., object]) -> None:
     made = "a function or a class that makes the controller from the gait"

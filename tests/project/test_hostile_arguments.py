@@ -16,6 +16,7 @@ from public_calls import public_names
 
 import harpy_pin as hp
 from harpy_pin import checks
+from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.errors import shown
 
 
@@ -68,7 +69,7 @@ def test_rows_that_a_task_returns_at_first(gait):
 )
 def test_selections_of_a_batch(robot, which, says):
     with pytest.raises(hp.InputError, match=says):
-        hp.ShieldBatch(robot, 2, mu=0.25).reset(which)
+        ShieldBatch(robot, 2, mu=0.25).reset(which)
     np.testing.assert_array_equal(checks.selection("which", [False, True], 2), [1])
     np.testing.assert_array_equal(checks.selection("which", None, 2), [0, 1])
     np.testing.assert_array_equal(checks.selection("which", 1, 2), [1])

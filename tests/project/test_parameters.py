@@ -9,22 +9,18 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.controllers import GovernedParameters, JointGains, WholeBodyParameters
 from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
-from harpy_pin.gaits import FootholdGovernorParameters
-from harpy_pin.gaits.planar.planar_gait import PlanarGait
 from harpy_pin.model.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
+from reproduction.gait.planar_gait import PlanarGait
 
 BAD = {
-    hp.GaitParameters: {
+    hp.gaits.GaitParameters: {
         **{"speed": (math.nan, "fast"), "step_duration": (0.0, -1.0), "double_support": (-0.1, 1.0), "height": (0.0,)},
         **{"width": (-0.1,), "sway": (math.inf,), "clearance": (-0.01,), "penetration_offset": (-0.01,)},
         "touchdown_bend": (1.5,),
     },
     PlanarGait: {
         **{"half_step": (0.0, "far"), "end_height": (math.nan,), "double_support": (0.95,), "thrust_k_p": (-1,)}
-    },
-    FootholdGovernorParameters: {
-        **{"tolerated": (-1.0,), "recovery": (0.0,), "rate": (math.nan,), "shift_limit": (2.0,), "heard": ("x",)}
     },
     FrictionEstimatorParameters: {
         **{"lowest": (-0.1,), "slip_speed": (0.0,), "margin": (1.1,), "recovery": (math.nan,), "filter_time": (-1.0,)},

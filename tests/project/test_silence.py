@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import compiler, kernel
+from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.gaits.gait import CompletedGait
 from harpy_pin.model.catalogue import installed_data
@@ -22,8 +24,8 @@ CONTROLLERS = {
     "none": ("governed", {"governor": "none"}),
     "paper": ("governed", {"governor": "paper"}),
     "filter": ("governed", {"governor": "filter"}),
-    "wbc": ("wbc", {"parameters": {"solver": "daqp"}}),
-    "wbc, full": ("wbc", {"parameters": {"solver": "daqp", "formulation": "full"}}),
+    "wbc": ("wbc", {"solver": "daqp"}),
+    "wbc, full": ("wbc", {"solver": "daqp", "formulation": "full"}),
     "condensed": ("condensed", {}),
 }
 
@@ -213,18 +215,17 @@ def test_terms_and_filters_say_that_a_state_is_impossible(robot, state):
         assert force_filter.status.bad_samples == count, what
         np.testing.assert_array_equal(command.torque, 1.0)
         assert "bad state" in shield(bad, command)[1].reasons, what
-    governor = hp.ConeGovernor(mass=robot.mass, mu=0.3)
+    governor = hp.ExplicitReferenceGovernor(hp.ForceRows(mass=robot.mass, mu=0.3))
     governor.reset(np.zeros(6))
     governor.update(np.full(9, 1e200), np.zeros(6), 1e-3)
     assert governor.status.bad_samples == 1
 
 
-@pytest.mark.parametrize("kind", [hp.Stepping, hp.WalkingGait])
-def test_gaits_that_look_at_the_state_ignore_bad_samples(kind):
+def test_gaits_that_look_at_the_state_ignore_bad_samples():
     if installed_data() is None:
         pytest.skip("the robots are an extra: pip install 'harpy-pin[robots]'")
     robot = hp.load_robot("bolt")
-    gait, clean = kind(robot), kind(robot)
+    gait, clean = hp.WalkingGait(robot), hp.WalkingGait(robot)
     state = hp.State(0.0, *gait.initial_state(), *np.ones((3, 2, 3)))
     for each in (gait, clean):
         each.observe(state)
@@ -283,7 +284,7 @@ class Zero:
 def test_range_on_a_row_of_zeros_is_hard(robot, state, formulation):
     for solver in installed_solvers():
         parameters = {"solver": solver, "formulation": formulation}
-        controller = hp.make_controller("wbc", hp.make_gait(robot), mu=0.3, parameters=parameters)
+        controller = hp.make_controller("wbc", hp.make_gait(robot), mu=0.3, **parameters)
         task = Zero()
         controller.add(task, lower=-1.0, upper=1.0)
         for b, failures in ((0.0, 0), (0.5, 0), (5.0, 1), (-5.0, 2), (-1.0, 2)):
@@ -298,8 +299,8 @@ def test_range_on_a_row_of_zeros_is_hard(robot, state, formulation):
 # ---- forked children -----------------------------------------------------------------------------------------------
 
 
-def in_a_child(work, seconds=60.0):
-    """What a forked child's work returns, a number; fails where it does not end."""
+def in_a_child(work, *, after_fork=lambda: None, seconds=600.0):
+    """What a forked child's work returns, a number; fails where it does not end. The parent then goes on, too."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
@@ -307,6 +308,7 @@ def in_a_child(work, seconds=60.0):
             os.write(writing, repr(float(work())).encode())
         finally:
             os._exit(0)
+    after_fork()
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if os.waitpid(child, os.WNOHANG)[0]:
@@ -322,7 +324,7 @@ def in_a_child(work, seconds=60.0):
 @needs_fork
 def test_environments_go_on_in_a_forked_child():
     pytest.importorskip("gymnasium")
-    from harpy_pin.gym import HarpyVectorEnv
+    from harpy_pin.contrib.gym import HarpyVectorEnv
 
     env = HarpyVectorEnv(150, threads=2)
     action = np.full((150, 12), 0.1, np.float32)
@@ -341,7 +343,7 @@ def test_environments_go_on_in_a_forked_child():
 
 @needs_fork
 def test_batches_go_on_in_a_forked_child(robot, state):
-    batch = hp.CondensedBatch(robot, 300, threads=2)
+    batch = CondensedBatch(robot, 300, threads=2)
     states = (np.tile(state.q, (300, 1)), np.tile(state.v, (300, 1)), np.tile(state.foot_force, (300, 1, 1)))
 
     def work():
@@ -359,20 +361,24 @@ def test_kernels_that_are_being_compiled_are_compiled_in_a_forked_child(tmp_path
     if compiler.compiler() is None:
         pytest.skip("needs a C compiler")
     monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
-    slow, run = [True], compiler.run_compiler
+    begun, forked, run = threading.Event(), threading.Event(), compiler.run_compiler
 
-    def run_slowly(arguments, **given):
-        time.sleep(1.0 if slow[0] else 0.0)
+    def run_when_forked(arguments, **given):
+        begun.set()
+        forked.wait()
         run(arguments, **given)
 
-    monkeypatch.setattr(compiler, "run_compiler", run_slowly)
+    monkeypatch.setattr(compiler, "run_compiler", run_when_forked)
 
     @kernel
     def doubled(x: float) -> float:
         return 2.0 * x
 
+    def work():
+        forked.set()
+        return doubled(4.0)
+
     doubled.prepare(1.0)
-    time.sleep(0.3)  # a thread is at it
-    slow[0] = False
-    assert in_a_child(lambda: doubled(4.0)) == 8.0
+    begun.wait()  # a thread of the parent is at it
+    assert in_a_child(work, after_fork=forked.set) == 8.0
     assert doubled(3.0) == 6.0

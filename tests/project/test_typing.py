@@ -37,7 +37,7 @@ def check(python: Path, folder: Path, *files: Path) -> subprocess.CompletedProce
         copy.write_text(file.read_text())
     mypy = [sys.executable, "-m", "mypy", "--strict", "--python-executable", str(python), "--cache-dir", os.devnull]
     return subprocess.run(
-        [*mypy, *(copy.name for copy in copies)], cwd=folder, capture_output=True, text=True, timeout=300
+        [*mypy, *(copy.name for copy in copies)], cwd=folder, capture_output=True, text=True, timeout=600
     )
 
 
@@ -62,6 +62,6 @@ def test_runs(script: Path, tmp_path: Path) -> None:
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=600,
     )
     assert done.returncode == 0, done.stderr

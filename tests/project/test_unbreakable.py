@@ -7,8 +7,9 @@ import pytest
 from guarded_walks import NAMES, REFERENCE, X_R, X, command_of, controller_of, copy, equal, governor_of
 
 import harpy_pin as hp
-from harpy_pin.gaits import make_named_gait
-from harpy_pin.governors import AngleRow, ForceRows
+from harpy_pin.governors import ForceRows
+from reproduction.gait.spatial import make_named_gait
+from reproduction.vlip_model import AngleRow
 
 GUARD = 16
 CANARY = 1.2345e67
@@ -165,7 +166,7 @@ def test_dynamics_check_their_state(robot, draw_state):
 
 def test_contact_map_checks_its_arguments(robot, draw_state):
     q, v = draw_state(np.random.default_rng(4))
-    dynamics, force = hp.Dynamics(robot), hp.ContactForceMap(robot)
+    dynamics, force = hp.Dynamics(robot), hp.model.ContactForceMap(robot)
     dynamics.update(q, v)
     right = {"torque": np.zeros(6), "thrust": np.zeros((2, 3)), "touching": (1.0, 1.0)}
     force.update(dynamics, v, **right)

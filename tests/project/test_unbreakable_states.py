@@ -56,12 +56,11 @@ CONTROLLERS = {
     "none": ("governed", {"governor": "none"}),
     "paper": ("governed", {"governor": "paper"}),
     "paper, tracked": ("governed", {"governor": "paper", "evaluate_at": "tracked"}),
-    "cone": ("governed", {"governor": "cone"}),
     "filter": ("governed", {"governor": "filter"}),
     "contact, limits": ("governed", {"governor": "filter", "limits": True}),
     "wbc": ("wbc", {}),
-    "wbc, full": ("wbc", {"parameters": {"formulation": "full"}}),
-    "wbc, daqp": ("wbc", {"parameters": {"solver": "daqp"}}),
+    "wbc, full": ("wbc", {"formulation": "full"}),
+    "wbc, daqp": ("wbc", {"solver": "daqp"}),
     "condensed": ("condensed", {}),
 }
 
@@ -103,15 +102,12 @@ def most_systems(controller):
 
 
 UNUSUAL = ("piqp", "osqp", "clarabel", "quadprog", "proxqp")
-HOSTILE = [("harpy", name) for name in ("none", "paper", "cone", "filter")]
+HOSTILE = [("harpy", name) for name in ("none", "paper", "filter")]
 HOSTILE += [(robot, name) for robot in ("harpy", "solo12", "g1", "talos") for name in ("wbc", "condensed")]
 OTHERS = [f"{formulation}, {solver}" for formulation in FORMULATIONS for solver in installed_solvers()]
 """Formulations of the whole-body QP, with the solver that is its last resort."""
 HOSTILE += [(robot, name) for robot in ("harpy", "solo12", "g1") for name in OTHERS]
-CONTROLLERS |= {
-    name: ("wbc", {"parameters": dict(zip(("formulation", "solver"), name.split(", "), strict=True))})
-    for name in OTHERS
-}
+CONTROLLERS |= {name: ("wbc", dict(zip(("formulation", "solver"), name.split(", "), strict=True))) for name in OTHERS}
 
 
 def is_long(who, name):

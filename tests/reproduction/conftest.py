@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.gaits.planar.gait_file import load_gait
-from harpy_pin.gaits.planar.planar_model import PlanarModel
+from reproduction.gait.gait_file import load_gait
+from reproduction.gait.planar_model import PlanarModel
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from harpy_pin.errors import HarpyError, InputError, RunFileError
-from harpy_pin.gaits.planar.gait_file import OptimisedGait, load_gait
-from harpy_pin.gaits.planar.planar_gait import PlanarGait
+from reproduction.gait.gait_file import OptimisedGait, load_gait
 from reproduction.gait.optimise import optimise_gait
+from reproduction.gait.planar_gait import PlanarGait
 from reproduction.gait.search import SEARCHES, PlanarTask
 
 

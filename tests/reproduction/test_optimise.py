@@ -14,16 +14,16 @@ from scipy.interpolate import BPoly
 
 import harpy_pin as hp
 from harpy_pin.errors import RobotError
-from harpy_pin.gaits.planar.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
-from harpy_pin.gaits.planar.joints import PlanarJoints, joint_targets, walk_record
-from harpy_pin.gaits.planar.planar_gait import PlanarGait
-from harpy_pin.gaits.planar.planar_model import PlanarModel
-from harpy_pin.gaits.planar.planar_walk import PlanarWalk, planar_step
 from harpy_pin.gaits.straight import GaitParameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.record import field
 from harpy_pin.simulation.step import step_record
+from reproduction.gait.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
+from reproduction.gait.joints import PlanarJoints, joint_targets, walk_record
+from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_model import PlanarModel
+from reproduction.gait.planar_walk import PlanarWalk, planar_step
 from reproduction.gait.search import SEARCHES
 
 
@@ -173,7 +173,7 @@ def test_targets_are_bernstein_polynomials():
 @pytest.mark.parametrize("double", [0.0, 0.3])
 def test_hand_made_walk_in_the_plane(robot, double):
     parameters = GaitParameters(double_support=double)
-    gait, planar = hp.StraightGait(robot, parameters), PlanarGait.from_walk(parameters)
+    gait, planar = hp.gaits.StraightGait(robot, parameters), PlanarGait.from_walk(parameters)
     for t in np.linspace(0.0, 2.9, 40):
         target = gait.update(t)
         position, velocity, stance = targets(planar, t)

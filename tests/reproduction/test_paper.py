@@ -12,15 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import harpy_pin as hp
-from harpy_pin.gaits import load_gait
-from harpy_pin.gaits.planar.gait_file import SPACE_GAIT
 from harpy_pin.log.measures import chattering
 from reproduction import figures
-from reproduction.claims import CLAIMS, Verdict
-from reproduction.departures import DEPARTURES
+from reproduction.claims import CLAIMS, DEPARTURES, Verdict
+from reproduction.gait.gait_file import SPACE_GAIT, load_gait
+from reproduction.gait.search import SpaceCost
 from reproduction.reduced_order import body_velocity, model_force, model_rows
 from reproduction.report import SETTINGS, prepare_folder, reproduce, write_report
-from reproduction.space_cost import SpaceCost
 from reproduction.vlip_claims import VlipCase, polar_of
 from reproduction.vlip_simulation import cartesian
 from reproduction.walk_claims import MU, study_walk, walk_run

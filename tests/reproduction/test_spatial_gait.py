@@ -8,8 +8,8 @@ from planar_targets import targets
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.planar.planar_gait import PlanarGait
-from harpy_pin.gaits.spatial import SpatialGait
+from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.spatial import GAITS, SpatialGait, make_named_gait
 
 
 class Thrustless:
@@ -70,6 +70,29 @@ def test_in_space_at_the_papers_friction(robot, packaged, ground, governor):
     assert measures.distance_m / measures.duration_s == pytest.approx(0.3, rel=0.05)
     assert max(measures.roll_max_rad, measures.pitch_max_rad, measures.yaw_max_rad) <= 0.15
     assert measures.slip_mm_per_step <= 8.0
+
+
+def test_optimised_gait_under_the_papers_governor(robot):
+    """Ten seconds at the paper's friction: speed, angles, slip, and the normal force against no governor's."""
+    found = {}
+    for governor in ("none", "paper"):
+        scenario = hp.Scenario(controller=hp.Governed(governor=governor), ground=hp.Ground(mu_s=0.25), duration=10.0)
+        found[governor] = hp.measure(hp.walk(scenario, gait=make_named_gait(robot, "optimised")))
+    walked = found["paper"]
+    assert not walked.fell
+    assert walked.distance_m == pytest.approx(3.0, rel=0.05)
+    assert max(walked.roll_max_rad, walked.pitch_max_rad, walked.yaw_max_rad) <= 0.15
+    assert walked.slip_mm_per_step <= 8.0
+    assert walked.late_slip_mm_per_step <= 1.0
+    assert walked.low_force < 0.5 * found["none"].low_force
+
+
+@pytest.mark.parametrize("name", GAITS)
+def test_named_gaits_walk_a_little(robot, name):
+    scenario = hp.Scenario(controller="governed", ground=hp.Ground(mu_s=0.25), duration=0.3)
+    assert hp.walk(scenario, gait=make_named_gait(robot, name)).ending == "completed"
+    with pytest.raises(InputError, match="valid names: hand, optimised, paper-curves"):
+        make_named_gait(robot, "trot")
 
 
 def test_spatial_gait_refuses(robot, packaged):

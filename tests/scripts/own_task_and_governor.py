@@ -38,7 +38,7 @@ assert_type(added.error, Vector)
 controller.add(hp.FootForceTask("left_foot", force=(0.0, 0.0, 25.0)), weight=0.01)
 
 rows = hp.governors.StackedRows([hp.ForceRows(mass=robot.mass, mu=0.4), SpeedRow()])
-governor: hp.Governor = hp.ExplicitReferenceGovernor(rows)
+governor: hp.governors.Governor = hp.ExplicitReferenceGovernor(rows)
 governor.reset(np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0]))
 applied = governor.update(
     np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.6, 0.8, 0.0, 0.0]), 1e-3
@@ -56,7 +56,7 @@ behind = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.25), 
 assert_type(behind.update(state, command), hp.Command)
 safe, report = hp.Shield(robot, mu=0.25)(state, command)
 assert_type(safe, hp.Command)
-assert_type(report, hp.ShieldReport)
+assert_type(report, hp.governors.ShieldReport)
 
 problem = hp.wbc.make_problem("input_space", robot)
 assert_type(problem, hp.wbc.WholeBodyProblem)

@@ -12,7 +12,6 @@ from scripted import NO_COMMAND, Script, idle, standing
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, Simulator
-from harpy_pin.simulation.ground import normal_force
 
 MASS = 2.0
 
@@ -28,10 +27,10 @@ def walk(controller="governed", governor="none", dt=5e-4, duration=1.5, speed=0.
 
 def drop_exactly(ground, height, times):
     """The condensed controller, integrated phase by phase: in the air, going down in the ground, coming up in it."""
-    packed = ground.record[0]
 
     def slope(_, y):
-        return [y[1], -9.81 + normal_force(y[0], y[1], packed) / MASS]
+        inside = -ground.stiffness * y[0] - ground.damping * min(y[1], 0.0)
+        return [y[1], -9.81 + (max(inside, 0.0) if y[0] <= 0.0 else 0.0) / MASS]
 
     found = solve_ivp(slope, (0, times[-1]), [height, 0.0], rtol=1e-9, atol=1e-12, max_step=2e-4, t_eval=times)
     return found.y.T

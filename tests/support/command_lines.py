@@ -21,12 +21,12 @@ PROGRAMS = {"harpy": harpy, "comparison": comparison, "reproduction": reproducti
 WORK = (
     "harpy_pin.simulation.plant.Plant.run",
     "harpy_pin.simulation.simulator.Simulator.run",
-    "harpy_pin.gaits.planar.planar_walk.PlanarWalk.run",
+    "reproduction.gait.planar_walk.PlanarWalk.run",
     "harpy_pin.view.page.film.Film.__enter__",
     "harpy_pin.view.page.replay.serve",
     "harpy_pin.view.live.drive.listen",
     "harpy_pin.compiled.compiler.clear",
-    "harpy_pin.cli.compile._told",
+    "harpy_pin.cli.compile._scenarios",
     "harpy_pin.export.export",
     "webbrowser.open",
     "reproduction.vlip_simulation.simulate_vlip",
@@ -39,9 +39,8 @@ WORK = (
     "comparison.cli.peers._install",
     "comparison.cli.walks.run_campaign",
     "comparison.cli.tuning.search_settings",
-    "comparison.cli.studies.walk_engines",
-    "comparison.cli.studies._study",
-    "comparison.cli.studies.measure_jitter",
+    "comparison.cli.studies.film_flights",
+    "comparison.study.Study.run",
 )
 """Functions with which a command begins its work, once its arguments have been accepted."""
 

@@ -9,8 +9,8 @@ from harpy_pin.controllers.named_controllers import make_controller, make_govern
 from harpy_pin.governors import ForceRows, StackedRows
 from reproduction.margin import MarginGovernor
 
-NAMES = ("none", "paper", "cone", "filter", "wbc")
-REFERENCE = ("paper", "paper, tracked", "cone", "margin", "own rows")
+NAMES = ("none", "paper", "filter", "wbc")
+REFERENCE = ("paper", "paper, tracked", "margin", "own rows")
 X = np.array([0.0, 0.0, 0.6, 0.3, 0.0, 0.0, 0.02, 0.0, 0.0])
 X_R = np.array([0.01, 0.0, 0.6, 0.3, 0.0, 0.0])
 
@@ -29,7 +29,7 @@ class Row:
 
 def controller_of(name, gait):
     if name == "wbc":
-        return make_controller("wbc", gait, mu=0.25, parameters={"solver": "daqp"})
+        return make_controller("wbc", gait, mu=0.25, solver="daqp")
     return make_controller("governed", gait, mu=0.25, governor=name)
 
 

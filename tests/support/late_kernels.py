@@ -1,4 +1,4 @@
-"""Prints the kernels that a controller compiles or loads after its first tick, at states of any size.
+"""Prints, as a JSON list, the kernels that a controller compiles or loads after its first tick, at states of any size.
 
 Arguments: the controller, its parameters as JSON, and ``added`` if a task is added to its program.
 """
@@ -28,4 +28,4 @@ known = {kernel: set(kernel._versions) for kernel in _KERNELS}
 rng = np.random.default_rng(1)
 for k in range(STATES):
     controller.step(draw_hostile(robot, rng) if k % 3 else draw(robot, rng))
-print(*sorted(kernel.__name__ for kernel in _KERNELS if set(kernel._versions) - known.get(kernel, set())))
+print(json.dumps(sorted(kernel.__name__ for kernel in _KERNELS if set(kernel._versions) - known.get(kernel, set()))))

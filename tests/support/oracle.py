@@ -2,7 +2,7 @@
 
 Two things are not Python's own on that side, because they are not C's either: functions of mathematics come from C's
 library (NumPy has others for sine or exponential, which differ in the last digit), and ``x ** 2`` to ``x ** 4`` are
-products, as in Numba (Python calls ``pow``).
+products (Python calls ``pow``).
 """
 
 from __future__ import annotations

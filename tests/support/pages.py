@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
+import zlib
 from typing import Any
 
 import numpy as np
@@ -12,7 +14,6 @@ import umsgpack
 
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.page.packing import unpack
 
 ATTACKS = (
     "</script><script>attack()</script>",
@@ -73,6 +74,11 @@ def make_run(robot: Robot, rows: int = 1001, **changes: Any) -> Run:
     metadata |= changes.pop("metadata", {})
     signals |= changes
     return Run({name: array for name, array in signals.items() if array is not None}, metadata)
+
+
+def unpack(text: str) -> Any:
+    """The data that a page holds in a word of base64."""
+    return json.loads(zlib.decompress(base64.b64decode(text)))
 
 
 def content_of(page: str) -> dict[str, Any]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.planar.joints import PlanarJoints, planar_control, walk_record
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command
+from reproduction.gait.joints import PlanarJoints, planar_control, walk_record
 
 
 class PlanarWalkController:

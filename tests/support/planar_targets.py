@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.gaits.planar.planar_gait import planar_targets
+from reproduction.gait.planar_gait import planar_targets
 
 
 def targets(gait, t):

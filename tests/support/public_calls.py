@@ -14,18 +14,20 @@ import re
 from collections.abc import Callable, Iterator
 from enum import Enum
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, get_origin
 
 import numpy as np
 
 import harpy_pin as hp
+from harpy_pin.contrib.batch import CondensedBatch
+from harpy_pin.contrib.flight import Fly, FlyingGait
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
-    *("", ".controllers", ".export", ".gaits", ".governors", ".gym", ".log", ".model", ".scenario", ".simulation"),
+    *("", ".controllers", ".export", ".gaits", ".governors", ".log", ".model", ".scenario", ".simulation"),
     *(".simulation.mujoco", ".view", ".wbc", ".wbc.condensed"),
+    *(f".contrib.{name}" for name in ("batch", "flight", "gym", "shield_batch", "thrust_watch")),
 )
 OPERATORS = ("__call__", "__getitem__")
 """Methods with a name of Python's that users call."""
@@ -65,7 +67,7 @@ class Yaw:
 def values() -> dict[str, Any]:
     """Honest values by the name of the argument; with that of the callable in front, where it means something else."""
     robot = hp.load_harpy()
-    gait, planar = hp.make_gait(robot), hp.gaits.load_gait().gait
+    gait = hp.make_gait(robot)
     simulator, dynamics = hp.Simulator(robot), hp.Dynamics(robot)
     q, v = gait.initial_state(penetration=simulator.static_penetration)
     simulator.reset(q, v)
@@ -75,8 +77,7 @@ def values() -> dict[str, Any]:
     run, problem = hp.walk(hp.Scenario(duration=0.01)), hp.wbc.make_problem("input_space", robot)
     program, feet = problem.program, np.zeros((2, 3))
     rows = hp.ForceRows(mass=robot.mass, mu=0.25)
-    model = hp.gaits.PlanarModel.from_robot(robot)
-    iris, bolt, solo = (hp.load_robot(name) for name in ("iris", "bolt", "solo12"))
+    iris, solo = (hp.load_robot(name) for name in ("iris", "solo12"))
     return {
         **{"robot": robot, "gait": gait, "state": simulator.state, "command": command, "run": run, "q": q, "v": v},
         **{"simulator": simulator, "dynamics": dynamics, "ground": hp.Ground(), "mu": 0.25, "t": 0.0, "dt": 1e-3},
@@ -87,7 +88,7 @@ def values() -> dict[str, Any]:
         **{"path": "/nowhere/run.npz", "folder": "/nowhere", "urdf": robot.urdf, "fitting": {}, "substeps": 2},
         **{"targets": controller.targets, "rotation": np.eye(3), "z": np.zeros(program.shape[0]), "held": np.ones(2)},
         **{"foot": "left_foot", "joints": ("left_knee",), "frame": "left_foot", "name": "wbc", "stiffness": 8000.0},
-        **{"rows": rows, "touching": np.ones(2), "planar": planar, "runs": [(run, robot)], "target": controller.target},
+        **{"rows": rows, "touching": np.ones(2), "runs": [(run, robot)], "target": controller.target},
         **{"frames": hp.view.Frames.from_run(run, robot), "feet": robot.feet, "generalised_force": np.zeros(12)},
         **{"action": np.zeros(12), "actions": np.zeros((1, 12)), "step_duration": 0.75, "begin": 0.0, "end": 1.0},
         **{"size": 4, "equalities": 1, "inequalities": 3, "bounded": 2, "offset": (0.0, 0.0, 0.01)},
@@ -96,66 +97,57 @@ def values() -> dict[str, Any]:
         **{"body": np.zeros(9), "h": np.zeros(7), "jacobian": np.zeros((7, 6)), "message": "text", "time": 0.0},
         **{"hip": (0.0, 0.1, 0.0), "upper": 0.3, "lower": 0.3, "impulse": (0.0, 1.0, 0.0), "model": robot.model},
         **{"thrusters": robot.thrusters, "thrust_limit": 50.0, "signals": run.signals, "metadata": run.metadata},
-        **{"heading": np.zeros(3), "phase": np.zeros(2), "walk": hp.GaitParameters(), "numbers": planar.as_dict()},
-        **{"record": model.record, "matrix": np.zeros((1, 18)), "out": np.zeros(12), "signal": np.zeros(4)},
+        **{"heading": np.zeros(3), "phase": np.zeros(2), "walk": hp.gaits.GaitParameters()},
+        **{"matrix": np.zeros((1, 18)), "out": np.zeros(12), "signal": np.zeros(4)},
         **{"parts": (rows,), "sensors": None, "file": "a.urdf", "angles": {}, "gravity": (0.0, 0.0, -9.81)},
         **{"friction": 0.5, "foot_radius": 0.02, "page": "<p>", "columns": 18, "limited": False, "weight": "body"},
         **{"value": "straight", "what": "gait", "kinds": hp.scenario.GAIT_PARTS, "creep": 1e-3, "normal": 10.0},
         **{"bounds": np.ones((1, 1)), "fps": 30.0, "points": np.zeros((1, 3)), "mount": np.zeros((2, 3))},
         **{"references": {}, "controller": controller, "force": np.ones((2, 3)), "depth": 0.01, "inverse_mass": 0.5},
-        "load": 10.0,
-        **{"terrain": hp.Plane(slope=0.1), "heights": ((0.0, 0.1), (0.2, 0.3)), "corner": (0.0, 0.0), "y": np.zeros(9)},
-        **{"FlyingGait.gait": hp.make_commanded_gait(robot), "FlyingGait.flights": hp.Fly(), "lag": 0.1},
-        "gaits.bezier.points": np.zeros((5, 3)),
-        **{f"gaits.bezier.{name}": np.zeros(3) for name in ("position", "velocity", "acceleration")},
-        "gaits.bezier.s": 0.5,
-        "simulation.normal_force.height": 0.0,
-        "simulation.normal_force.velocity": 0.0,
-        "simulation.normal_force.ground": hp.Ground().record,
-        "simulation.friction_force.velocity": np.zeros(2),
-        "simulation.friction_force.ground": hp.Ground().record[0],
+        **{"load": 10.0, "fall_height": 0.3, "settings": {}},
+        **{
+            "terrain": hp.ground.Plane(slope=0.1),
+            "heights": ((0.0, 0.1), (0.2, 0.3)),
+            "corner": (0.0, 0.0),
+            "y": np.zeros(9),
+        },
+        **{
+            "contrib.flight.FlyingGait.gait": hp.make_commanded_gait(robot),
+            "contrib.flight.FlyingGait.flights": Fly(),
+            **{
+                "contrib.flight.Flying.gait": FlyingGait(hp.make_commanded_gait(robot), Fly()),
+                "normal_error": 0.01,
+                "lag": 0.1,
+            },
+        },
         "simulation.contact_step.mobility": np.eye(6),
         "simulation.contact_step.free_velocity": np.zeros(6),
         "simulation.contact_step.height": np.zeros(2),
         "simulation.contact_step.friction": np.ones((2, 3)),
         "simulation.contact_step.ground": hp.Ground().record,
         "simulation.contact_step.force": np.zeros(6),
-        "ShieldBatch.q": np.tile(q, (2, 1)),
-        "ShieldBatch.v": np.tile(v, (2, 1)),
-        **{f"ShieldBatch.{name}": np.zeros((2, 2, 3)) for name in ("foot_force", "thrust")},
-        "ShieldBatch.torque": np.zeros((2, 6)),
-        "CondensedBatch.q": np.tile(q, (2, 1)),
-        "CondensedBatch.v": np.tile(v, (2, 1)),
-        "CondensedBatch.foot_force": np.zeros((2, 2, 3)),
+        "contrib.shield_batch.ShieldBatch.q": np.tile(q, (2, 1)),
+        "contrib.shield_batch.ShieldBatch.v": np.tile(v, (2, 1)),
+        **{f"contrib.shield_batch.ShieldBatch.{name}": np.zeros((2, 2, 3)) for name in ("foot_force", "thrust")},
+        "contrib.shield_batch.ShieldBatch.torque": np.zeros((2, 6)),
+        "contrib.batch.CondensedBatch.q": np.tile(q, (2, 1)),
+        "contrib.batch.CondensedBatch.v": np.tile(v, (2, 1)),
+        "contrib.batch.CondensedBatch.foot_force": np.zeros((2, 2, 3)),
         "Hovering.robot": iris,
-        "Hover.robot": iris,
         "scenario.Hover.robot": iris,
         "Run.name": "q",
         "Robot.name": "left_foot",
         "LegGeometry.offset": 0.05,
-        "simulation.Profile.name": "controller",
-        "make_governor.name": "paper",
-        "gaits.make_named_gait.name": "hand",
+        "controllers.make_governor.name": "paper",
         "wbc.make_problem.name": "full",
         "wbc.make_solver.name": "daqp",
         "export.export.robot": "harpy",
         "scenario.gaits_of.robot": "harpy",
-        "gaits.PlanarWalk.robot": model,
-        "gaits.PlanarWalk.gait": planar,
-        "gaits.OptimisedGait.gait": planar,
-        "gaits.PlanarWalk.q": model.neutral(),
-        "gaits.PlanarWalk.v": np.zeros(len(model.neutral())),
-        "gaits.PlanarModel.q": model.neutral(),
-        "gaits.PlanarModel.v": np.zeros(len(model.neutral())),
-        "gaits.GovernedGait.gait": hp.make_commanded_gait(robot),
-        "gaits.PlanarModel.planar": model.planar,
         "leg_inverse_kinematics.foot": np.array([0.0, 0.1, -0.5]),
-        "solve_ik.targets": {"left_foot": np.array([0.0, 0.1, 0.0])},
+        "model.solve_ik.targets": {"left_foot": np.array([0.0, 0.1, 0.0])},
         "Standing.robot": solo,
-        "Stepping.robot": bolt,
         "WalkingGait.robot": solo,
-        "Stand.robot": solo,
-        "StepInPlace.robot": bolt,
+        "scenario.Stand.robot": solo,
         "Walking.robot": solo,
         "load_robot.feet": robot.feet,
         "WholeBodyController.weight": 0.1,
@@ -179,8 +171,8 @@ def objects() -> dict[str, Any]:
     run, robot = values()["run"], values()["robot"]
     simulator = copy.deepcopy(values()["simulator"])
     return {
-        "controllers.BatchTargets": hp.CondensedBatch(robot, 2).targets,
-        "CondensedBatch": hp.CondensedBatch(robot, 2),
+        "contrib.batch.BatchTargets": CondensedBatch(robot, 2).targets,
+        "contrib.batch.CondensedBatch": CondensedBatch(robot, 2),
         "Simulator": simulator,
         "wbc.QPSolver": hp.wbc.make_solver("daqp", values()["program"]),
         "wbc.WholeBodyProblem": values()["problem"],
@@ -191,10 +183,18 @@ def objects() -> dict[str, Any]:
 
 
 MADE_BY_THE_LIBRARY = (
-    *("Measures", "ShieldReport", "controllers.BatchTargets", "export.Exportable", "export.Exported", "log.Chattering"),
+    *(
+        "log.Measures",
+        "governors.ShieldReport",
+        "scenario.Setting",
+        "contrib.batch.BatchTargets",
+        "export.Exportable",
+        "export.Exported",
+        "log.Chattering",
+    ),
     *("log.Power",),
-    *("gaits.PlanarSummary", "governors.GovernorStatus", "governors.ShieldBatchReport", "model.IKResult", "Robot"),
-    *("simulation.Profile", "wbc.QPSolution", "scenario.Walk", "view.Frames", "gaits.PlanarModel", "Interrupted"),
+    *("governors.GovernorStatus", "governors.ShieldAnswer", "model.IKResult", "Robot"),
+    *("wbc.QPSolution", "scenario.Walk", "view.Frames", "Interrupted"),
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions", "wbc.BuiltInTask"),
 )
 """Classes whose objects users get and do not make."""
@@ -206,17 +206,12 @@ BASES = (
 NOT_CALLED = {
     "export.write_folder": "takes a recording that export() makes",
     "scenario.read_part": "takes a table of classes",
-    "view.draw_scene": "takes a visualizer of Pinocchio",
-    "Terrain": "is the base of the kinds of terrain",
+    "ground.Terrain": "is the base of the kinds of terrain",
     "view.show": "serves until it is closed",
     "view.ReplayServer": "serves until it is closed",
 }
 """Functions left out, and why."""
-if find_spec("pydrake") is None:
-    NOT_CALLED["simulation.drake.DrakePlant"] = "Drake is not installed"
-METHODS_NOT_CALLED = (
-    *("wait", "compile_loop", "log", "to_mujoco", "from_mujoco", "joint_forces", "close", "close_extras"),
-)
+METHODS_NOT_CALLED = (*("wait", "calls", "compile_loop", "log", "close", "close_extras"),)
 """Methods that the library's own loops call, or that end an object."""
 
 

@@ -7,35 +7,33 @@ import pkgutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from importlib.util import find_spec
 
 import numpy as np
 import pinocchio as pin
 
 import harpy_pin as hp
 from harpy_pin.compiled import Kernel
-from harpy_pin.controllers.batch import CondensedBatch
+from harpy_pin.contrib.batch import CondensedBatch
+from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
-from harpy_pin.gaits.planar.gait_file import load_gait
-from harpy_pin.gaits.planar.planar_walk import PlanarWalk
 from harpy_pin.governors import ForceRows
-from harpy_pin.governors.reduced.feedback import acceleration, direction, feedback_record
-from harpy_pin.governors.reduced.point_mass import Law, axial_force, leg_force, model_record, multiplier
-from harpy_pin.governors.reduced.rows import AngleRow, StackedRows
+from harpy_pin.governors.point_mass import Law, axial_force, model_record
+from harpy_pin.governors.rows import StackedRows
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.thrust import CentreGains
 from harpy_pin.scenario import Walk
-from harpy_pin.simulation import loop
-from harpy_pin.simulation.ground import friction_force, normal_force
-from harpy_pin.simulation.ticks import CompiledLoop
 from harpy_pin.wbc import FORMULATIONS, WholeBodyTargets, make_problem
 from harpy_pin.wbc.condensed import CondensedSolver
+from reproduction.gait.gait_file import load_gait
+from reproduction.gait.planar_walk import PlanarWalk
+from reproduction.gait.spatial import make_named_gait
 from reproduction.margin import MarginGovernor
+from reproduction.vlip_model import AngleRow, leg_force, multiplier
 from reproduction.vlip_simulation import VLIP_GOVERNORS, cartesian, simulate_vlip, vlip_governor, vlip_setting
 
 GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=300.0, k_dr=30.0)
@@ -62,7 +60,8 @@ def library_kernels() -> dict[str, Kernel]:
         tables = {name: value for name, value in named.items() if isinstance(value, dict)}
         named |= {f"{name}[{key}]": value for name, table in tables.items() for key, value in table.items()}
         for name, value in named.items():
-            if isinstance(value, Kernel) and value.__module__ == module.name:
+            # Kernels in tables may be made by a function of another module.
+            if isinstance(value, Kernel) and ("[" in name or value.__module__ == module.name):
                 found[f"{module.name}.{name}"] = value
     return found
 
@@ -76,7 +75,7 @@ def walk(duration: float = 0.05, **settings: object) -> hp.Run:
     return hp.walk(hp.Scenario(duration=duration, **parts))
 
 
-for name in ("none", "paper", "cone", "filter"):
+for name in ("none", "paper", "filter"):
     SCENES[f"governor {name}"] = partial(walk, controller=hp.Governed(governor=name))
 for name in FORMULATIONS:
     SCENES[f"formulation {name}"] = partial(walk, controller=hp.WholeBody(parameters={"formulation": name}))
@@ -114,23 +113,19 @@ def thrusters() -> None:
         walk(controller=controller(parameters={"thrust_lag": 0.02, "thrust_turning_lag": 0.03}), disturbances=late)
     walk(controller="condensed", disturbances=late, plant="mujoco")
     fans = hp.Thrusters(largest=40.0, failing=(0, 0.1, 0.5))
-    worn = hp.Actuators(thrusters=fans, battery=hp.Battery(motors=hp.log.Motors(constant=0.6)), no_load_speed=20.0)
+    worn = hp.Actuators(
+        thrusters=fans, battery=hp.simulation.Battery(motors=hp.log.Motors(constant=0.6)), no_load_speed=20.0
+    )
     for plant in ("compliant", "mujoco"):
         walk(disturbances=replace(PUSHED, actuators=worn), plant=plant)
 
 
 @scene
-def drake() -> None:
-    """Slow motors in Drake, where it is installed."""
-    if find_spec("pydrake") is not None:
-        walk(plant="drake", disturbances=replace(PUSHED, actuators=hp.Actuators(bandwidth=50.0)))
-
-
-@scene
 def gaits() -> None:
-    """Gaits that were found, stepping in place, standing, and hovering."""
+    """Gaits that were found."""
+    scenario = hp.Scenario(controller=hp.Governed(governor="none"), duration=0.01)
     for gait in ("optimised", "paper-curves"):
-        walk(gait=gait, controller=hp.Governed(governor="none"))
+        hp.walk(scenario, gait=make_named_gait(hp.load_harpy(), gait))
     PlanarWalk(hp.load_harpy(), load_gait().gait).run(0.01)
 
 
@@ -142,7 +137,7 @@ def others() -> None:
     g1, iris, bolt = (hp.load_robot(name) for name in ("g1", "iris", "bolt"))
     moved = hp.Standing(g1)
     moved.move((0.01, 0.0, 0.0), t=0.0)
-    for gait in (moved, hp.Hovering(iris), hp.Stepping(bolt)):
+    for gait in (moved, hp.Hovering(iris), hp.WalkingGait(bolt, "step", (0.0, 0.0, 0.0))):
         for controller in ("condensed", "wbc"):
             hp.walk(hp.Scenario(controller=controller, duration=0.005), gait=gait)
 
@@ -150,7 +145,7 @@ def others() -> None:
 @scene
 def environments() -> None:
     """Environments for learning."""
-    from harpy_pin.gym import HarpyVectorEnv
+    from harpy_pin.contrib.gym import HarpyVectorEnv
 
     for shield in (False, True):
         envs = HarpyVectorEnv(3, shield=shield, threads=2)
@@ -159,14 +154,13 @@ def environments() -> None:
             envs.step(envs.action_space.sample())
 
 
-STONES = hp.SteppingStones(start=-0.3)
-SLANTED = hp.HeightField(heights=((0.0, 0.1), (0.0, 0.1)))
+SLANTED = hp.ground.HeightField(heights=((0.0, 0.1), (0.0, 0.1)))
 
 
 @scene
 def terrain() -> None:
     """Ground that is not flat: every kind of it, in both engines, under all controllers."""
-    kinds = (hp.Plane(slope=0.2, heading=0.4), hp.Stairs(start=-0.1), STONES, hp.Rough(), SLANTED)
+    kinds = (hp.ground.Plane(slope=0.2, heading=0.4), hp.ground.Stairs(start=-0.1), hp.ground.Rough(), SLANTED)
     for kind in kinds:
         walk(0.01, ground=hp.Ground(mu_s=0.25, terrain=kind))
         kind.normal([0.1], [0.2])
@@ -176,10 +170,11 @@ def terrain() -> None:
     walk(0.01, ground=ground, controller=hp.Governed(governor="filter", parameters={"estimate_friction": True}))
     walk(0.01, ground=ground, plant="mujoco")
     if installed_data() is not None:  # point feet step over what is higher
-        for kind in (hp.Stairs(start=0.2), STONES):
-            uneven = hp.Ground(mu_s=0.6, stiffness=75e3, terrain=kind)
-            hp.walk(hp.Scenario(robot="go2", ground=uneven, duration=0.01))
-    loops_on(ground)
+        uneven = hp.Ground(mu_s=0.6, stiffness=75e3, terrain=hp.ground.Stairs(start=0.2))
+        hp.walk(hp.Scenario(robot="go2", ground=uneven, duration=0.01))
+    walk(0.01, ground=ground)
+    if installed_data() is not None:
+        hp.walk(hp.Scenario(robot="go2", ground=replace(ground, stiffness=75e3), duration=0.01))
 
     def controller(gait: hp.Gait) -> hp.WholeBodyController:
         made = hp.WholeBodyController(gait)
@@ -192,49 +187,31 @@ def terrain() -> None:
             hp.walk(hp.Scenario(robot=name, ground=hp.Ground(slope=0.1, stiffness=1e5), duration=0.005))
 
 
-def loops_on(ground: hp.Ground) -> None:
-    """A walk whose ticks are one compiled call."""
-    made, worth = CompiledLoop.ready, loop.WORTH_COMPILING
-    CompiledLoop.ready = lambda self: made(self, wait=True)  # type: ignore[method-assign]
-    loop.WORTH_COMPILING = 2
-    try:
-        hp.walk(hp.Scenario(ground=ground, duration=0.01))
-        if installed_data() is not None:
-            hp.walk(hp.Scenario(robot="go2", ground=replace(ground, stiffness=75e3), duration=0.01))
-    finally:
-        CompiledLoop.ready, loop.WORTH_COMPILING = made, worth  # type: ignore[method-assign]
-
-
 @scene
 def loops() -> None:
-    """Many ticks in one call, also with a command that is governed, and with estimated friction."""
-    made, worth = CompiledLoop.ready, loop.WORTH_COMPILING
-    CompiledLoop.ready = lambda self: made(self, wait=True)  # type: ignore[method-assign]
-    loop.WORTH_COMPILING = 2
-    robot = hp.load_robot("g1") if installed_data() is not None else None
-    try:
-        for gait in ("hand", "commanded"):
-            for govern in (False, True):
-                parameters = {"govern_command": govern, "estimate_friction": govern}
-                hp.walk(hp.Scenario(controller=hp.Condensed(parameters=parameters), gait=gait, duration=0.01))
-        hp.walk(hp.Scenario(controller="condensed", gait=hp.Straight(speed=0.0), duration=0.01))
-        if robot is not None:
-            walking = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.1, 0.0, 0.0))
-            standing = hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0)
-            for gait in (standing, walking, hp.WalkingGait(robot)):
-                hp.walk(hp.Scenario(controller="condensed", duration=0.01), gait=gait)
-    finally:
-        CompiledLoop.ready, loop.WORTH_COMPILING = made, worth  # type: ignore[method-assign]
+    """Gaits of the condensed controller, also with estimated friction."""
+    for gait in ("hand", "commanded"):
+        for estimate in (False, True):
+            parameters = {"estimate_friction": estimate}
+            walk(0.01, controller=hp.Condensed(parameters=parameters), gait=gait)
+    walk(0.01, controller="condensed", gait=hp.Straight(speed=0.0))
+    if installed_data() is not None:
+        robot = hp.load_robot("g1")
+        walking = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.1, 0.0, 0.0))
+        standing = hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0)
+        for one in (standing, walking, hp.WalkingGait(robot)):
+            hp.walk(hp.Scenario(controller="condensed", duration=0.01), gait=one)
 
 
 @scene
 def governed() -> None:
-    """A governed command, and the paper's legs with feedforward and limits."""
+    """A noisy walk on command, and the paper's legs with feedforward and limits."""
     for controller in ("condensed", "wbc"):
         for gait in ("hand", "commanded"):
-            part = {"name": controller, "parameters": {"govern_command": True}}
-            walk(controller=part, gait=gait, disturbances=replace(PUSHED, noise=hp.Noise.typical(0.1)))
-    walk(controller=hp.Governed(parameters={"legs": "feedforward"}))
+            walk(controller=controller, gait=gait, disturbances=replace(PUSHED, noise=hp.Noise.typical(0.1)))
+    for governor in ("none", "paper", "filter"):
+        for legs in ("pid", "feedforward"):
+            walk(controller=hp.Governed(governor=governor, parameters={"legs": legs}))
 
 
 @scene
@@ -248,7 +225,7 @@ def batches() -> None:
     force[:, :, 2] = 20.0
     batch = CondensedBatch(robot, n, threads=1)
     batch.step(q, v, force)
-    shields = hp.ShieldBatch(robot, n, mu=0.3)
+    shields = ShieldBatch(robot, n, mu=0.3)
     shields(q, v, force, np.zeros((n, 6)), np.zeros((n, 2, 3)))
     estimator = FrictionEstimator(assumed=0.8)
     for _ in range(20):
@@ -270,7 +247,6 @@ def reduced() -> None:
     erg = hp.ExplicitReferenceGovernor(StackedRows([rows, AngleRow()]), alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
     for governor in (
         hp.ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0),
-        hp.ConeGovernor(mass=4.0, mu=0.45, gains=GAINS),
         MarginGovernor(mass=4.0, mu=0.45, k_p=300.0, k_d=30.0),
     ):
         governor.reset(x[:6])
@@ -298,7 +274,7 @@ def _tick_alone(motion: Walk) -> None:
 @scene
 def pieces() -> None:
     """Kernels that users call by themselves."""
-    robot, ground = hp.load_harpy(), hp.Ground()
+    robot = hp.load_harpy()
     leg, model = LegGeometry.from_robot(robot, robot.feet[0]), model_record(mass=4.0, g=9.81, gains=None, law=Law.FULL)
     r, c, zero, out = cartesian(0.1, 0.3, 0.5), cartesian(0.1, 0.3, 0.5), np.zeros(3), np.empty(3)
     g = np.array([0.0, 0.0, -9.81])
@@ -306,14 +282,9 @@ def pieces() -> None:
     multiplier(r, 4.0, g, zero, 0.0, zero)
     leg_force(r, 4.0, g, zero, 0.0, zero, out)
     axial_force(r, c, zero, model[0], np.empty(6))
-    normal_force(-1e-3, 0.0, ground.record[0])
-    friction_force(np.array([0.1, 0.0]), 20.0, ground.record[0], 0.01)
     x, w, h, jacobian = np.concatenate((c, zero, zero)), np.zeros(6), np.empty(5), np.empty((5, 6))
     ForceRows(mass=4.0, mu=0.45, gains=GAINS).evaluate(x, w, h, jacobian)
     AngleRow().evaluate(x, w, h[:1], jacobian[:1])
-    force, r_hat = np.array([1.0, 2.0, 30.0]), np.empty(3)
-    direction(x, r_hat)
-    acceleration(force, r_hat, feedback_record(mass=4.0, g=9.81, gains=GAINS, law=Law.FULL)[0], out)
     at = (Dynamics(robot), np.zeros(12), np.eye(3), WholeBodyTargets(robot))
     at[0].update(*hp.make_gait(robot).initial_state())
     CondensedSolver(robot).solve(*at)

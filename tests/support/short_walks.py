@@ -15,17 +15,13 @@ DISTURBANCES = Disturbances(start_velocity=(0.3, 0.2, 0.0, 0.0, 0.0, 0.5), pushe
 SLIPPERY = {"ground": hp.Ground(mu_s=0.1), "disturbances": DISTURBANCES}
 SCENARIOS = {
     "condensed": Scenario(controller="condensed", **SLIPPERY),
-    "condensed, disc": Scenario(controller=Condensed(parameters={"limits": {"cone": "disc"}}), **SLIPPERY),
     "condensed, friction estimated": Scenario(controller=Condensed(parameters={"estimate_friction": True}), **SLIPPERY),
-    "condensed, governed and commanded": Scenario(
-        controller=Condensed(parameters={"govern_command": True}), gait=Commanded(velocity=COMMAND), **SLIPPERY
-    ),
+    "condensed, commanded": Scenario(controller="condensed", gait=Commanded(velocity=COMMAND), **SLIPPERY),
     "QP": Scenario(controller="wbc", **SLIPPERY),
     "QP, full": Scenario(controller=WholeBody(parameters={"formulation": "full"}), **SLIPPERY),
     "QP, forces": Scenario(controller=WholeBody(parameters={"formulation": "contact_force"}), **SLIPPERY),
     "no governor": Scenario(controller=Governed(governor="none"), **SLIPPERY),
     "paper's governor": Scenario(controller=Governed(governor="paper"), **SLIPPERY),
-    "cone governor": Scenario(controller=Governed(governor="cone"), **SLIPPERY),
     "contact-force filter": Scenario(controller=Governed(governor="filter"), **SLIPPERY),
     "MuJoCo": Scenario(controller="condensed", plant="mujoco"),
 }

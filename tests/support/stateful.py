@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from harpy_pin import controllers, gaits
+from harpy_pin import controllers
+from harpy_pin.contrib.batch import CondensedBatch
+from harpy_pin.contrib.gym.batched_env import BatchedEnv
+from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
-from harpy_pin.gym.batched_env import BatchedEnv
 
 ROBOT = hp.load_harpy()
 Q, V = hp.make_gait(ROBOT).initial_state(penetration=0.003)
@@ -118,30 +120,28 @@ Case = tuple[Callable[[], Any], Callable[[Any], list[np.ndarray]]]
 
 
 def _walker(name: str, **more: Any) -> Case:
-    return lambda: hp.make_controller(name, hp.make_gait(ROBOT), mu=0.4, **more), _control  # type: ignore[call-overload]
+    return lambda: hp.make_controller(name, hp.make_gait(ROBOT), mu=0.4, **more), _control
 
 
 CASES: dict[str, Case] = {
     "Simulator": (lambda: _started(hp.Simulator(ROBOT)), _simulate),
     "CondensedController": _walker("condensed"),
-    "WholeBodyController": _walker("wbc", parameters={"solver": "daqp"}),
+    "WholeBodyController": _walker("wbc", solver="daqp"),
     "WholeBodyController, ProxQP": _walker("wbc"),
-    "estimating": _walker("condensed", parameters={"estimate_friction": True, "govern_command": True}),
+    "estimating": _walker("condensed", estimate_friction=True),
     **{f"governed, {name}": _walker("governed", governor=name) for name in controllers.GOVERNORS},
     "StraightGait": (lambda: hp.make_gait(ROBOT), _follow),
     "CommandedGait": (lambda: hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.1, 0.3)]), _follow),
-    "GovernedGait": (lambda: gaits.GovernedGait(hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.0, 0.3)])), _follow),
     "WalkingGait": (lambda: hp.WalkingGait(ROBOT, velocity=(0.2, 0.1, 0.3), posture=LEVEL), _follow),
     "ContactForceFilter": (lambda: hp.ContactForceFilter(ROBOT), _filter),
     "ExplicitReferenceGovernor": (lambda: hp.ExplicitReferenceGovernor(hp.ForceRows(mass=ROBOT.mass, mu=0.2)), _bend),
-    "ConeGovernor": (lambda: hp.ConeGovernor(mass=ROBOT.mass, mu=0.2), _bend),
 }
 
 
 def _with_task(name: str) -> Callable[[], Any]:
     def make() -> Any:
-        made = hp.make_controller(name, hp.make_gait(ROBOT), mu=0.4, parameters={"solver": "daqp"})  # type: ignore[call-overload]
-        made.add(hp.MomentumTask(part="angular", momentum=np.zeros(3), gain=5.0), weight=0.1)
+        made = hp.make_controller(name, hp.make_gait(ROBOT), mu=0.4, solver="daqp")
+        made.add(hp.wbc.MomentumTask(part="angular", momentum=np.zeros(3), gain=5.0), weight=0.1)
         return made
 
     return make
@@ -152,10 +152,10 @@ CASES |= {f"{name}, own task": (_with_task(name), _control) for name in ("wbc",)
 
 CASES |= {
     "Shield": (lambda: hp.Shield(ROBOT, mu=0.3), _shield),
-    "ShieldBatch": (lambda: hp.ShieldBatch(ROBOT, 3, mu=[0.2, 0.3, 0.4]), _shield_batch),
-    "CondensedBatch": (lambda: hp.CondensedBatch(ROBOT, 300, threads=2), _batch),
+    "ShieldBatch": (lambda: ShieldBatch(ROBOT, 3, mu=[0.2, 0.3, 0.4]), _shield_batch),
+    "CondensedBatch": (lambda: CondensedBatch(ROBOT, 300, threads=2), _batch),
     "FrictionEstimator": (lambda: FrictionEstimator(assumed=0.6), _estimate),
     "Dynamics": (lambda: hp.Dynamics(ROBOT), _dynamics),
-    "Sensors": (lambda: hp.Sensors(ROBOT, hp.Noise.typical(), delay=2), _measure),
+    "Sensors": (lambda: hp.simulation.Sensors(ROBOT, hp.Noise.typical(), delay=2), _measure),
     "BatchedEnv": (lambda: BatchedEnv(150, threads=2), _act),
 }

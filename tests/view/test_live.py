@@ -19,6 +19,7 @@ from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.errors import HarpyError
+from harpy_pin.files import journal_path
 from harpy_pin.log.run import Run
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.drive_settings import LiveSettings
@@ -34,7 +35,7 @@ SWITCHES = (
 )
 COARSE = "?fixedDpr=0.4"
 """Few pixels, since they are drawn by software."""
-PATIENCE = 60.0
+PATIENCE = 600.0
 """For what a browser with software rendering does, s; nothing measures it."""
 
 
@@ -70,7 +71,7 @@ def port_of(drive: Drive) -> int:
 
 def ask(drive: Drive, *headers: str) -> bytes:
     """First line of what the server answers to a request with these headers."""
-    with socket.create_connection(("127.0.0.1", port_of(drive)), timeout=10.0) as connection:
+    with socket.create_connection(("127.0.0.1", port_of(drive)), timeout=600) as connection:
         connection.sendall("\r\n".join(("GET / HTTP/1.1", *headers, "Connection: close", "", "")).encode())
         return connection.recv(4096).split(b"\r\n")[0]
 
@@ -323,7 +324,8 @@ def test_command_ends_with_its_log(tmp_path: Path) -> None:
     assert running.stdout is not None
     assert "http://127.0.0.1:" in running.stdout.readline()  # while controllers are compiled
     assert running.stdout.readline().startswith("drive harpy: http://127.0.0.1:")
-    time.sleep(0.5)
+    journal = journal_path(save)
+    soon(lambda: journal.exists() and journal.stat().st_size > 100_000)  # a second of it
     running.send_signal(signal.SIGTERM)
     out, err = running.communicate(timeout=PATIENCE)
     assert (running.returncode, err) == (143, "")
@@ -339,7 +341,7 @@ def test_command_ends_with_its_log(tmp_path: Path) -> None:
         (["--port", "70000"], "port"),
         (["--host", "nowhere"], "host"),
         (["--friction", "-1"], "friction"),
-        (["--controller", "best"], "condensed"),
+        (["--set", "controller=best"], "condensed"),
         (["--save", "/nowhere/drive.npz"], "folder"),
         (["--port", "TAKEN"], "in use"),
     ],

@@ -76,7 +76,7 @@ def send(page: Page, messages: list[dict[str, Any]], *, camera: dict[str, Any] |
         time.sleep(0.2)
 
 
-def wait_until(holds: Callable[[], object], seconds: float = 10.0) -> None:
+def wait_until(holds: Callable[[], object], seconds: float = 60.0) -> None:
     """The server has threads of its own, which a busy machine keeps waiting."""
     end = time.monotonic() + seconds
     while not holds() and time.monotonic() < end:
@@ -134,7 +134,7 @@ def test_what_controls_have_is_taken(page: Page) -> None:
 
 @pytest.mark.filterwarnings("ignore:.viser.:UserWarning")
 def test_drags_that_are_none_are_refused(page: Page, capfd: pytest.CaptureFixture[str]) -> None:
-    node = page.page._scene.shapes.handles[0].name
+    node = page.page._scene.handles[0].name
     drag = {
         "type": "SceneNodeDragMessage",
         "phase": "start",
@@ -191,7 +191,7 @@ def test_a_page_whose_keys_move_the_camera_gets_it_back(page: Page, follows: boo
         wait_until(lambda: client.camera._state.camera_cb)
         browser.send(msgspec.msgpack.encode(moved))
         expected = middle + twice + (not follows) * away
-        wait_until(lambda: np.allclose(client.camera.position, expected), 20.0)
+        wait_until(lambda: np.allclose(client.camera.position, expected))
         np.testing.assert_allclose(client.camera.position, expected)
     page.panel._follows.value = True
     wait_until(lambda: not page.page._server.get_clients())

@@ -13,9 +13,9 @@ from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.view.live.drive_settings import LiveSettings
 from harpy_pin.view.live.driven_walk import DriveRanges, usual_settings
+from harpy_pin.view.live.live_charts import WholeFeet
 from harpy_pin.view.live.live_log import LiveLog
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
-from harpy_pin.view.live.whole_feet import WholeFeet
 from harpy_pin.view.robot_of import robot_of
 
 pytestmark = needs_robots

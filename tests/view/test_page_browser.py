@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 from collections.abc import Iterator
 from pathlib import Path
@@ -65,6 +66,19 @@ def box(browser: Chromium, selector: str) -> tuple[float, float, float, float]:
     script = f"(() => {{ const b = document.querySelector({selector!r}).getBoundingClientRect();"
     left, top, right, bottom = browser.run(script + " return [b.left, b.top, b.right, b.bottom]; })()")
     return left, top, right, bottom
+
+
+def move(browser: Chromium, x: float, y: float) -> None:
+    browser.do(lambda page: page.mouse.move(x, y))
+
+
+def press(browser: Chromium, x: float, y: float) -> None:
+    move(browser, x, y)
+    browser.do(lambda page: page.mouse.down())
+
+
+def click(browser: Chromium, x: float, y: float) -> None:
+    browser.do(lambda page: page.mouse.click(x, y))
 
 
 def seen(browser: Chromium, selector: str = ".pane") -> np.ndarray[Any, np.dtype[np.int64]]:
@@ -147,24 +161,24 @@ def check_together(browser: Chromium, run: Run, time: float) -> None:
 def test_scrubbing_moves_robot_and_charts_together(opened: Chromium, run: Run) -> None:
     left, top, right, bottom = box(opened, "#time")
     middle = 0.5 * (top + bottom)
-    opened.mouse("mousePressed", left + 0.1 * (right - left), middle)
+    press(opened, left + 0.1 * (right - left), middle)
     for share in (0.3, 0.5, 0.75):
-        opened.mouse("mouseMoved", left + share * (right - left), middle)
+        move(opened, left + share * (right - left), middle)
         time = opened.run("Number(document.getElementById('time').value)")
         assert time == pytest.approx(share, abs=0.03)
         check_together(opened, run, time)
-    opened.mouse("mouseReleased", left + 0.75 * (right - left), middle)
+    opened.do(lambda page: page.mouse.up())
 
 
 def test_click_and_drag_on_a_chart_move_the_time(opened: Chromium, run: Run) -> None:
     left, top, right, bottom = box(opened, ".chart:nth-of-type(2) .u-over")
     middle = 0.5 * (top + bottom)
-    opened.click(left + 0.25 * (right - left), middle)
+    click(opened, left + 0.25 * (right - left), middle)
     check_together(opened, run, 0.25 * opened.run("replay.charts.plots[0].scales.x.max"))
-    opened.mouse("mousePressed", left + 0.3 * (right - left), middle)
-    opened.mouse("mouseMoved", left + 0.6 * (right - left), middle)
+    press(opened, left + 0.3 * (right - left), middle)
+    move(opened, left + 0.6 * (right - left), middle)
     check_together(opened, run, 0.6 * opened.run("replay.charts.plots[0].scales.x.max"))
-    opened.mouse("mouseReleased", left + 0.6 * (right - left), middle)
+    opened.do(lambda page: page.mouse.up())
 
 
 def test_all_charts_zoom_together_and_follow_the_time(opened: Chromium, run: Run) -> None:
@@ -182,7 +196,7 @@ def test_all_charts_zoom_together_and_follow_the_time(opened: Chromium, run: Run
 
 def test_playing_goes_on_and_pausing_stops(opened: Chromium) -> None:
     go(opened, 0.1)
-    opened.click(*(0.5 * (a + b) for a, b in zip(*np.reshape(box(opened, "#play"), (2, 2)), strict=True)))
+    click(opened, *(0.5 * (a + b) for a, b in zip(*np.reshape(box(opened, "#play"), (2, 2)), strict=True)))
     assert opened.run("document.documentElement.dataset.state") == "playing"
     opened.run("new Promise((done) => setTimeout(done, 500))")
     assert opened.run("replay.time") != pytest.approx(0.1, abs=0.01)
@@ -328,8 +342,29 @@ def test_film(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None
 
 def test_no_browser_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("PLAYWRIGHT_BROWSERS_PATH", str(tmp_path))
     with pytest.raises(HarpyError, match="no Chromium on PATH"):
         Film([(run, robot)])
+
+
+def test_no_playwright_is_a_clear_error(monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "playwright.sync_api", None)
+    with pytest.raises(HarpyError, match=r"harpy-pin\[film\]"):
+        Film([(run, robot)])
+
+
+def test_it_works_beside_a_running_loop() -> None:
+    """As in a notebook, where an event loop runs in the thread of whoever takes pictures."""
+    try:
+        find_chromium()
+    except HarpyError as error:
+        pytest.skip(str(error))
+
+    async def count() -> Any:
+        with Chromium() as browser:
+            return browser.run("1 + 1")
+
+    assert asyncio.run(count()) == 2
 
 
 def test_no_encoder_is_a_clear_error(

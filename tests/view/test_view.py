@@ -6,7 +6,6 @@ import base64
 import re
 import urllib.request
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,39 +20,27 @@ from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.view import (
     Frames,
     command_figure,
-    draw_scene,
     forces_figure,
     reference_figure,
     replay_html,
+    scene_of,
     show,
     thrust_figure,
     write_html,
 )
 from harpy_pin.view.robot_of import robot_of
-from harpy_pin.view.scene.arrows import arrow_motion, nice_scale
-from harpy_pin.view.scene.command_recorder import CommandRecorder
-from harpy_pin.view.scene.drawn_cones import cone_mesh, cone_rim
+from harpy_pin.view.scene.forces import Arrow, Cone, nice_scale
 from harpy_pin.view.scene.frames import sample_rows
-from harpy_pin.view.scene.motion import turn_z_to
-from harpy_pin.view.scene.pantograph import find_pantograph
-from harpy_pin.view.scene.scene import Scales
-from harpy_pin.view.scene.stage import follow
+from harpy_pin.view.scene.nodes import Mesh, Motions, turn_z_to
+from harpy_pin.view.scene.robot_nodes import find_pantograph
+from harpy_pin.view.scene.scene import Scales, follow
 
 FPS = 30.0
 
 
-def tracks_of(run: Run, robot: Robot, *, fps: float = FPS) -> dict[tuple[str, str], list[dict[str, Any]]]:
-    """Keyframes of the animation by (path, property)."""
-    animation = draw_scene(CommandRecorder().visualizer, run, robot, Frames.from_run(run, robot, fps=fps))
-    return {
-        (clip["path"], track["name"].lstrip(".")): track["keys"]
-        for clip in animation.lower()
-        for track in clip["clip"]["tracks"]
-    }
-
-
-def values(keys: list[dict[str, Any]]) -> np.ndarray:
-    return np.array([key["value"] for key in keys])
+def motions_of(run: Run, robot: Robot, *, fps: float = FPS) -> Motions:
+    """How the nodes of the scene move, by path."""
+    return scene_of(run, robot, Frames.from_run(run, robot, fps=fps)).motions
 
 
 def turn(quaternion: np.ndarray) -> np.ndarray:
@@ -74,38 +61,47 @@ def test_turn_z_to_every_direction() -> None:
 def test_arrow_points_along_the_force_and_is_as_long() -> None:
     rng = np.random.default_rng(2)
     origin, force = rng.normal(size=(40, 3)), 30.0 * rng.normal(size=(40, 3))
-    scale, head = 0.01, 0.05
-    arrow = arrow_motion(origin, force, metres_per_newton=scale, head=head)
+    arrow = Arrow("arrow", "#000000", radius=0.008, metres_per_newton=0.01)
+    moved = arrow.motions(origin, force)
+    whole, shaft, head = moved["arrow"], moved["arrow/shaft"], moved["arrow/head"]
     for k in range(40):
         # Tip: where the head's node puts the point (0, 0, head) of the head's shape.
-        local = arrow.head.position[k] + arrow.head.scale[k] * [0.0, 0.0, head]
-        tip = arrow.whole.position[k] + turn(arrow.whole.quaternion[k]) @ local
-        np.testing.assert_allclose(tip, origin[k] + scale * force[k], atol=1e-12)
-        if arrow.shaft.visible[k]:
-            np.testing.assert_allclose(arrow.shaft.scale[k, 2], arrow.head.position[k, 2])
+        local = head.position[k] + head.scale[k] * [0.0, 0.0, arrow.head]
+        tip = whole.position[k] + turn(whole.quaternion[k]) @ local
+        np.testing.assert_allclose(tip, origin[k] + 0.01 * force[k], atol=1e-12)
+        if shaft.visible[k]:
+            np.testing.assert_allclose(shaft.scale[k, 2], head.position[k, 2])
 
 
 def test_arrow_of_no_force_is_hidden_and_finite() -> None:
-    arrow = arrow_motion(np.zeros((2, 3)), np.array([[0.0, 0.0, 0.0], [0, 0, 1e-9]]), metres_per_newton=0.01, head=0.05)
-    assert not arrow.whole.visible.any()
-    for array in (arrow.whole.quaternion, arrow.shaft.scale, arrow.head.scale):
+    arrow = Arrow("arrow", "#000000", radius=0.008, metres_per_newton=0.01)
+    moved = arrow.motions(np.zeros((2, 3)), np.array([[0.0, 0.0, 0.0], [0, 0, 1e-9]]))
+    assert not moved["arrow"].visible.any()
+    for array in (moved["arrow"].quaternion, moved["arrow/shaft"].scale, moved["arrow/head"].scale):
         assert np.isfinite(array).all()
         assert np.all(np.linalg.norm(array, axis=1) > 0.0)
 
 
+def drawn_rim(cone: Cone, mu: float) -> np.ndarray:
+    """(n, 3) upper corners of a cone as it is drawn on ground with a friction; its apex is at the origin."""
+    side = next(node.shape for node in cone.nodes if node.path == "cone/sticking/side")
+    assert isinstance(side, Mesh)
+    corners = side.vertices[side.faces]
+    np.testing.assert_array_equal(corners[:, 0], 0.0)
+    one = np.zeros((1, 3))
+    return corners[:, 1:].reshape(-1, 3) * cone.motions(one, one, one, np.array([mu]), None)["cone/sticking/side"].scale
+
+
 @pytest.mark.parametrize("mu", [0.05, 0.25, 0.8, 3.0])
 def test_cone_has_its_apex_at_the_foot_and_half_angle_atan_mu(mu: float) -> None:
-    vertices, faces = cone_mesh(cone_rim(mu, slant=0.2))
-    corners = vertices[faces]
-    np.testing.assert_array_equal(corners[:, 0], 0.0)
-    rim = corners[:, 1:].reshape(-1, 3)
+    rim = drawn_rim(Cone("cone", slant=0.2), mu)
     angle = np.arccos(rim[:, 2] / np.linalg.norm(rim, axis=1))
     np.testing.assert_allclose(angle, np.arctan(mu), atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(rim, axis=1), 0.2)
 
 
 def test_pyramid_is_the_box_of_forces_per_axis() -> None:
-    rim = cone_rim(0.5, slant=0.2, shape="per_axis")
+    rim = drawn_rim(Cone("cone", slant=0.2, per_axis=True), 0.5)
     np.testing.assert_allclose(np.abs(rim[:, :2]), 0.5 * rim[:, 2:] * np.ones((1, 2)))
     assert len(np.unique(np.sign(rim[:, :2]), axis=0)) == 4
 
@@ -117,8 +113,9 @@ def test_pantograph_closes_at_the_foot(robot: Robot) -> None:
     for k, foot in enumerate(robot.feet):
         leg = find_pantograph(robot, foot)
         assert leg is not None
-        assert (leg.thigh, leg.shin, leg.tarsus) == pytest.approx((0.3, 0.2, 0.2))
-        np.testing.assert_allclose(leg.end(frames.joints), frames.foot_position[:, k], atol=1e-9)
+        assert (leg.thigh, leg.shin) == pytest.approx((0.3, 0.2))
+        end = leg.ankle(frames.joints) - leg.shin * frames.joints[:, leg.thigh_joint, :3, 2]
+        np.testing.assert_allclose(end, frames.foot_position[:, k], atol=1e-9)
         bars = np.linalg.norm(leg.ankle(frames.joints) - leg.motor(frames.joints), axis=1)
         np.testing.assert_allclose(bars, leg.shin, atol=1e-12)
         # Parallel to the serial shank, whose knee Pinocchio places on its own.
@@ -186,68 +183,69 @@ def test_page_says_what_it_shows(page: str) -> None:
 
 def test_scene_has_its_objects_and_frames(page: str, robot: Robot) -> None:
     objects = {c["path"] for c in commands_of(page) if c["type"] == "set_object"}
-    for desired in ("ground/plane", "reference/target/ball", "reference/applied/ball"):
+    for desired in ("ground/plane", "reference/target", "reference/applied"):
         assert f"/meshcat/walk/{desired}" in objects
     for foot in robot.feet:
-        assert f"/meshcat/walk/contact_force/{foot}/shaft/rod" in objects
+        assert f"/meshcat/walk/contact_force/{foot}/shaft" in objects
         assert f"/meshcat/walk/friction_cone/{foot}/sticking/side" in objects
         assert f"/meshcat/walk/lower_leg/{foot}/tarsus/bar" in objects
     for thruster in robot.thrusters:
-        assert f"/meshcat/walk/thrust/{thruster}/head/cone" in objects
+        assert f"/meshcat/walk/thrust/{thruster}/head" in objects
     visuals = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL)
     assert sum(path.startswith("/meshcat/walk/robot/") for path in objects) == len(visuals.geometryObjects)
 
 
-def test_page_holds_the_keyframes_of_the_animation(page: str, run: Run, robot: Robot) -> None:
-    tracks, packed = tracks_of(run, robot), content_of(page)["runs"][0]
-    assert {len(keys) for keys in tracks.values()} == {31}
-    keys = tracks["/meshcat/walk", "position"]
-    assert keys[-1]["time"] / FPS == pytest.approx(1.0)
-    np.testing.assert_allclose(packed["time"], [key["time"] / FPS for key in keys], atol=1e-6)
-    assert len(packed["tracks"]) == len(tracks)
-    for track in packed["tracks"]:
-        exact = values(tracks[track["path"], track["name"]]).astype(np.float32).reshape(31, -1)
-        held = np.frombuffer(base64.b64decode(track["values"]), np.float32).reshape(-1, exact.shape[1])
-        assert len(held) == (1 if track["still"] else 31)
-        np.testing.assert_array_equal(held + np.zeros_like(exact), exact)
+def test_page_holds_the_keyframes_of_the_scene(page: str, run: Run, robot: Robot) -> None:
+    packed = content_of(page)["runs"][0]
+    np.testing.assert_allclose(packed["time"], Frames.from_run(run, robot, fps=FPS).time, atol=1e-6)
+    held = {(track["path"], track["name"]): track for track in packed["tracks"]}
+    for path, motion in motions_of(run, robot).items():
+        for name in ("position", "quaternion", "scale", "visible"):
+            exact = getattr(motion, name)
+            if exact is None:
+                continue
+            track = held.pop((f"/meshcat/walk/{path}".rstrip("/"), name))
+            exact = exact.astype(np.float32).reshape(31, -1)
+            values = np.frombuffer(base64.b64decode(track["values"]), np.float32).reshape(-1, exact.shape[1])
+            assert len(values) == (1 if track["still"] else 31)
+            np.testing.assert_array_equal(values + np.zeros_like(exact), exact)
+    assert not held
 
 
 def test_links_move_as_pinocchio_says(run: Run, robot: Robot) -> None:
-    tracks, data = tracks_of(run, robot), robot.model.createData()
+    motions, data = motions_of(run, robot), robot.model.createData()
     rows = sample_rows(run["t"], FPS)
     for j, name in enumerate(robot.model.names):
-        position = values(tracks[f"/meshcat/walk/robot/{name}", "position"])
-        quaternion = values(tracks[f"/meshcat/walk/robot/{name}", "quaternion"])
+        link = motions[f"robot/{name}"]
         for frame, row in enumerate(rows):
             pin.forwardKinematics(robot.model, data, run["q"][row])
-            np.testing.assert_allclose(position[frame], data.oMi[j].translation, atol=1e-12)
-            np.testing.assert_allclose(turn(quaternion[frame]), data.oMi[j].rotation, atol=1e-9)
+            np.testing.assert_allclose(link.position[frame], data.oMi[j].translation, atol=1e-12)
+            np.testing.assert_allclose(turn(link.quaternion[frame]), data.oMi[j].rotation, atol=1e-9)
 
 
-def test_forces_in_the_animation_are_those_of_the_run(run: Run, robot: Robot) -> None:
-    tracks = tracks_of(run, robot)
+def test_forces_in_the_scene_are_those_of_the_run(run: Run, robot: Robot) -> None:
+    motions = motions_of(run, robot)
     rows = sample_rows(run["t"], FPS)
     scale = Scales.of(robot, Frames.from_run(run, robot)).contact
     for k, foot in enumerate(robot.feet):
-        path = f"/meshcat/walk/contact_force/{foot}"
-        force = run["foot_force"][rows, k]
-        shown = values(tracks[path, "visible"])
-        np.testing.assert_array_equal(shown, force[:, 2] > 0.0)
-        np.testing.assert_allclose(values(tracks[path, "position"]), run["foot_position"][rows, k])
-        length = values(tracks[f"{path}/head", "position"])[:, 2]
+        arrow, force = motions[f"contact_force/{foot}"], run["foot_force"][rows, k]
+        np.testing.assert_array_equal(arrow.visible, force[:, 2] > 0.0)
+        np.testing.assert_allclose(arrow.position, run["foot_position"][rows, k])
+        length = motions[f"contact_force/{foot}/head"].position[:, 2]
         head = 2.0 * 0.009 * 0.6 * 3.2
+        shown = arrow.visible
         np.testing.assert_allclose(length[shown] + head, np.linalg.norm(force[shown], axis=1) / scale)
-        cone = f"/meshcat/walk/friction_cone/{foot}"
-        np.testing.assert_array_equal(values(tracks[cone, "visible"]), force[:, 2] > 0.0)
-        np.testing.assert_allclose(values(tracks[cone, "position"]), run["foot_position"][rows, k])
+        cone = motions[f"friction_cone/{foot}"]
+        np.testing.assert_array_equal(cone.visible, force[:, 2] > 0.0)
+        np.testing.assert_allclose(cone.position, run["foot_position"][rows, k])
 
 
 def test_cone_turns_red_while_the_foot_slides(run: Run, robot: Robot) -> None:
     velocity = np.zeros_like(run["foot_velocity"])
     velocity[500:, :, 0] = 0.05
-    tracks = tracks_of(make_run(robot, foot_velocity=velocity), robot)
-    path = f"/meshcat/walk/friction_cone/{robot.feet[0]}"
-    red, blue = (values(tracks[f"{path}/{name}", "visible"]) for name in ("sliding", "sticking"))
+    motions = motions_of(make_run(robot, foot_velocity=velocity), robot)
+    path = f"friction_cone/{robot.feet[0]}"
+    red, blue = (motions[f"{path}/{name}"].visible for name in ("sliding", "sticking"))
     rows = sample_rows(run["t"], FPS)
     np.testing.assert_array_equal(red, (rows >= 500) & (run["foot_force"][rows, 0, 2] > 0.0))
     np.testing.assert_array_equal(red, ~blue)
@@ -256,8 +254,10 @@ def test_cone_turns_red_while_the_foot_slides(run: Run, robot: Robot) -> None:
 
 def test_per_axis_ground_draws_a_pyramid(robot: Robot) -> None:
     run = make_run(robot, 50, metadata={"ground": {"mu_s": 0.25, "cone": "per_axis"}})
-    paths = {c["path"] for c in commands_of(replay_html(run, robot)) if c["type"] == "set_object"}
-    assert f"/meshcat/walk/friction_cone/{robot.feet[0]}/sticking/edges" in paths
+    nodes = scene_of(run, robot, Frames.from_run(run, robot)).nodes
+    (side,) = (node for node in nodes if node.path == f"friction_cone/{robot.feet[0]}/sticking/side")
+    assert isinstance(side.shape, Mesh)
+    assert len(side.shape.faces) == 4
 
 
 # --- runs that are not as one would wish ------------------------------------------------------------------------------
@@ -277,9 +277,8 @@ def test_signals_and_metadata_that_are_missing_are_left_out(robot: Robot) -> Non
 def test_reference_that_is_not_known_is_hidden(robot: Robot) -> None:
     reference = np.zeros((1001, 6))
     reference[:500] = np.nan
-    tracks = tracks_of(make_run(robot, x_r=reference), robot)
-    keys = tracks["/meshcat/walk/reference/target", "visible"]
-    assert [keys[0]["value"], keys[-1]["value"]] == [False, True]
+    visible = motions_of(make_run(robot, x_r=reference), robot)["reference/target"].visible
+    assert visible[[0, -1]].tolist() == [False, True]
 
 
 def test_one_row_is_a_still_picture(robot: Robot) -> None:
@@ -404,18 +403,14 @@ def test_figures_have_units_and_bounds(tmp_path: Path, run: Run) -> None:
     assert forces.axes[0].lines[1].get_ydata()[0] == 20.0
 
 
-def test_a_command_figure_shows_what_was_given_applied_and_held_back(run: Run, tmp_path: Path) -> None:
+def test_a_command_figure_shows_what_was_given_and_applied(run: Run, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no command"):
         command_figure(run)
     script = ((0.05, 3.0, 0.0, 0.5),)
-    settings = {"govern_command": True}
-    scenario = hp.Scenario(
-        controller=hp.Condensed(parameters=settings), gait=hp.Commanded(velocity=script), duration=0.3
-    )
-    walked = hp.walk(scenario)
+    walked = hp.walk(hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=script), duration=0.3))
     figure = command_figure(walked)
     figure.savefig(tmp_path / "figure.png", dpi=40)
-    assert [axes.get_ylabel() for axes in figure.axes][-1] == "held back (%)"
+    assert [axes.get_ylabel() for axes in figure.axes][-1] == "turning (rad/s)"
     given, applied = figure.axes[0].lines
     np.testing.assert_array_equal(given.get_ydata(), walked["command"][:, 0])
     np.testing.assert_array_equal(applied.get_ydata(), walked["applied_velocity"][:, 0])
@@ -427,7 +422,7 @@ def test_a_command_figure_shows_what_was_given_applied_and_held_back(run: Run, t
 
 
 @needs_robots
-@pytest.mark.parametrize(("robot", "gait"), [("go2", "walking"), ("bolt", "stepping"), ("solo12", "standing")])
+@pytest.mark.parametrize(("robot", "gait"), [("go2", "walking"), ("bolt", "walking"), ("solo12", "standing")])
 def test_gaits_of_other_robots_are_replayed(robot, gait):
     run = hp.walk(hp.Scenario(robot=robot, gait=gait, duration=0.2))
     assert len(Frames.from_run(run, robot_of(run), fps=20.0)) == 5
@@ -437,6 +432,6 @@ def test_a_robot_that_flies_stays_in_the_picture(run: Run, robot: Robot) -> None
     """The picture is as much higher as the robot rises, about a point at the same share of its height."""
     lifted = Run({name: run[name].copy() for name in run.signals}, dict(run.metadata))
     lifted["q"][len(run) // 2 :, 2] += 0.4
-    low, high = (values(tracks_of(one, robot)["/meshcat/walk", "position"])[0, 2] for one in (run, lifted))
+    low, high = (motions_of(one, robot)[""].position[0, 2] for one in (run, lifted))
     rise = (lifted["q"][:, 2] - run["q"][0, 2]).max()
     assert high - low == pytest.approx(-0.32 * rise, abs=0.01)

@@ -90,9 +90,10 @@ def test_whatever_the_search_leaves_is_put_into_the_pyramids():
                 np.testing.assert_array_equal(law.force[k], before[k])
 
 
+@pytest.mark.parametrize("centred", [False, True])
 @pytest.mark.parametrize("mu", [0.15, 0.6])
 @pytest.mark.parametrize("torque_scale", [1.0, 0.5])
-def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, fuzz):
+def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, centred, fuzz):
     """The same forces, torques and thrusts, whatever is at a limit, wherever the program has a solution; where nothing
     gives way, for which see ``test_giving_way.py``."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
@@ -104,6 +105,8 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, fuzz):
     for _ in range(1000 * fuzz):
         q, v, targets = random_case(rng, spread=0.05)
         dynamics.update(q, v)
+        if centred:
+            targets.demand_of_centre(dynamics)
         problem.build(dynamics, v, dynamics.rotation, targets)
         solution = solver.solve(problem.program)
         inputs = law.solve(dynamics, v, dynamics.rotation, targets)

@@ -90,10 +90,10 @@ def test_centre_of_mass_and_momentum_move_as_pinocchio_says(seed):
     pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a)
     momentum, rate = data.hg.vector.copy(), data.dhg.vector.copy()
     for part, rows in (("linear", slice(0, 3)), ("angular", slice(3, 6)), ("both", slice(0, 6))):
-        matrix, target = hp.MomentumTask(part=part).rows(dynamics, state)
+        matrix, target = hp.wbc.MomentumTask(part=part).rows(dynamics, state)
         np.testing.assert_allclose(matrix @ a - target, rate[rows], atol=1e-9)
         reference, given_rate = rng.standard_normal((2, len(target)))
-        task = hp.MomentumTask(part=part, momentum=reference, rate=given_rate, gain=6.0)
+        task = hp.wbc.MomentumTask(part=part, momentum=reference, rate=given_rate, gain=6.0)
         desired = given_rate + 6.0 * (reference - momentum[rows])
         np.testing.assert_allclose(task.rows(dynamics, state)[1] - target, desired, atol=1e-9)
 
@@ -154,7 +154,7 @@ def pinocchio_tasks(rng, q, v, a_zero):
     return [
         (hp.FrameTask("left_knee", acceleration=desired[0]), knee, knee_drift - desired[0]),
         (hp.CentreOfMassTask(acceleration=desired[1]), centre, centre_drift - desired[1]),
-        (hp.MomentumTask(rate=desired[2]), spin, spin_drift - desired[2]),
+        (hp.wbc.MomentumTask(rate=desired[2]), spin, spin_drift - desired[2]),
         (hp.JointTask(ROBOT.joints[:3], acceleration=desired[3]), np.eye(NV)[6:9], -desired[3]),
         (hp.FootForceTask("left_foot", force=force), on_force, -force),
         (anything, anything.matrix, -anything.target),
@@ -248,7 +248,7 @@ def test_forces_alone_take_tasks_on_forces():
 
 def test_forces_alone_refuse_tasks_on_accelerations():
     gait = hp.make_gait(ROBOT)
-    controller = hp.make_controller("wbc", gait, mu=0.5, parameters={"formulation": "contact_force"})
+    controller = hp.make_controller("wbc", gait, mu=0.5, formulation="contact_force")
     controller.add(hp.FootForceTask("left_foot"), weight=1.0)
     for task in (hp.FrameTask("left_knee"), hp.CentreOfMassTask(), OnEverything(np.random.default_rng(0))):
         with pytest.raises(hp.InputError, match="'contact_force' takes tasks on contact forces only"):
@@ -278,7 +278,7 @@ def walk(*, formulation="input_space", add=None, duration=1.5):
     made = []
 
     def controller(gait):
-        made.append(hp.make_controller("wbc", gait, mu=0.4, parameters={"formulation": formulation}))
+        made.append(hp.make_controller("wbc", gait, mu=0.4, formulation=formulation))
         made.append(None if add is None else add(made[0]))
         return made[0]
 
@@ -325,7 +325,7 @@ def test_nothing_added_changes_nothing():
 def test_weight_and_references_may_be_overwritten():
     task = hp.CentreOfMassTask()
     controller = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4)
-    entry, other = controller.add(task, weight=1.0), controller.add(hp.MomentumTask(), weight=(0.0, 0.0, 0.1))
+    entry, other = controller.add(task, weight=1.0), controller.add(hp.wbc.MomentumTask(), weight=(0.0, 0.0, 0.1))
     q, v = controller.gait.initial_state()
     state = hp.State(0.0, q, v, *np.zeros((2, 2, 3)), np.tile((0.0, 0.0, 30.0), (2, 1)))
     controller.step(state)

@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.walking.centre_of_mass import body_for_centre
 from harpy_pin.gaits.walking.pendulum import cyclic_offset
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.stepping_over import DESCENT
-from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
+from harpy_pin.gaits.walking.support import nearest_in_hull, stance_points
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
@@ -40,8 +39,8 @@ def demand_acceleration(p: WalkingRecord) -> None:
     """
     m = p.measured
     gain, c, s = VELOCITY_GAIN * p.omega, np.cos(p.path[2]), np.sin(p.path[2])
-    ax = gain * (p.wanted[0] - m.drift[0]) + c * p.rate[0] - s * p.rate[1]
-    ay = gain * (p.wanted[1] - m.drift[1]) + s * p.rate[0] + c * p.rate[1]
+    ax = gain * (p.desired[0] - m.drift[0]) + c * p.rate[0] - s * p.rate[1]
+    ay = gain * (p.desired[1] - m.drift[1]) + s * p.rate[0] + c * p.rate[1]
     if not p.walking:
         feet = m.place.shape[0]
         gain = PLACE_GAIN * p.omega * p.omega
@@ -56,7 +55,7 @@ def demand_acceleration(p: WalkingRecord) -> None:
     if p.walking and p.sways:
         x, y = _along_cycle(p, x, y)
     carrying = np.empty((p.measured.point.shape[0], 2))
-    count = carrying_points(p, -1, SOLE_MARGIN, carrying)
+    count = stance_points(p, -1, SOLE_MARGIN, carrying)
     if count == 0:
         p.pressure[0], p.pressure[1] = m.centre[0], m.centre[1]
     else:
@@ -69,14 +68,14 @@ def demand_acceleration(p: WalkingRecord) -> None:
 def _along_cycle(p: WalkingRecord, x: float, y: float) -> tuple[float, float]:
     """Centre of pressure that brings the divergent component ξ to its way in an endless walk.
 
-    Over a step ξ runs away from the middle s of the feet that carry, ξ(t) = s + b exp(ω t), with b as in
+    Over a step ξ runs away from the middle s of the stance feet, ξ(t) = s + b exp(ω t), with b as in
     :mod:`harpy_pin.gaits.walking.pendulum`. The centre of pressure that holds it there is s + (1 + k) (ξ − ξ(t)).
     Along the line between two point feet velocity has the say.
 
     Args:
         p: element of the gait's record.
         x: of the centre of pressure that the velocity asks for, m.
-        y: likewise.
+        y: of that centre of pressure, m.
     """
     m, g = p.measured, (p.swings + 1) % 2
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
@@ -92,7 +91,7 @@ def _along_cycle(p: WalkingRecord, x: float, y: float) -> tuple[float, float]:
                 line[i] += m.place[k, i] if number == 0.0 else -m.place[k, i]
                 middle, number = middle + m.place[k, i], number + 1.0
         middle /= number
-        wanted = middle + now * cyclic_offset(p.wanted[i] * p.step_duration, jump[i], growth)
+        wanted = middle + now * cyclic_offset(p.desired[i] * p.step_duration, jump[i], growth)
         at[i] = middle + (1.0 + CYCLE_GAIN) * (m.centre[i] + m.drift[i] / p.omega - wanted)
         if number == 1.0:
             line[i] = 0.0
@@ -116,8 +115,9 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
     o.heading[0] = p.path[2]
     o.heading[1] = p.velocity[2] if p.holds_heading else 0.0
     o.heading[2] = p.rate[2] if p.holds_heading else 0.0
-    if p.soles and p.terrain.level:
-        o.body[6], o.body[7] = body_for_centre(p, o)
+    o.centre_of_mass[0] = 1.0 if p.soles and p.terrain.level else 0.0
+    if o.centre_of_mass[0] != 0.0:
+        o.body[6], o.body[7] = p.demand[0], p.demand[1]
     else:
         o.body[6], o.body[7] = _body_acceleration(p)
     for n in range(p.foot.shape[0]):
@@ -163,7 +163,7 @@ def _body_acceleration(p: WalkingRecord) -> tuple[float, float]:
 
 @kernel
 def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
-    """A contact point of a foot in the air."""
+    """A contact point of a swing foot."""
     k = p.foot[n]
     swing, z = p.swing[k], p.lift[k]
     c, s = np.cos(swing[0, 2]), np.sin(swing[0, 2])
@@ -186,7 +186,7 @@ def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
 
 @kernel
 def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
-    """A contact point of a foot that carries: where it is; one that does not touch the ground is let down."""
+    """A contact point of a stance foot: where it is; one that does not touch the ground is let down."""
     m, k = p.measured, p.foot[n]
     for i in range(3):
         o.foot_position[n, i] = m.point[n, i] - o.body[i]

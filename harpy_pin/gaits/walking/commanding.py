@@ -10,12 +10,12 @@ from harpy_pin.model.state import Vector
 
 __all__: list[str] = []
 
-LEASH = 0.25
+PATH_RANGE = 0.25
 """How far the path may be from the centre of mass, as a share of the body's height."""
-HEADING_LEASH = 0.3
+HEADING_RANGE = 0.3
 """How far the path's heading may be from the body's, rad."""
 RETURN = 2.0
-"""Share of the distance to the path that is added to the wanted velocity, 1/s."""
+"""Share of the distance to the path that is added to the desired velocity, 1/s."""
 MAX_RETURN = 0.05
 """Largest velocity that is added, as a share of ω times the body's height."""
 HEIGHT_SPEED = 0.5
@@ -23,14 +23,14 @@ HEIGHT_SPEED = 0.5
 
 
 @kernel
-def hear_command(p: WalkingRecord) -> None:
+def take_command(p: WalkingRecord) -> None:
     """The command as a goal, scaled down as a whole to what the legs can do."""
     c = p.command
     if np.isfinite(c[0] + c[1] + c[2] + c[3]):
-        p.heard[:] = p.command
+        p.last_command[:] = p.command
     else:
         p.refused += 1.0
-    c = p.heard
+    c = p.last_command
     share, need = 1.0, foot_speed(p, c)
     if need > p.max_speed:
         share = p.max_speed / need
@@ -96,24 +96,24 @@ def _keep_near(p: WalkingRecord) -> None:
     """Keep the path near the robot: what a push has moved for good is not walked back."""
     m = p.measured
     x, y = p.path[0] - m.centre[0], p.path[1] - m.centre[1]
-    size, most = np.hypot(x, y), LEASH * p.height
+    size, most = np.hypot(x, y), PATH_RANGE * p.height
     if size > most:
         p.path[0] = m.centre[0] + most / size * x
         p.path[1] = m.centre[1] + most / size * y
     ahead = wrapped(p.path[2] - m.heading)
     if not p.holds_heading:
         p.path[2] = m.heading
-    elif abs(ahead) > HEADING_LEASH:
-        p.path[2] = m.heading + np.copysign(HEADING_LEASH, ahead)
+    elif abs(ahead) > HEADING_RANGE:
+        p.path[2] = m.heading + np.copysign(HEADING_RANGE, ahead)
 
 
 @kernel
-def want_velocity(p: WalkingRecord) -> None:
+def choose_velocity(p: WalkingRecord) -> None:
     """Velocity of the centre of mass that is asked for: the applied one, and some of the way back to the path."""
     u, m = p.velocity, p.measured
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
     x, y = RETURN * (p.path[0] - m.centre[0]), RETURN * (p.path[1] - m.centre[1])
     size, most = np.hypot(x, y), MAX_RETURN * p.omega * p.height
     share = most / size if size > most else 1.0
-    p.wanted[0] = c * u[0] - s * u[1] + share * x
-    p.wanted[1] = s * u[0] + c * u[1] + share * y
+    p.desired[0] = c * u[0] - s * u[1] + share * x
+    p.desired[1] = s * u[0] + c * u[1] + share * y

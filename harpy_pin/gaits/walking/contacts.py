@@ -8,7 +8,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.commanding import foot_speed
 from harpy_pin.gaits.walking.pendulum import predict
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
-from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
+from harpy_pin.gaits.walking.support import nearest_in_hull, stance_points
 from harpy_pin.gaits.walking.swinging import lift_foot
 from harpy_pin.model.state import Vector
 
@@ -30,13 +30,13 @@ AVERAGED, SETTLING, PRESSED = 0.05, 0.1, 0.7
 """Time over which height and load of a foot that has landed are averaged, and after which they say where the ground is,
 in steps; and the load from which on they do, as a share of that from which on it touches."""
 REBOUND = 0.005
-"""How far above the place where it touched a foot still does, likewise."""
+"""How far above the place where it touched a foot still touches, as a share of the body's height."""
 AT_REST = 0.03
 """Velocity of the centre of mass below which the walk may end, as a share of ω times the body's height."""
 IN_PLACE = 0.06
 """How far a foot may be from where it stands for the walk to end, as a share of the body's height."""
 UPSET = 2.0
-"""How much an unwanted velocity counts, beside a commanded one, in how fast the load is taken over."""
+"""How much an undesired velocity counts, beside a commanded one, in how fast the load is taken over."""
 OUTSIDE = 0.02
 """How far the capture point is outside of the feet for a robot that stands to step, as a share of the height."""
 
@@ -77,11 +77,11 @@ def time_left(p: WalkingRecord) -> float:
 
 @kernel
 def _haste(p: WalkingRecord) -> float:
-    """How much faster than its clock a step goes on, so that the body does not lean too far from a foot that carries
+    """How much faster than its clock a step goes on, so that the body does not lean too far from a stance foot
     alone: beyond, the ground would have to hold more than it can."""
     left = max(1.0 - p.phase, 0.0) * p.step_duration
     carrying, m = np.empty((p.measured.point.shape[0], 2)), p.measured
-    if p.lean == np.inf or left == 0.0 or carrying_points(p, p.swings, 0.0, carrying) != 1:
+    if p.lean == np.inf or left == 0.0 or stance_points(p, p.swings, 0.0, carrying) != 1:
         return 1.0
     low, high = left / MOST_HASTE, left
     if _lean_after(m, carrying[0], p.omega, high) <= p.lean:
@@ -97,7 +97,7 @@ def _haste(p: WalkingRecord) -> float:
 
 @kernel
 def _lean_after(m: MeasuredRecord, foot: Vector, omega: float, time: float) -> float:
-    """How far the centre of mass is from the foot that carries after a time, m."""
+    """How far the centre of mass is from the stance foot after a time, m."""
     x, _ = predict(m.centre[0], m.drift[0], foot[0], omega, time)
     y, _ = predict(m.centre[1], m.drift[1], foot[1], omega, time)
     return float(np.hypot(x - foot[0], y - foot[1]))
@@ -120,7 +120,7 @@ def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
 
 @kernel
 def _rests(p: WalkingRecord, k: int) -> bool:
-    """Whether a foot in the air is held up by the ground, though it hardly pushes."""
+    """Whether a swing foot is held up by the ground, though it hardly pushes."""
     if p.soles or p.steps_over or not p.terrain.level:
         return False
     rests: bool = p.measured.place[k, 2] - p.lift[k, 0] > BLOCKED * p.height
@@ -164,7 +164,7 @@ def set_duration(p: WalkingRecord) -> None:
     speed = foot_speed(p, p.velocity)
     way = speed * p.usual_step
     p.step_duration = p.usual_step * (p.stride / way if way > p.stride else 1.0)
-    speed += UPSET * np.hypot(p.measured.drift[0] - p.wanted[0], p.measured.drift[1] - p.wanted[1])
+    speed += UPSET * np.hypot(p.measured.drift[0] - p.desired[0], p.measured.drift[1] - p.desired[1])
     fast = min(speed / p.max_speed, 1.0)
     p.double_support = p.slow_double_support + fast * (p.fast_double_support - p.slow_double_support)
     p.load_ramp = p.slow_load_ramp + fast**4 * (p.fast_load_ramp - p.slow_load_ramp)
@@ -204,10 +204,10 @@ def _commanded(p: WalkingRecord) -> bool:
 
 @kernel
 def _beside_feet(p: WalkingRecord) -> float:
-    """How far the capture point is outside of the feet that carry, m."""
+    """How far the capture point is outside of the stance feet, m."""
     m = p.measured
     points = np.empty((p.measured.point.shape[0], 2))
-    count = carrying_points(p, -1, 0.0, points)
+    count = stance_points(p, -1, 0.0, points)
     x, y = m.centre[0] + m.drift[0] / p.omega, m.centre[1] + m.drift[1] / p.omega
     if count == 0:
         return 0.0

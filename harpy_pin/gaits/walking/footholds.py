@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.walking.edges import keep_line, keep_off_edges
+from harpy_pin.gaits.carrying_places import MARGIN, place_that_carries
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.stepping_over import ACROSS
-from harpy_pin.gaits.walking.support import carrying_points, nearest_in_hull
+from harpy_pin.gaits.walking.support import nearest_in_hull, stance_points
 from harpy_pin.model.state import Vector
 
 __all__: list[str] = []
@@ -18,9 +18,8 @@ APART = 0.4
 """Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
 FROZEN = 0.25
 """Share of a step before its end from which on footholds stay where they are."""
-
 EARLY_FROZEN = 0.4
-"""Likewise, where feet step over the ground."""
+"""Share of a step before its end from which on footholds stay, where feet step over the ground."""
 
 
 @kernel
@@ -57,7 +56,7 @@ def _landing_middle(p: WalkingRecord, left: float) -> tuple[float, float]:
     """Where the middle of the group's feet lands, m."""
     m, g = p.measured, p.swings
     carrying = np.empty((p.measured.point.shape[0], 2))
-    count = carrying_points(p, g, 0.0, carrying)
+    count = stance_points(p, g, 0.0, carrying)
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
     if count == 0:
         return m.centre[0], m.centre[1]
@@ -71,11 +70,11 @@ def _landing_middle(p: WalkingRecord, left: float) -> tuple[float, float]:
     middle = c * p.middle[g, 0] - s * p.middle[g, 1], s * p.middle[g, 0] + c * p.middle[g, 1]
     for i in range(2):
         if p.groups == 2:
-            offset = cyclic_offset(p.wanted[i] * p.step_duration, jump[i], growth)
+            offset = cyclic_offset(p.desired[i] * p.step_duration, jump[i], growth)
             there[i] += speed[i] / p.omega - offset
         else:
             stance = (p.groups - 1 + p.double_support) * p.step_duration
-            there[i] += middle[i] + 0.5 * stance * p.wanted[i] + (speed[i] - p.wanted[i]) / p.omega
+            there[i] += middle[i] + 0.5 * stance * p.desired[i] + (speed[i] - p.desired[i]) / p.omega
     return there[0], there[1]
 
 
@@ -90,10 +89,10 @@ def _predict_centre(
 
     Args:
         p: element of the gait's record.
-        carrying: (points, 2) contact points that carry, m.
+        carrying: (points, 2) contact points of stance feet, m.
         count: how many.
         x: of the centre of pressure, m.
-        y: likewise.
+        y: of the centre of pressure, m.
         left: time until touchdown, s.
         there: (2,) out, m.
         speed: (2,) out, m/s.
@@ -119,7 +118,7 @@ def _predict_centre(
 
 @kernel
 def _keep_apart(p: WalkingRecord, k: int, c: float, s: float) -> None:
-    """Move a foothold away from the feet that carry, along the direction in which they stand apart."""
+    """Move a foothold away from the stance feet, along the direction in which they stand apart."""
     for j in range(p.group.shape[0]):
         if j != k and p.in_air[j] == 0.0:
             ahead, aside = p.nominal[k, 0] - p.nominal[j, 0], p.nominal[k, 1] - p.nominal[j, 1]
@@ -153,3 +152,49 @@ def _keep_in_reach(p: WalkingRecord, k: int, left: float) -> None:
         share = (np.sqrt(beside * beside + square * room) - beside) / square
         p.foothold[k, 0] = hip[0] + share * x
         p.foothold[k, 1] = hip[1] + share * y
+
+
+@kernel
+def keep_off_edges(p: WalkingRecord, k: int, before_x: float, before_y: float, moving: bool) -> None:
+    """Move a foothold to a place that carries a foot, where there is one near: near to it, and to the one before.
+
+    A foot that is on its way does not change sides of an edge.
+
+    Args:
+        p: element of the gait's record.
+        k: the foot.
+        before_x: foothold of the tick before, m.
+        before_y: its other coordinate, m.
+        moving: whether the foot is on its way.
+    """
+    x, y = p.foothold[k, 0], p.foothold[k, 1]
+    p.foothold[k, 0], p.foothold[k, 1] = place_that_carries(p.terrain, x, y, before_x, before_y)
+    jump = max(abs(p.foothold[k, 0] - before_x), abs(p.foothold[k, 1] - before_y))
+    if moving and jump > 2.0 * MARGIN:
+        p.foothold[k, 0], p.foothold[k, 1] = before_x, before_y
+
+
+@kernel
+def keep_line(p: WalkingRecord, x: float, y: float) -> None:
+    """Move both footholds of a group along y so that the line between them goes through its middle again.
+
+    A foothold that is moved away from an edge turns that line, across which the robot is a pendulum.
+
+    Args:
+        p: element of the gait's record.
+        x: of the middle, m.
+        y: of the middle, m.
+    """
+    first = second = -1
+    for k in range(p.group.shape[0]):
+        if p.group[k] == p.swings:
+            first, second = second, k
+    if first < 0:
+        return
+    along = p.foothold[second, 0] - p.foothold[first, 0]
+    if abs(along) < 0.1 * p.height:
+        return
+    share = (x - p.foothold[first, 0]) / along
+    aside = y - p.foothold[first, 1] - share * (p.foothold[second, 1] - p.foothold[first, 1])
+    p.foothold[first, 1] += aside
+    p.foothold[second, 1] += aside

@@ -6,13 +6,12 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.terrain_record import fit_plane
-from harpy_pin.gaits.walking.centre_of_mass import note_posture
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
+from harpy_pin.ground.surface import surface_height
 from harpy_pin.model.entry import all_possible, all_possible_rows, is_unit
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import place_bodies
 from harpy_pin.model.tree import TreeRecord
-from harpy_pin.simulation.terrain.surface import surface_height
 
 __all__: list[str] = []
 
@@ -37,8 +36,6 @@ def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_possible_rows(foot_force)):
         return False
     place_bodies(p.tree, q, v)
-    if p.soles:
-        note_posture(p, q, v)
     x, y, z, w = q[3], q[4], q[5], q[6]
     m.heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
     for i in range(3):

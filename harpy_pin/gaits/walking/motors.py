@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.gaits.walking.quintic import toward
+from harpy_pin.gaits.walking.pendulum import toward
 from harpy_pin.gaits.walking.settings import Build
 from harpy_pin.gaits.walking.swinging import UPRIGHT_END
 from harpy_pin.model.robot import Robot

@@ -26,7 +26,7 @@ STRIDE = 0.6
 BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
 SLOW_BOTH = 0.2
-"""Likewise on four feet that hardly walk: where the load goes over slowly, ground that gives way hardly moves feet."""
+"""The same on four feet that hardly walk: where the load goes over slowly, ground that gives way hardly moves feet."""
 SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
@@ -43,7 +43,7 @@ MOST_LOAD = 0.85
 
 @dataclass(frozen=True)
 class Pace:
-    """Of a walk.
+    """How long the steps of a walk last, and how fast it goes.
 
     Attributes:
         step_duration: of a slow walk, s.
@@ -63,17 +63,9 @@ class Pace:
 
 
 def pace_of(
-    robot: Robot,
-    q: Vector,
-    build: Build,
-    group: NDArray[np.int64],
-    clearance: float,
-    *,
-    step_duration: float | None,
-    double_support: float | None,
-    max_speed: float | None,
+    robot: Robot, q: Vector, build: Build, group: NDArray[np.int64], clearance: float, *, max_speed: float | None
 ) -> Pace:
-    """The pace of a robot; what is given stays as it is.
+    """The pace of a robot.
 
     Args:
         robot: with feet.
@@ -81,21 +73,15 @@ def pace_of(
         build: how it is built.
         group: (feet,) in which step of the cycle each foot swings.
         clearance: height of a foot at mid-swing, m.
-        step_duration: s; a given one is not shortened at high speed.
-        double_support: as in :class:`Pace`.
-        max_speed: m/s.
+        max_speed: m/s, where that is given; otherwise what legs and motors can do.
     """
     groups = int(group.max()) + 1
     natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
-    gentle = groups == 2 and len(build.place) == 4 and not soles and not _nods(build, group)
-    slow = double_support
-    if double_support is None:
-        double_support = slow = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
-        if gentle:
-            slow = SLOW_BOTH
-    usual = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)) * natural
-    duration = usual if step_duration is None else step_duration
-    runs = groups == 2 and len(build.place) == 4 and step_duration is None
+    gentle = groups == 2 and len(build.place) == 4 and not soles and not _one_behind_the_other(build, group)
+    double_support = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
+    slow = SLOW_BOTH if gentle else double_support
+    duration = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)) * natural
+    runs = groups == 2 and len(build.place) == 4
     stride = STRIDE * build.leg if runs else inf
     share = SOLE_SPEED if soles else SPEED if runs else SLOW_SPEED
     most = share * GRAVITY * natural
@@ -116,10 +102,10 @@ def pace_of(
         most = fastest_speed(load, most, MOST_LOAD)
     stance = (groups - 1 + double_support) * min(duration, stride / most)
     most = min(most, 2.0 * _reach(build, group) / stance)
-    return Pace(duration, double_support, slow or double_support, gentle, stride, most)
+    return Pace(duration, double_support, slow, gentle, stride, most)
 
 
-def _nods(build: Build, group: NDArray[np.int64]) -> bool:
+def _one_behind_the_other(build: Build, group: NDArray[np.int64]) -> bool:
     """Whether two groups of feet stand one behind the other, so that the body goes to and fro between them."""
     ahead, aside = np.abs(build.place[group == 1, :2].mean(axis=0) - build.place[group == 0, :2].mean(axis=0))
     return bool(ahead > aside)

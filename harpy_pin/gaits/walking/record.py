@@ -11,8 +11,8 @@ from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
+    from harpy_pin.ground.surface import TerrainRecord
     from harpy_pin.model.tree import TreeRecord
-    from harpy_pin.simulation.terrain.surface import TerrainRecord
 
 __all__: list[str] = []
 
@@ -53,12 +53,10 @@ class WalkingRecord(RecordOf):
     Attributes:
         tree: bodies and joints of the robot.
         terrain: the ground; all heights below are above it.
-        steps_over: 1 where feet in the air go over the ground by world heights: ``lift`` holds these.
+        steps_over: 1 where swing feet go over the ground by world heights: ``lift`` holds these.
         ground_reach: half the side of the square to which that plane is fitted, m.
         point_body: (points,) the body that carries each contact point.
         point_offset: (points, 3) its place there, m.
-        leg: (feet, joints) bodies of each leg, from the foot to the hip.
-        angle: (bodies,) of each joint in the posture, rad.
         foot: (points,) the foot that each contact point is of.
         corner: (points, 2) its place about the foot's middle, axes of the foot, m.
         group: (feet,) in which step of the cycle each foot swings.
@@ -75,20 +73,20 @@ class WalkingRecord(RecordOf):
         fast_load_ramp: share of its largest normal force up to which a foot's load rises over that time, and from
             which it falls, at the largest speed.
         slow_load_ramp: that of a robot that hardly walks.
-        first_load: likewise, that a foot which has just landed may carry.
-        last_load: likewise, of a foot that is about to be lifted.
+        first_load: share of it that a foot which has just landed may carry.
+        last_load: share of it that a foot may carry which is about to be lifted.
         start_time: for which the robot stands on every foot before its first step, s.
         omega: of the pendulum, 1/s.
         height: of the body, m.
         clearance: height of a foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a foot in the air aims, m.
+        penetration_offset: how much deeper than the ground a swing foot aims, m.
         low: height from which on a foot goes down slowly, m.
         deeper: how much deeper than the ground it then aims, m.
         reach: largest horizontal distance of a foot from its hip, m.
         hip: height of the hips above the feet, of four legs, m.
         beside: (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m.
         arrives: share of its swing before its end at which a foot is almost where it lands.
-        lean: distance of the centre of mass from a point foot that carries alone at which the next one should land, m.
+        lean: distance of the centre of mass from a single stance foot on a point at which the next one should land, m.
         most_aside: largest velocity sideways, m/s.
         reaction: (feet, 2, 3) acceleration of the pendulum for that of each foot relative to the body, axes of the
             heading.
@@ -99,20 +97,19 @@ class WalkingRecord(RecordOf):
         max_turn: largest turning velocity, rad/s.
         height_range: (2,) least and largest change of the height, m.
         always: 1 where it steps at zero command, too.
-        holds_heading: 1 where the feet that carry can hold the heading.
+        holds_heading: 1 where the stance feet can hold the heading.
         soles: 1 where feet are flat.
         command: (4,) given: forward, to the left (m/s), turning (rad/s), change of the height (m).
-        heard: (4,) the last one that is all numbers.
+        last_command: (4,) the last one that is all numbers.
         refused: updates with a command that was not all numbers.
         goal: (4,) the command within its limits.
         velocity: (4,) that is applied, of the height m/s.
         rate: (3,) of the first three, m/s² and rad/s².
         raised: present change of the height, m.
         path: (3,) x, y (m) and heading (rad) that the walk follows.
-        wanted: (2,) velocity of the centre of mass, world axes, m/s.
+        desired: (2,) velocity of the centre of mass, world axes, m/s.
         demand: (2,) acceleration of the centre of mass, world axes, m/s².
         pressure: (2,) centre of pressure that goes with it, m.
-        posture: (bodies,) acceleration that the posture asks of each joint, rad/s².
         time: of the last update, s; −1 before the first.
         switch: when the next row of the script begins, s.
         walking: 1 while it steps.
@@ -121,16 +118,16 @@ class WalkingRecord(RecordOf):
         load_ramp: that of the present step.
         swings: the group that swings in the present step.
         steps: made since the walk began.
-        in_air: (feet,) 1 for a foot in the air.
+        in_air: (feet,) 1 for a swing foot.
         since: (feet,) time since the last touchdown, s.
-        lifted_at: (feet,) height of a foot in the air when it was lifted, m.
+        lifted_at: (feet,) height of a swing foot when it was lifted, m.
         felt: (feet,) height of the ground that each foot met last, where that is not what was expected, m.
-        touched: (feet,) height below which a foot that carries touches the ground, m.
-        settled: (feet,) 1 once a foot that carries has settled.
+        touched: (feet,) height below which a stance foot touches the ground, m.
+        settled: (feet,) 1 once a stance foot has settled.
         pressed: (feet,) mean of its load, N.
         rest: (feet,) mean of its height, m.
         foothold: (feet, 3) where it lands, m, and its heading there, rad.
-        swing: (feet, 3, 3) place, velocity and acceleration of x, y (m) and heading (rad) of a foot in the air.
+        swing: (feet, 3, 3) place, velocity and acceleration of x, y (m) and heading (rad) of a swing foot.
         lift: (feet, 3) its height, velocity and acceleration.
         risen: (feet,) height to which it rises, where feet step over the ground: it stays when an edge is behind, m.
         measured: the last good state.
@@ -142,8 +139,6 @@ class WalkingRecord(RecordOf):
     ground_reach: float
     point_body: NDArray[np.int64]
     point_offset: Vector
-    leg: NDArray[np.int64]
-    angle: Vector
     foot: NDArray[np.int64]
     corner: Vector
     group: NDArray[np.int64]
@@ -185,17 +180,16 @@ class WalkingRecord(RecordOf):
     holds_heading: int
     soles: int
     command: Vector = sized(4)
-    heard: Vector = sized(4)
+    last_command: Vector = sized(4)
     refused: float = 0.0
     goal: Vector = sized(4)
     velocity: Vector = sized(4)
     rate: Vector = sized(3)
     raised: float = 0.0
     path: Vector = sized(3)
-    wanted: Vector = sized(2)
+    desired: Vector = sized(2)
     demand: Vector = sized(2)
     pressure: Vector = sized(2)
-    posture: Vector = sized("bodies")
     time: float = -1.0
     switch: float = np.inf
     walking: int = ZERO

@@ -20,7 +20,7 @@ FOUR_FEET: dict[str, Steps] = {
 }
 """Feet of four-legged robots that swing together, step after step."""
 TWO_FEET: dict[str, Steps] = {"walk": (("left",), ("right",)), "step": (("left",), ("right",))}
-"""Likewise of bipeds; ``step`` goes on stepping where it stands."""
+"""Feet of bipeds that swing, step after step; ``step`` goes on stepping where it stands."""
 BY_FEET = {2: TWO_FEET, 4: FOUR_FEET}
 """By the number of feet."""
 

@@ -33,15 +33,13 @@ class Build:
         place: (feet, 3) middles of the feet about the body's origin, m.
         leg: length of a stretched leg from hip to foot, the shortest of all, m.
         height: of the body's origin above the ground while it walks, m.
-        rise: likewise of the centre of mass, m.
+        rise: height of the centre of mass above the ground while it walks, m.
         reach: largest horizontal distance of a foot from its hip, m.
         hip: height of the hips above the feet, of four legs, m.
         beside: (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m.
         swing: largest horizontal acceleration that the hips' motors alone give a foot, m/s²; of the weakest leg.
         reaction: (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's
             angular momentum about the ground, forward and to the left.
-        leg_bodies: (feet, joints) bodies of each leg, from the foot to the hip; the base is 0.
-        angle: (bodies,) of each joint, rad; zero for the base.
         narrow: largest distance of the two groups of feet between which the body sways, m.
     """
 
@@ -56,19 +54,15 @@ class Build:
     beside: Vector
     swing: float
     reaction: Vector
-    leg_bodies: NDArray[np.int64]
-    angle: Vector
     narrow: float
 
 
-def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
+def build_of(robot: Robot, q: Vector) -> Build:
     """How a robot is built.
 
     Args:
         robot: with feet.
         q: (nq,) configuration in which it stands.
-        height: of the body's origin while it walks, m; by default that of the posture, or less where its legs would be
-            almost stretched.
     """
     model, data = robot.model, robot.model.createData()
     centre = np.array(pin.centerOfMass(model, data, q)) - q[:3]
@@ -89,26 +83,15 @@ def build_of(robot: Robot, q: Vector, height: float | None = None) -> Build:
         column = model.joints[joints[0]].idx_v
         swings.append(float(hips[-1] * model.effortLimit[column] / inertia[column, column]))
     leg, hip = min(legs), max(hips)
-    lower = max(hip - BENT * leg, 0.0) if height is None else float(q[2]) - height
+    lower = max(hip - BENT * leg, 0.0)  # than the posture, where its legs would be almost stretched
     reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 else 0.0
     reactions = _reactions(robot, q, rise)
-    angle = np.array([0.0, *(q[joint.idx_q] for joint in list(model.joints)[2:])])
-    bodies, narrow = _leg_bodies(robot), NARROW * rise
+    narrow = NARROW * rise
     if robot.flat_feet:
         narrow = SOLE_NARROW * rise + 2.0 * INNER * min(float(np.ptp(point[foot == k, 1])) for k in range(len(place)))
-    return Build(
-        point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, bodies, angle, narrow
-    )
-
-
-def _leg_bodies(robot: Robot) -> NDArray[np.int64]:
-    """(feet, joints) bodies of each leg, from the foot to the hip; of longer legs the last."""
-    model, starts = robot.model, np.cumsum((0, *robot.corners))[:-1]
-    frames = [model.frames[robot.frame_id(robot.feet[first])] for first in starts]
-    legs = [[j - 1 for j in reversed(model.supports[frame.parentJoint]) if j > 1] for frame in frames]
-    return np.array([leg[: min(map(len, legs))] for leg in legs], dtype=np.int64)
+    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, narrow)
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:

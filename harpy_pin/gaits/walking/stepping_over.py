@@ -1,4 +1,4 @@
-"""Feet in the air over ground that is not even: first up, then across what is higher, then down; in world heights.
+"""Swing feet over ground that is not even: first up, then across what is higher, then down; in world heights.
 
 A foot that moved across while it is still rising would meet the riser of a step that it stands before.
 """
@@ -9,10 +9,10 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.commanding import wrapped
-from harpy_pin.gaits.walking.quintic import toward
+from harpy_pin.gaits.walking.pendulum import toward
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_height
 from harpy_pin.model.record import Records
-from harpy_pin.simulation.terrain.surface import TerrainRecord, greatest_rise, surface_height
 
 __all__: list[str] = []
 
@@ -37,7 +37,7 @@ PEAK = 5.7735
 
 @kernel
 def swing_over(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Bring a foot in the air to the present time.
+    """Bring a swing foot to the present time.
 
     Args:
         p: element of the gait's record.
@@ -89,10 +89,10 @@ def walk_over(walk: Records[WalkingRecord], terrain: Records[TerrainRecord], rea
         reach: half the side of the square around the body whose plane the body follows, m.
 
     Returns:
-        Whether the targets of feet in the air have world heights: those of points, on ground that is no plane.
+        Whether the targets of swing feet have world heights: those of points, on ground that is no plane.
     """
     walk["terrain"], walk["ground_reach"] = terrain, reach
-    uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2] or terrain["stones"][0, 0])
+    uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2])
     if not uneven or walk["soles"][0]:
         return False
     walk["steps_over"] = 1

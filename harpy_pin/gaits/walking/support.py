@@ -1,4 +1,4 @@
-"""The place of the centre of pressure nearest to a wanted one, in the hull of the points that carry."""
+"""The place of the centre of pressure nearest to a desired one, in the hull of the points of stance feet."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[flo
         points: (any, 2) of which the first ``count`` count, at least one, m.
         count: how many.
         x: of the place, m.
-        y: likewise.
+        y: of the place, m.
 
     Returns:
         Its x and y, m.
@@ -61,8 +61,8 @@ def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[flo
 
 
 @kernel
-def carrying_points(p: WalkingRecord, without: int, margin: float, out: Vector) -> int:
-    """Contact points of the feet that carry, each drawn by a margin towards the middle of its foot.
+def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) -> int:
+    """Contact points of the stance feet, each drawn by a margin towards the middle of its foot.
 
     Args:
         p: element of the gait's record.

@@ -1,4 +1,4 @@
-"""The feet in the air: horizontally to a foothold that may change at any tick, vertically up, down and on down."""
+"""The swing feet: horizontally to a foothold that may change at any tick, vertically up, down and on down."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.commanding import foot_speed, wrapped
-from harpy_pin.gaits.walking.quintic import toward
+from harpy_pin.gaits.walking.pendulum import toward
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.stepping_over import DEEPEST, DESCENT, swing_over
-from harpy_pin.simulation.terrain.surface import surface_height
+from harpy_pin.ground.surface import surface_height
 
 __all__: list[str] = []
 
@@ -49,7 +49,7 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
 
 @kernel
 def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Bring a foot in the air to the present time.
+    """Bring a swing foot to the present time.
 
     Args:
         p: element of the gait's record.
@@ -76,7 +76,7 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
 
 @kernel
 def _sticks(p: WalkingRecord, k: int, left: float) -> bool:
-    """Whether a foot in the air is still in the ground, into which it has sunk, and has not begun to move across it.
+    """Whether a swing foot is still in the ground, into which it has sunk, and has not begun to move across it.
 
     Args:
         p: element of the gait's record.

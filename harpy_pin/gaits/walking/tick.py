@@ -4,21 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST
 from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
-from harpy_pin.gaits.walking.commanding import hear_command, steer, want_velocity
+from harpy_pin.gaits.walking.commanding import choose_velocity, steer, take_command
 from harpy_pin.gaits.walking.contacts import go_on, time_left
 from harpy_pin.gaits.walking.footholds import choose_footholds
-from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import swing_foot
-from harpy_pin.model.record import Records
-from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ticks import note_array
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
@@ -42,18 +35,18 @@ def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
         target: of its targets, out.
 
     Returns:
-        Whether it is a time.
+        Whether it is a time before the next row of the script begins; nothing is done otherwise.
     """
-    if not abs(t) < LONGEST:
+    if not (abs(t) < LONGEST and t < p.switch):
         return False
     if t <= 0.0 or p.time < 0.0 or t < p.time - p.usual_step:
         _restart(p)
         p.time = t
     span = min(max(t - p.time, 0.0), LONGEST_GAP)
     p.time = max(t, p.time)
-    hear_command(p)
+    take_command(p)
     steer(p, span)
-    want_velocity(p)
+    choose_velocity(p)
     go_on(p, span)
     demand_acceleration(p)
     if p.walking:
@@ -71,7 +64,7 @@ def _restart(p: WalkingRecord) -> None:
     """Stand where the robot is."""
     m = p.measured
     p.path[0], p.path[1], p.path[2] = m.centre[0], m.centre[1], m.heading
-    p.heard[:] = 0.0
+    p.last_command[:] = 0.0
     p.velocity[:] = 0.0
     p.rate[:] = 0.0
     p.raised = p.refused = p.phase = 0.0
@@ -81,40 +74,3 @@ def _restart(p: WalkingRecord) -> None:
     p.touched[:] = 0.0
     p.settled[:] = 1.0
     p.since[:] = LONG_AGO
-
-
-@kernel
-def observe_walk(
-    parts: tuple[Records[WalkingRecord], Records[GaitTargetRecord]], q: Vector, v: Vector, foot_force: Vector
-) -> None:
-    """The measured state in a compiled loop."""
-    measure(parts[0][0], q, v, foot_force)
-
-
-@kernel
-def plan_walk(t: float, parts: tuple[Records[WalkingRecord], Records[GaitTargetRecord]]) -> bool:
-    """The tick in a compiled loop; false where the clock goes back, or a row of the script begins."""
-    gait, target = parts
-    if t < gait[0].time or t >= gait[0].switch:
-        return False
-    return advance(t, gait[0], target[0])
-
-
-@kernel
-def note_walk(
-    parts: tuple[Records[WalkingRecord], Records[GaitTargetRecord]], row: Vector, places: NDArray[np.int64], s: int
-) -> int:
-    """The signals of :meth:`~harpy_pin.gaits.walking.WalkingGait.telemetry`."""
-    gait, target = parts
-    p = gait[0]
-    note_array(p.command, row, places[s])
-    note_array(p.velocity, row, places[s + 1])
-    note_array(p.path, row, places[s + 2])
-    note_array(target[0].heading, row, places[s + 3])
-    note_array(p.measured.centre, row, places[s + 4])
-    note_array(p.pressure, row, places[s + 5])
-    note_array(p.foothold.reshape(p.foothold.size), row, places[s + 6])
-    row[places[s + 7]] = p.phase
-    row[places[s + 8]] = p.steps
-    row[places[s + 9]] = p.refused
-    return s + 10

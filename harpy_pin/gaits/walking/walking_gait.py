@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.capped import warn_of_capped
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
-from harpy_pin.gaits.walking.centre_of_mass import ORIENTATION_GAINS, POSTURE_GAINS, SWING_GAINS
+from harpy_pin.gaits.velocity import Velocity, as_command, read_velocity, warn_of_capped
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import Pace, pace_of
@@ -23,16 +23,14 @@ from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.schedules import groups_of
 from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
 from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR
-from harpy_pin.gaits.walking.tick import advance, note_walk, observe_walk, plan_walk
-from harpy_pin.gaits.walking.velocity import Velocity, as_command, read_velocity
+from harpy_pin.gaits.walking.tick import advance
+from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
-from harpy_pin.simulation.terrain.surface import flat_terrain
-from harpy_pin.simulation.ticks import CompiledTick
 
 __all__ = ["WalkingGait"]
 
@@ -40,26 +38,30 @@ START = 1.6
 """Time for which it stands on every foot before the first step, in √(leg / g)."""
 CLEARANCE = 0.075
 """Height of a foot at mid-swing, in lengths of the leg."""
+OFFSET = 0.0015
+"""How much deeper than the ground a swing foot aims, m."""
+ACCELERATION, TURN_ACCELERATION = 1.0, 3.0
+"""Largest change of the applied velocity, m/s², and so of its direction in a turn; and of the turning one, rad/s²."""
 SWAY = 0.01
-"""Distance below which it does not, likewise."""
+"""Distance of two groups of feet below which the body does not sway between them, in heights of the centre of mass."""
 LEAN, STEEPEST = 0.45, 0.5
-"""On two points: distance of the centre of mass from the foot that carries at which the next one should land, and
+"""On two points: distance of the centre of mass from the stance foot at which the next one should land, and
 largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the friction that it needs."""
 LOW, AIM = 0.02, 0.2
 """Of trots and paces: height from which on a foot goes down slowly, in clearances, and how far below the ground
 it then aims, as a share of the penetration offset. A foot that lands hard slips: inertia of its leg turns it aside."""
 LOAD_RAMP, FAST_LOAD_RAMP, FIRST_LOAD, LAST_LOAD = 0.26, 0.4, 0.07, 0.01
-"""Likewise: how much of its largest normal force a foot may carry that is about to take over its share of the load, or
-begins to give it away, slow and at the largest speed; that has just landed; and that is about to be lifted."""
+"""Of trots and paces: how much of its largest normal force a foot may carry that is about to take over its share of the
+load, or begins to give it away, slow and at the largest speed; that has just landed; and that is about to be lifted."""
 LEAST_LOAD = 0.05
 """The last two of other walks, where a foot may carry all of it at once."""
 LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
 SWING_WEIGHT = 1.0
-"""Of the acceleration of a foot in the air, a fifth of the default: where motors are at their limits, the body comes
+"""Of the acceleration of a swing foot, a fifth of the default: where motors are at their limits, the body comes
 first."""
 SWING_RATE, LEAST_RATE = 4.2, 19.0
-"""Rate at which a foot in the air comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
+"""Rate at which a swing foot comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT, POINT_TURN_WEIGHT = 0.2, 0.02
 """Of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²; and where
@@ -67,26 +69,10 @@ one point carries alone. Its force holds the body upright against the swinging l
 POINT_TURN_RATE = 10.0
 """Rate at which the body comes back upright where turning weighs that little, in √(g / leg)."""
 POSTURE_WEIGHT = 1e-7
-"""Of the accelerations of the legs' joints, likewise: the WBC QP needs it for one optimum, not for a posture."""
-SIGNALS = (
-    "command",
-    "applied_velocity",
-    "path",
-    "heading",
-    "centre",
-    "pressure",
-    "foothold",
-    "phase",
-    "steps",
-    "refused_commands",
-)
-"""In the order of ``note_walk``."""
+"""Of the accelerations of the legs' joints, times that squared height, m²: the WBC QP needs it for one optimum, not for
+a posture."""
 
 
-@checks.explained_arguments(
-    speed="it walks at a velocity, as in WalkingGait(robot, velocity=(0.5, 0, 0)): forward, to the left, turning",
-    gait="which feet swing together is its schedule, as in WalkingGait(robot, schedule='trot')",
-)
 @fixed_arrays("applied", "command", "record")
 class WalkingGait(KeepsViews):
     """Targets of a robot on two or four feet that walks where it is told.
@@ -111,13 +97,7 @@ class WalkingGait(KeepsViews):
         velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]), each valid from its
             time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default the robot's own.
-        step_duration: from one touchdown to the next, s; by default shorter at high speed.
-        double_support: share of a step in which every foot is on the ground.
-        height: of the body's origin while it walks, m.
         clearance: height of a foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a foot in the air aims, m.
-        acceleration: largest change of the applied velocity, m/s²; so it is of its direction in a turn.
-        turn_acceleration: largest change of the applied turning velocity, rad/s².
         max_speed: largest velocity of a foot's place, m/s; by default what legs and motors can do, √(g leg) at most.
 
     Attributes:
@@ -142,13 +122,7 @@ class WalkingGait(KeepsViews):
         velocity: Velocity = (0.0, 0.0, 0.0),
         *,
         posture: ArrayLike | None = None,
-        step_duration: float | None = None,
-        double_support: float | None = None,
-        height: float | None = None,
         clearance: float | None = None,
-        penetration_offset: float = 0.0015,
-        acceleration: float = 1.0,
-        turn_acceleration: float = 3.0,
         max_speed: float | None = None,
     ) -> None:
         feet = len(robot.corners)
@@ -157,9 +131,7 @@ class WalkingGait(KeepsViews):
         self.robot = robot
         self._standing = Standing(robot, posture)
         q, v = self._standing.initial_state()
-        if height is not None:
-            height = checks.number("height", height, low=0.3 * float(q[2]), high=float(q[2]))
-        build, soles = build_of(robot, q, height), bool(robot.flat_feet)
+        build, soles = build_of(robot, q), bool(robot.flat_feet)
         natural = float(np.sqrt(build.leg / GRAVITY))
 
         def optional(name: str, value: float | None, high: float) -> float | None:
@@ -168,28 +140,12 @@ class WalkingGait(KeepsViews):
         self.schedule = ("walk" if feet == 2 else "trot") if schedule is None else schedule
         clearance = optional("clearance", clearance, build.leg) or CLEARANCE * build.leg
         group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
-        pace = pace_of(
-            robot,
-            q,
-            build,
-            group,
-            clearance,
-            step_duration=optional("step_duration", step_duration, 5.0),
-            double_support=optional("double_support", double_support, 0.8),
-            max_speed=optional("max_speed", max_speed, 20.0),
-        )
+        pace = pace_of(robot, q, build, group, clearance, max_speed=optional("max_speed", max_speed, 20.0))
         self._build = build
         self.step_duration, self.double_support = pace.step_duration, pace.double_support
         first, self.script, self._function = read_velocity(velocity)
         self.record = self._make_record(
-            build,
-            pace,
-            group,
-            start_time=0.0 if feet == 2 and not soles else START * natural,
-            clearance=clearance,
-            penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0, high=0.1),
-            acceleration=checks.number("acceleration", acceleration, low=0.0, high=100.0, strict=True),
-            turn_acceleration=checks.number("turn_acceleration", turn_acceleration, low=0.0, high=100.0, strict=True),
+            build, pace, group, start_time=0.0 if feet == 2 and not soles else START * natural, clearance=clearance
         )
         self._measured = self.record["measured"]
         self._given: Vector = field(self.record, "command")
@@ -222,15 +178,13 @@ class WalkingGait(KeepsViews):
         aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
         return make_record(
             WalkingRecord,
-            {"feet": feet, "bodies": len(build.angle)},
+            {"feet": feet},
             tree=tree_record(robot.model),
             terrain=flat_terrain(),
             steps_over=np.int64(0),
             ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
-            leg=build.leg_bodies,
-            angle=build.angle,
             foot=build.foot.astype(np.int64),
             corner=(build.point - build.place[build.foot])[:, :2],
             group=group,
@@ -244,8 +198,9 @@ class WalkingGait(KeepsViews):
             double_support=pace.slow_double_support,
             fast_double_support=pace.double_support,
             slow_double_support=pace.slow_double_support,
+            penetration_offset=OFFSET,
             low=LOW * settings["clearance"] if gentle else 0.0,
-            deeper=(AIM if gentle else 1.0) * settings["penetration_offset"],
+            deeper=(AIM if gentle else 1.0) * OFFSET,
             fast_load_ramp=FAST_LOAD_RAMP if gentle else 1.0,
             slow_load_ramp=LOAD_RAMP if gentle else 1.0,
             first_load=FIRST_LOAD if gentle else LEAST_LOAD,
@@ -261,6 +216,8 @@ class WalkingGait(KeepsViews):
             most_aside=aside if balances else np.inf,
             reaction=build.reaction,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
+            acceleration=ACCELERATION,
+            turn_acceleration=TURN_ACCELERATION,
             max_turn=2.0,
             height_range=np.array((-0.2, 0.05)) * build.height,
             always=np.int64(self.schedule == "step" or balances),
@@ -280,7 +237,7 @@ class WalkingGait(KeepsViews):
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
         They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
-        corners, because a sole whose corners are loaded fast at touchdown slips; feet in the air weigh less; and joints
+        corners, because a sole whose corners are loaded fast at touchdown slips; swing feet weigh less; and joints
         and the turning of the body weigh as the robot's size says, because one sole, or a line between two points,
         holds little moment, and what is missing must not lift the body. On one point turning weighs less still,
         and comes back the faster.
@@ -291,9 +248,7 @@ class WalkingGait(KeepsViews):
         turn = square * (POINT_TURN_WEIGHT if alone else TURN_WEIGHT)
         own = {"swing": SWING_WEIGHT, "orientation": turn, "arms": turn, "posture": POSTURE_WEIGHT * square}
         parameters["weights"] = {**parameters["weights"], **own}
-        if self.robot.flat_feet:
-            parameters.update(orientation=ORIENTATION_GAINS, posture=POSTURE_GAINS, swing=SWING_GAINS)
-        else:
+        if not self.robot.flat_feet:
             rate = max(SWING_RATE * natural, LEAST_RATE)
             parameters["swing"] = (rate * rate, 2.0 * rate)
         if alone:
@@ -357,12 +312,12 @@ class WalkingGait(KeepsViews):
         advance(float(t), self.record, self.target.record)
         return self.target
 
-    @property
-    def compiled(self) -> CompiledTick | None:
-        """Its tick for a compiled loop, which ends where a row of the script begins."""
+    def calls(self, state: State) -> tuple[Call, ...] | None:
+        """See :class:`~harpy_pin.gaits.gait.Gait`; Python takes a script's rows."""
         if type(self) is not WalkingGait or self._function is not None:
             return None
-        return CompiledTick(plan_walk, note_walk, (self.record, self.target.record), SIGNALS, observe_walk)
+        observe = Call(measure, self.record, state.q, state.v, state.foot_force)
+        return observe, Call(advance, 0.0, self.record, self.target.record, expected=True)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -395,9 +350,9 @@ class WalkingGait(KeepsViews):
             "centre": field(self._measured, "centre"),
             "pressure": field(self.record, "pressure"),
             "foothold": field(self.record, "foothold"),
-            "phase": float(self.record["phase"][0]),
-            "steps": int(self.record["steps"][0]),
-            "refused_commands": self.refused,
+            "phase": field(self.record, "phase"),
+            "steps": field(self.record, "steps"),
+            "refused_commands": field(self.record, "refused"),
         }
 
     def _begin(self) -> None:

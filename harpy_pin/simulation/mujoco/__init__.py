@@ -1,11 +1,11 @@
 """MuJoCo as a second plant: the same robot, scenarios, controllers and logs in another engine.
 
-``pip install 'harpy-pin[mujoco]'``, then ``walk(Scenario(plant="mujoco"))`` or ``harpy walk --plant mujoco``. MuJoCo
-itself is imported when the first model is made.
+``pip install 'harpy-pin[mujoco]'``, then ``walk(Scenario(plant="mujoco"))`` or ``harpy walk --set plant=mujoco``.
+MuJoCo itself is imported when the first model is made.
 """
 
-from harpy_pin.simulation.mujoco.conventions import Conventions
-from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
+from harpy_pin.simulation.mujoco.conventions import Conventions, installed_version
+from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.mujoco_plant import MujocoPlant
 from harpy_pin.simulation.mujoco.presets import PRESETS, preset_ground
 from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, SoftContact

@@ -11,24 +11,56 @@
 
 from __future__ import annotations
 
+import re
+from importlib.metadata import version
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
+from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
 from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.record import RecordOf, make_record
-from harpy_pin.model.state import Vector
-from harpy_pin.model.tree import UNBOUNDED
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import State, Vector
 
-__all__ = ["Conventions"]
+__all__ = ["Conventions", "import_mujoco", "installed_version"]
+
+FREE = 0
+"""``mujoco.mjtJoint.mjJNT_FREE``."""
+ROOT = 1
+"""Index of the floating base's joint in Pinocchio's model."""
+
+
+def installed_version() -> str | None:
+    """Version of MuJoCo; None where it is not installed."""
+    return version("mujoco") if find_spec("mujoco") is not None else None
+
+
+def import_mujoco() -> Any:
+    """The module ``mujoco``.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError as error:
+        message = f"MuJoCo cannot be imported ({error}): pip install 'harpy-pin[mujoco]'"
+        raise InputError(message, name="plant", value="mujoco") from error
+    return mujoco
 
 
 class ConventionsRecord(RecordOf):
-    """Places of the joints in Pinocchio's arrays and in MuJoCo's.
+    """Places of the base and of the joints in Pinocchio's arrays and in MuJoCo's.
 
     Attributes:
+        base_position: of the free joint in MuJoCo's ``qpos``.
+        base_velocity: of the free joint in MuJoCo's ``qvel``.
         place: (joints,) in q.
         column: (joints,) in v.
         unbounded: (joints,) 1 for a joint without limits, whose q is a cosine and a sine.
@@ -36,6 +68,8 @@ class ConventionsRecord(RecordOf):
         velocity: (joints,) in MuJoCo's ``qvel``.
     """
 
+    base_position: int
+    base_velocity: int
     place: NDArray[np.int64]
     column: NDArray[np.int64]
     unbounded: NDArray[np.int64]
@@ -44,27 +78,83 @@ class ConventionsRecord(RecordOf):
 
 
 class Conventions:
-    """Turns states and forces of one robot from one convention into the other.
+    """Turns states and forces of one robot from one convention into the other, in any MuJoCo model of it.
+
+    Joints are found by name. A prefix that ends in ``:`` or ``/``, as MuJoCo gives it to attached models, does not
+    count. The free joint is the model's first one; the frame of its body has to be that of the URDF's root link.
 
     Args:
-        tree: record of :func:`harpy_pin.model.tree.tree_record`.
-        position: (joints,) places of the joints in MuJoCo's ``qpos``, in Pinocchio's order.
-        velocity: (joints,) places of the joints in MuJoCo's ``qvel``, likewise.
+        model: ``mujoco.MjModel`` of the robot; its joints have the names of the URDF.
+        robot: whose states these are.
+
+    Attributes:
+        velocity: (joints,) places of the robot's joints in MuJoCo's ``qvel``.
+
+    Raises:
+        InputError: the model has no free joint, or lacks a joint.
     """
 
-    def __init__(self, tree: Any, position: list[int], velocity: list[int]) -> None:
-        self._velocity = np.array(velocity, dtype=np.int64)
+    def __init__(self, model: Any, robot: Robot) -> None:
+        self._model, self._robot = model, robot
+        found = [model.joint(number) for number in range(model.njnt)]
+        free = [joint for joint in found if int(joint.type[0]) == FREE]
+        if not free:
+            raise InputError("the MuJoCo model has no free joint: its base is fixed", name="model")
+        hinges = [joint for joint in found if int(joint.type[0]) != FREE]
+        by_name = {_plain(joint.name): joint for joint in hinges}
+        by_name |= {joint.name.removeprefix("joint:"): joint for joint in hinges}
+        for name in robot.joints:
+            checks.one_of("joint of the MuJoCo model", name, by_name)
+        joints = [by_name[name] for name in robot.joints]
+        ours = list(robot.model.joints)[ROOT + 1 :]
+        self.velocity = np.array([int(joint.dofadr[0]) for joint in joints], dtype=np.int64)
         self._record = make_record(
             ConventionsRecord,
-            place=np.array(tree["place"][0][1:], dtype=np.int64),
-            column=np.array(tree["column"][0][1:], dtype=np.int64),
-            unbounded=np.array(tree["kind"][0][1:] == UNBOUNDED),
-            position=np.array(position, dtype=np.int64),
-            velocity=self._velocity,
+            base_position=np.int64(free[0].qposadr[0]),
+            base_velocity=np.int64(free[0].dofadr[0]),
+            place=np.array([joint.idx_q for joint in ours], dtype=np.int64),
+            column=np.array([joint.idx_v for joint in ours], dtype=np.int64),
+            unbounded=np.array([joint.nq > 1 for joint in ours], dtype=np.int64),
+            position=np.array([int(joint.qposadr[0]) for joint in joints], dtype=np.int64),
+            velocity=self.velocity,
         )
-        q, v = np.zeros(len(position) + 7), np.zeros(len(velocity) + 6)
+        q, v = np.zeros(robot.model.nq), np.zeros(robot.model.nv)
         _to_mujoco.prepare(self._record, q, v, q, v)
         _from_mujoco.prepare(self._record, q, v, q, v)
+
+    def write(self, state: State, data: Any) -> None:
+        """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the caller's.
+
+        Args:
+            state: of the robot.
+            data: ``mujoco.MjData``, written in place.
+
+        Raises:
+            InputError: the state is of another robot.
+        """
+        q = checks.vector("q", state.q, self._robot.model.nq)
+        v = checks.vector("v", state.v, self._robot.model.nv)
+        self.to_mujoco(q, v, data.qpos, data.qvel)
+        data.time = state.t
+
+    def read(self, data: Any) -> State:
+        """The state of MuJoCo's data: the way into a controller of this library from any MuJoCo simulation.
+
+        Feet are placed by the robot's kinematics. A contact on a link counts for that foot of the link which is
+        nearest.
+
+        Args:
+            data: ``mujoco.MjData``, after a step or ``mj_forward``.
+
+        Raises:
+            InputError: MuJoCo is not installed.
+        """
+        q, v, qpos = pin.neutral(self._robot.model), np.zeros(self._robot.model.nv), np.array(data.qpos)
+        begin = int(self._record["base_position"][0]) + 3
+        qpos[begin : begin + 4] /= np.linalg.norm(qpos[begin : begin + 4])
+        self.from_mujoco(qpos, data.qvel, q, v)
+        position, velocity = self._feet(q, v)
+        return State(float(data.time), q, v, position, velocity, self._foot_forces(data, position))
 
     def to_mujoco(self, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
         """Write a state into MuJoCo's arrays.
@@ -72,8 +162,8 @@ class Conventions:
         Args:
             q: (nq,) configuration.
             v: (nv,) generalised velocity.
-            qpos: (nq,) out, MuJoCo's positions, the quaternion in the order w, x, y, z.
-            qvel: (nv,) out, MuJoCo's velocities, the linear one of the base in world axes.
+            qpos: out, MuJoCo's positions, the quaternion in the order w, x, y, z.
+            qvel: out, MuJoCo's velocities, the linear one of the base in world axes.
         """
         _to_mujoco(self._record, q, v, qpos, qvel)
 
@@ -81,8 +171,8 @@ class Conventions:
         """Read a state from MuJoCo's arrays into q (nq,) and v (nv,).
 
         Args:
-            qpos: (nq,) MuJoCo's positions.
-            qvel: (nv,) MuJoCo's velocities.
+            qpos: MuJoCo's positions.
+            qvel: MuJoCo's velocities.
             q: (nq,) out, this library's configuration.
             v: (nv,) out, its generalised velocity.
         """
@@ -96,7 +186,53 @@ class Conventions:
             out: (nv,) MuJoCo's ``qfrc_applied``, written in place.
         """
         out[:] = 0.0
-        out[self._velocity] = torque
+        out[self.velocity] = torque
+
+    def _feet(self, q: Vector, v: Vector) -> tuple[Vector, Vector]:
+        """(feet, 3) positions and velocities, world axes."""
+        robot, data = self._robot, self._robot.model.createData()
+        pin.forwardKinematics(robot.model, data, q, v)
+        position, velocity = np.zeros((len(robot.feet), 3)), np.zeros((len(robot.feet), 3))
+        for k, frame in enumerate(map(robot.frame_id, robot.feet)):
+            position[k] = pin.updateFramePlacement(robot.model, data, frame).translation
+            velocity[k] = pin.getFrameVelocity(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
+        return position, velocity
+
+    def _foot_forces(self, data: Any, position: Vector) -> Vector:
+        """(feet, 3) forces of the contacts on the links of the feet, world axes, N."""
+        mujoco, robot = import_mujoco(), self._robot
+        force, wrench = np.zeros((len(robot.feet), 3)), np.zeros(6)
+        joint_of_foot = np.array([robot.model.frames[robot.frame_id(name)].parentJoint for name in robot.feet])
+        for number in range(data.ncon):
+            contact = data.contact[number]
+            mujoco.mj_contactForce(self._model, data, number, wrench)
+            on_second = np.asarray(contact.frame).reshape(3, 3).T @ wrench[:3]
+            for geom, sign in ((contact.geom1, -1.0), (contact.geom2, 1.0)):
+                mine = np.flatnonzero(joint_of_foot == self._joint_of_geom(int(geom)))
+                if len(mine):
+                    nearest = mine[np.argmin(np.linalg.norm(position[mine] - contact.pos, axis=1))]
+                    force[nearest] += sign * on_second
+        return force
+
+    def _joint_of_geom(self, geom: int) -> int:
+        """Pinocchio's index of the joint that carries a geom; 0 where it is none of the robot's."""
+        model, ours = self._model, self._robot.model
+        body = int(model.geom_bodyid[geom]) if geom >= 0 else 0
+        while body > 0:
+            first = int(model.body_jntadr[body])
+            for number in range(first, first + int(model.body_jntnum[body])):
+                if int(model.jnt_type[number]) == FREE:
+                    return ROOT
+                name = _plain(model.joint(number).name)
+                if ours.existJointName(name):
+                    return int(ours.getJointId(name))
+            body = int(model.body_parentid[body])
+        return 0
+
+
+def _plain(name: str) -> str:
+    """A name without the prefix of an attached model."""
+    return re.split(r"[:/]", name)[-1]
 
 
 @kernel
@@ -116,11 +252,12 @@ def _turn(q: Vector, body: Vector, world: Vector, into_world: bool) -> None:
 
 @kernel
 def _to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
-    qpos[:3] = q[:3]
-    qpos[3] = q[6]
-    qpos[4:7] = q[3:6]
-    _turn(q, v, qvel, True)
-    qvel[3:6] = v[3:6]
+    base, moving = qpos[c.base_position : c.base_position + 7], qvel[c.base_velocity : c.base_velocity + 6]
+    base[:3] = q[:3]
+    base[3] = q[6]
+    base[4:7] = q[3:6]
+    _turn(q, v, moving, True)
+    moving[3:6] = v[3:6]
     for k in range(c.place.shape[0]):
         i = c.place[k]
         qpos[c.position[k]] = np.arctan2(q[i + 1], q[i]) if c.unbounded[k] else q[i]
@@ -129,11 +266,12 @@ def _to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: V
 
 @kernel
 def _from_mujoco(c: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
-    q[:3] = qpos[:3]
-    q[6] = qpos[3]
-    q[3:6] = qpos[4:7]
-    _turn(q, v, qvel, False)
-    v[3:6] = qvel[3:6]
+    base, moving = qpos[c.base_position : c.base_position + 7], qvel[c.base_velocity : c.base_velocity + 6]
+    q[:3] = base[:3]
+    q[6] = base[3]
+    q[3:6] = base[4:7]
+    _turn(q, v, moving, False)
+    v[3:6] = moving[3:6]
     for k in range(c.place.shape[0]):
         i = c.place[k]
         angle = qpos[c.position[k]]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -17,32 +15,13 @@ from harpy_pin.model.entry import as_array
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, tree_record
-from harpy_pin.simulation.mujoco.conventions import Conventions
+from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco
 
-__all__ = ["MujocoModel", "import_mujoco", "installed_version"]
+__all__ = ["MujocoModel"]
 
 NO_MOMENT = np.zeros(3)
 MIN_MASS, MIN_INERTIA = 1e-12, 1e-12
 """Of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, even where the joint has an armature."""
-
-
-def installed_version() -> str | None:
-    """Version of MuJoCo; None where it is not installed."""
-    return version("mujoco") if find_spec("mujoco") is not None else None
-
-
-def import_mujoco() -> Any:
-    """The module ``mujoco``.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    try:
-        import mujoco
-    except ImportError as error:
-        message = f"MuJoCo cannot be imported ({error}): pip install 'harpy-pin[mujoco]'"
-        raise InputError(message, name="plant", value="mujoco") from error
-    return mujoco
 
 
 class MujocoModel:
@@ -65,7 +44,7 @@ class MujocoModel:
         model: ``mujoco.MjModel``; its contact pairs are those of the feet, in the order of ``robot.feet``.
         data: ``mujoco.MjData``.
         feet: the feet's geoms, in that order.
-        planes: the geoms of their own planes, if there are any, likewise.
+        planes: the geoms of their own planes, if there are any, in that order.
         joint_places: of the robot's joints among MuJoCo's velocities.
         conventions: how states are written and read.
         qpos: of the data.
@@ -91,14 +70,12 @@ class MujocoModel:
         except ValueError as error:
             reason = " ".join(str(error).split())
             raise RobotError(f"MuJoCo refuses '{robot.name}': {reason}", path=robot.urdf) from error
-        joints = [self.model.joint(f"joint:{name}") for name in robot.joints]
-        places = [int(joint.dofadr[0]) for joint in joints]
-        self.joint_places = places
-        self.model.dof_damping[places] = robot.model.damping[6:]
+        self.conventions = Conventions(self.model, robot)
+        self.joint_places = self.conventions.velocity.tolist()
+        self.model.dof_damping[self.joint_places] = robot.model.damping[6:]
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]
-        self.conventions = Conventions(tree, [int(joint.qposadr[0]) for joint in joints], places)
         self._sizes = (robot.model.nq, robot.model.nv)
         self._base = int(self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id])
         sites = [self.model.site(f"thruster:{name}") for name in robot.thrusters]

@@ -29,20 +29,21 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.ground.contact_frame import contact_frame
+from harpy_pin.ground.ground import Ground
+from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
 from harpy_pin.log.slip import ContactRecord, note_slip, note_slip_along, slip_record
-from harpy_pin.model.contact_frame import contact_frame
 from harpy_pin.model.record import field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
 from harpy_pin.simulation.battery import battery_record, draw_power, reset_battery
-from harpy_pin.simulation.ground import Ground
-from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel, installed_version
+from harpy_pin.simulation.mujoco.conventions import installed_version
+from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.terrain.surface import TerrainRecord, surface_height, surface_normal
 from harpy_pin.simulation.thrusters import drive_thrusters, settle_thrusters, thrusters_record
 
 __all__ = ["MujocoPlant"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.simulation.ground import Ground
+from harpy_pin.ground.ground import Ground
 from harpy_pin.simulation.mujoco.soft_contact import CONTACTS
 
 __all__ = ["DEFAULT_PRESET", "PRESETS", "Preset", "preset_ground"]

@@ -26,7 +26,6 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.forces import checked_forces
 
 __all__ = ["CONTACTS", "SoftContact"]
 
@@ -95,7 +94,7 @@ class SoftContact:
             (..., 2) along x and y.
         """
         friction = checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
-        force, depth, inverse_mass = checked_forces(force, depth=depth, inverse_mass=inverse_mass)
+        force, depth, inverse_mass = _checked_forces(force, depth=depth, inverse_mass=inverse_mass)
         rate = (self._regularisation(depth, inverse_mass, friction) / (self.impratio * self.damping_rate))[..., None]
         along, velocity = force[..., :2], np.zeros_like(force[..., :2])
         if self.cone == "elliptic" or friction == 0.0:
@@ -114,7 +113,7 @@ class SoftContact:
         Args:
             depth: of the foot, m.
             inverse_mass: of the foot's body, 1/kg, as of :meth:`creep`.
-            friction: likewise.
+            friction: coefficient of the contact.
         """
         depth, inverse_mass, friction = _checked(depth=depth, inverse_mass=inverse_mass, friction=friction)
         pull = float(self.impedance(depth)) * depth / (self._last * self.solref[0] * self.solref[1]) ** 2
@@ -127,7 +126,7 @@ class SoftContact:
         Args:
             load: N.
             inverse_mass: of the foot's body, 1/kg, as of :meth:`creep`.
-            friction: likewise.
+            friction: coefficient of the contact.
         """
         load, inverse_mass, friction = _checked(load=load, inverse_mass=inverse_mass, friction=friction)
         low, high = 0.0, 1.0
@@ -180,3 +179,30 @@ CONTACTS = {
 where slip is a problem: elliptic cones, a large impratio, a very small tolerance. ``menagerie``: the feet of Go2, A1
 and ANYmal C in MuJoCo Menagerie (``solimp="0.015 1 0.031"``, ``cone="elliptic" impratio="100"``), without their
 friction against turning and rolling; their spheres have 20 to 30 mm."""
+
+
+def _checked_forces(force: ArrayLike, **others: ArrayLike) -> tuple[Vector, ...]:
+    """Forces (..., 3), and other numbers for each of them, as arrays.
+
+    Args:
+        force: (..., 3) N.
+        others: (...) or fewer axes, by their names.
+
+    Raises:
+        InputError: they are not numbers, or not of these shapes.
+    """
+    arrays = [checks.array("force", force, None)]
+    shape = arrays[0].shape
+    if not shape or shape[-1] != 3:
+        raise InputError(f"force must have shape (..., 3), got {shape}", name="force", value=force)
+    for name, value in others.items():
+        array = checks.array(name, value, None)
+        try:
+            fits = np.broadcast_shapes(array.shape, shape[:-1]) == shape[:-1]
+        except ValueError:
+            fits = False
+        if not fits:
+            message = f"{name} must fit forces of shape {shape[:-1]}, got {array.shape}"
+            raise InputError(message, name=name, value=value)
+        arrays.append(np.broadcast_to(array, shape[:-1]))
+    return tuple(arrays)

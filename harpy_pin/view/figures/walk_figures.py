@@ -148,11 +148,10 @@ def command_figure(run: Run) -> Figure:
     """
     run = _drawable(run)
     command, velocity = optional_signal(run, "command"), optional_signal(run, "applied_velocity")
-    held_back = optional_signal(run, "held_back")
     if command is None or velocity is None:
         raise InputError("the run holds no command: its gait was not a commanded one", name="run")
-    t, rows = run["t"], 3 if held_back is None else 4
-    figure, axes = grid(rows, 1, width=6.4, height=1.6 * rows)
+    t = run["t"]
+    figure, axes = grid(3, 1, width=6.4, height=4.8)
     for i, name in enumerate(("forward (m/s)", "left (m/s)", "turning (rad/s)")):
         panel, applied = axes[i][0], velocity[:, i]
         panel.plot(t, command[:, i], color=TARGET, linestyle="--", label="command")
@@ -161,9 +160,6 @@ def command_figure(run: Run) -> Figure:
         reach = 1.5 * float(np.max(size, initial=0.1, where=size < LARGEST))
         panel.set_ylim(-reach, reach)  # a command beyond all limits leaves the picture
         panel.set_ylabel(name)
-    if held_back is not None:
-        axes[3][0].plot(t, 100.0 * held_back, color="#222222")
-        axes[3][0].set_ylabel("held back (%)")
     axes[-1][0].set_xlabel("time (s)")
     legend_above(axes[0][0])
     return figure

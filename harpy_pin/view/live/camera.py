@@ -49,11 +49,7 @@ class View:
 
     @classmethod
     def of(cls, scale: float) -> View:
-        """The view of a robot.
-
-        Args:
-            scale: its size, relative to Harpy's.
-        """
+        """The view of a robot of a size, relative to Harpy's."""
         return cls(scale * np.array(EYE), scale * np.array(MIDDLE), scale)
 
 
@@ -120,10 +116,10 @@ def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
     distance = float(np.linalg.norm(away))
     flat = float(np.hypot(away[0], away[1]))
     elevation = float(np.arctan2(away[2], flat))
-    wanted = min(max(elevation, LOWEST), HIGHEST)
-    if wanted != elevation:
+    elevation_kept = min(max(elevation, LOWEST), HIGHEST)
+    if elevation_kept != elevation:
         forward = away[:2] / flat if flat > 1e-6 * distance else np.array([0.0, -1.0])
-        away = distance * np.array([*(np.cos(wanted) * forward), np.sin(wanted)])
+        away = distance * np.array([*(np.cos(elevation_kept) * forward), np.sin(elevation_kept)])
     place: Vector = middle + away
     return None if np.allclose(place, eye, rtol=0.0, atol=TOLERANCE) else place
 

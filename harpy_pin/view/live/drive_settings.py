@@ -9,7 +9,7 @@ from typing import Any
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
-from harpy_pin.simulation.ground import Ground
+from harpy_pin.ground.ground import Ground
 
 __all__ = ["CONTROLLERS", "LiveSettings"]
 
@@ -30,7 +30,7 @@ LIGHTEST, HEAVIEST = 0.01, 100.0
 MAX_SPEED, MAX_TURN = 3.0, 2.0
 """Ends of the command, m/s and rad/s; the gait scales down what its legs cannot do."""
 MAX_RISE = 0.5
-"""Ends of the change of the body's height, m; likewise."""
+"""Ends of the change of the body's height, m."""
 MAX_SLOPE = 0.35
 """Ends of the ground's slope, rad."""
 MIN_FRICTION, MAX_FRICTION = 0.02, 1.0
@@ -52,7 +52,7 @@ class LiveSettings:
         schedule: contact schedule of robots other than Harpy, see :class:`harpy_pin.gaits.WalkingGait`; by default
             the gait's own.
         friction: static coefficient of the ground.
-        friction_strips: strips of ground with another friction, see :class:`harpy_pin.simulation.ground.Ground`.
+        friction_strips: strips of ground with another friction, see :class:`harpy_pin.ground.ground.Ground`.
         stiffness: of the ground, N/m.
         slope: angle by which the ground rises along x, rad.
         assumed: friction that the controller assumes; that of the ground outside the strips by default.

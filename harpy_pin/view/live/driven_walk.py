@@ -2,30 +2,38 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
+from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
+from harpy_pin.ground.ground import walking_stiffness
+from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.resting import walking_stiffness
 from harpy_pin.view.live.drive_settings import CONTROLLERS, HARDEST, MAX_SPEED, SOFTEST, LiveSettings
 
 __all__ = [
+    "STRAIGHT",
     "DriveRanges",
     "DrivenGait",
+    "FacingGait",
     "command_gait",
     "fitting_parameters",
     "make_driven_gait",
     "may_change_schedule",
+    "nearer_stiffness",
+    "tilted",
     "usual_settings",
 ]
 
@@ -35,6 +43,12 @@ HARPY_MASS = 4.0
 """kg: pushes on other robots grow with their mass."""
 SLOW = 0.02
 """Velocity below which a robot that never stops stepping may change its schedule, m/s and rad/s."""
+STRAIGHT = 0.01
+"""Largest heading, rad, and turning velocity, rad/s, that count as facing x."""
+STIFFNESS_RATE = 4.0
+"""How fast the stiffness changes, 1/s: by a factor of e in 0.25 s."""
+TILT_RATE = 0.1
+"""How fast the ground tilts, rad/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +58,9 @@ class DriveRanges:
     Attributes:
         controllers: names of :data:`~harpy_pin.view.live.drive_settings.CONTROLLERS` that walk the robot.
         schedules: contact schedules; none where the gait has only its own.
-        forward: largest velocity, m/s.
-        sideways: likewise, to the left.
-        turning: likewise, rad/s.
+        forward: largest velocity forward, m/s.
+        sideways: largest velocity to the left, m/s.
+        turning: largest velocity of turning, rad/s.
         stiffness: least and largest of the ground, N/m.
         height: least and largest change of the body's height, m; None where the gait keeps it.
         impulse: largest push, N·s.
@@ -126,23 +140,14 @@ def _schedules(robot: Robot) -> tuple[str, ...]:
 
 
 def usual_settings(robot: Robot) -> dict[str, Any]:
-    """Settings that differ from Harpy's, which are the defaults: stiffness of the ground, and schedule.
-
-    Args:
-        robot: that is driven.
-    """
+    """Settings of a robot that differ from Harpy's, which are the defaults: stiffness of the ground, and schedule."""
     if is_harpy(robot):
         return {}
     return {"stiffness": walking_stiffness(robot), "schedule": next(iter(_schedules(robot)))}
 
 
 def make_driven_gait(robot: Robot, settings: LiveSettings) -> DrivenGait:
-    """The gait of a robot that is driven, at rest.
-
-    Args:
-        robot: that walks.
-        settings: stiffness of the ground, and schedule.
-    """
+    """The gait of a robot that is driven, at rest, for the stiffness of the ground and the schedule that are set."""
     if is_harpy(robot):
         return make_commanded_gait(robot, stiffness=settings.stiffness)
     return WalkingGait(robot, settings.schedule)
@@ -170,3 +175,56 @@ def may_change_schedule(gait: DrivenGait) -> bool:
         return False
     slow = float(np.abs(gait.applied).max()) < SLOW
     return slow and (not gait.walking or (bool(gait.record["always"][0]) and not gait.record["in_air"].any()))
+
+
+class FacingGait:
+    """A commanded walk that does not turn: forward and sideways velocity act, turning does not.
+
+    The walk itself is not copied, so that a controller that turns can go on with it.
+
+    Args:
+        gait: to follow.
+    """
+
+    def __init__(self, gait: CommandedGait) -> None:
+        self.gait = gait
+        self.robot = gait.robot
+        self.target: GaitTarget = gait.target
+        self.step_duration, self.double_support = gait.step_duration, gait.double_support
+
+    @staticmethod
+    def fits(gait: CommandedGait) -> bool:
+        """Whether a walk, as it goes now, faces x."""
+        heading = gait.target.heading
+        return bool(abs(heading[0]) < STRAIGHT and abs(heading[1]) < STRAIGHT)
+
+    def update(self, t: float) -> GaitTarget:
+        """See :meth:`harpy_pin.gaits.commanded.CommandedGait.update`."""
+        self.gait.command[2] = 0.0
+        return self.gait.update(t)
+
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
+        """See :meth:`harpy_pin.gaits.commanded.CommandedGait.initial_state`."""
+        return self.gait.initial_state(penetration=penetration)
+
+    def describe(self) -> Mapping[str, Any]:
+        """The walk's parameters."""
+        return self.gait.describe()
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """The walk's signals."""
+        return self.gait.telemetry()
+
+
+def nearer_stiffness(now: float, desired: float, span: float) -> float:
+    """The stiffness, N/m, that goes to the desired one after a time, s."""
+    most = math.exp(STIFFNESS_RATE * span)
+    return min(desired, now * most) if desired > now else max(desired, now / most)
+
+
+def tilted(plane: Plane, slope: float, place: Vector, span: float) -> Plane:
+    """The ground after a time, s, in which it tilts to a slope, rad, about a (2,) place that keeps its height, m."""
+    step = TILT_RATE * span
+    angle = plane.slope + min(max(slope - plane.slope, -step), step)
+    height = float(plane.height(place[0], place[1]))
+    return Plane(slope=angle, above=height - math.tan(angle) * float(place[0]))

@@ -18,14 +18,14 @@ from typing import Any
 
 import viser
 import websockets.asyncio.server
-from viser import _messages
+from viser import GuiButtonGroupHandle, GuiCheckboxHandle, GuiDropdownHandle, GuiSliderHandle, _messages
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError
-from harpy_pin.view.live.control_values import check_value
 
-__all__ = ["allowed", "guarded_server"]
+__all__ = ["allowed", "check_value", "guarded_server"]
 
 HOST = re.compile(r"(\[[0-9a-f:.]*\]|[^:]*)(?::([0-9]{1,5}))?", re.IGNORECASE)
 """A Host header: a name or an address, and a port."""
@@ -64,7 +64,7 @@ def allowed(host: list[str], origin: list[str], *, bound: str, port: int) -> boo
         host: its Host headers, well-formed.
         origin: its Origin headers; programs other than browsers send none.
         bound: address that the server listens on.
-        port: likewise.
+        port: that it listens on.
     """
     if len(host) != 1 or len(origin) > 1 or (parts := HOST.fullmatch(host[0])) is None:
         return False
@@ -145,3 +145,32 @@ def _take_values_only(server: viser.ViserServer, on_refused: Callable[[str], Non
     handlers[update] = [only_values(handler) for handler in handlers[update]]
     for kind in (_messages.FileTransferStartUpload, _messages.FileTransferPart, _messages.ShareUrlRequest):
         handlers.pop(kind, None)
+
+
+def check_value(handle: Any, value: object) -> None:
+    """Refuse what this control cannot be set to.
+
+    Args:
+        handle: viser's, of a control.
+        value: as it came from a page.
+
+    Raises:
+        InputError: no option of the control, no number within its ends, or neither true nor false.
+    """
+    label = handle.label or "control"
+    if isinstance(handle, GuiDropdownHandle | GuiButtonGroupHandle):
+        if not isinstance(value, str):
+            raise InputError(f"{label} must be a name, got {value!r:.60}", name=label, value=value)
+        checks.one_of(f"option of {label}", value[:60], handle.options)
+    elif isinstance(handle, GuiSliderHandle):
+        _check_number(label, value, handle)
+    elif isinstance(handle, GuiCheckboxHandle) and not isinstance(value, bool):
+        raise InputError(f"{label} must be true or false, got {value!r:.60}", name=label, value=value)
+
+
+def _check_number(label: str, value: object, slider: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{label} must be a number, got {value!r:.60}", name=label, value=value)
+    number = checks.number(label, value, low=slider.min, high=slider.max)
+    if isinstance(slider.value, int):
+        checks.whole(label, int(number) if number.is_integer() else value)

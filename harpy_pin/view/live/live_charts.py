@@ -9,10 +9,11 @@ import numpy as np
 import viser
 from viser import uplot
 
-from harpy_pin.view.live.whole_feet import WholeFeet
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import FEET
 
-__all__ = ["Charts"]
+__all__ = ["Charts", "WholeFeet"]
 
 SPAN = 5.0
 """s."""
@@ -93,3 +94,28 @@ class Charts:
         first = 1 + self._feet + self._edges  # of the columns of normal forces
         self._ratio.data = tuple(np.ascontiguousarray(column) for column in table[:, :first].T)
         self._load.data = tuple(np.ascontiguousarray(table[:, n]) for n in (0, *range(first, first + self._feet)))
+
+
+class WholeFeet:
+    """Which contact points are one foot.
+
+    Args:
+        robot: with feet.
+
+    Attributes:
+        names: of the feet.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._starts = np.cumsum((0, *robot.corners[:-1]))
+        flat = bool(robot.flat_feet)
+        firsts = [robot.feet[start] for start in self._starts]
+        self.names = tuple(name.rpartition("_")[0] if flat else name for name in firsts)
+
+    def force(self, points: Vector) -> Vector:
+        """(feet, 3) sums of the forces of the contact points, N."""
+        return np.asarray(np.add.reduceat(points, self._starts, axis=0))
+
+    def least(self, values: Vector) -> Vector:
+        """(feet,) the least value among the contact points of each foot."""
+        return np.asarray(np.minimum.reduceat(values, self._starts))

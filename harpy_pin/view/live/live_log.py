@@ -11,11 +11,11 @@ import numpy as np
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replaceable
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
-from harpy_pin.log.file_format import FORMAT
 from harpy_pin.log.journal import Journal
-from harpy_pin.log.recorder import PIECE, Recorder
-from harpy_pin.log.run import Run, describe_versions
-from harpy_pin.simulation.loop import keep_run
+from harpy_pin.log.recorder import Recorder
+from harpy_pin.log.run import Run
+from harpy_pin.log.run_file import FORMAT
+from harpy_pin.simulation.loop import keep_run, run_metadata
 from harpy_pin.view.live.drive_settings import CONTROLLERS
 from harpy_pin.view.live.live_session import PERIOD, LiveSession, Tick
 
@@ -23,7 +23,7 @@ __all__ = ["LiveLog"]
 
 
 class LiveLog:
-    """Writes every tick; its rows leave the memory every second, and are on disk from then on.
+    """Writes every tick; its rows leave the memory every second, and are read back from disk at the end.
 
     Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. Beside the
     signals of every log it holds, at each tick, what was set: ``command``, ``foot_friction`` (static, under each foot),
@@ -45,7 +45,7 @@ class LiveLog:
         self.path = Path(path)
         self._session = session
         self._journal = Journal(path, {**self._metadata("unfinished"), "format": FORMAT})
-        self._recorder = Recorder(self._journal, piece=PIECE)
+        self._recorder = Recorder(self._journal)
         self._names = {name: float(number) for number, name in enumerate(CONTROLLERS)}
 
     def append(self, session: LiveSession, tick: Tick) -> None:
@@ -93,8 +93,8 @@ class LiveLog:
         Raises:
             RunFileError: it cannot be written; its rows are in the journal beside it, which the message names.
         """
-        robot = self._session.robot
-        run, unsaved = keep_run(robot, self._recorder, self._metadata(ending), self._journal, self.path)
+        simulator = self._session.simulator
+        run, unsaved = keep_run(simulator, self._recorder, self._metadata(ending), self._journal, self.path)
         if unsaved is not None:
             raise unsaved
         return run
@@ -107,22 +107,9 @@ class LiveLog:
     def _metadata(self, ending: str) -> dict[str, Any]:
         """How the drive came about and how it ended."""
         session = self._session
-        robot, s = session.robot, session.simulator
         return {
-            "ending": ending,
+            **run_metadata(session.simulator, session.controller, ending, PERIOD, ()),
             "end_time": session.time,
-            "control_period": PERIOD,
-            "dt": s.dt,
-            "gravity": s.gravity.tolist(),
-            "plant": dict(s.describe()),
-            "ground": s.ground.to_dict(),
-            "robot": robot.name,
-            "mass": robot.mass,
-            "feet": list(robot.feet),
-            "thrusters": list(robot.thrusters),
-            "pushes": [],
-            "contact_sweeps_max": int(s.counts[0]),
-            "contact_unconverged": int(s.counts[1]),
             "controller": "driven live",
             "parameters": {"gait": dict(session.gait.describe())},
             "live": {
@@ -131,5 +118,4 @@ class LiveLog:
                 "settings": asdict(session.settings),
                 "falls": session.falls,
             },
-            "versions": describe_versions(),
         }

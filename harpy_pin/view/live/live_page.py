@@ -21,7 +21,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.view.live.camera import FIELD_OF_VIEW, View, keep_in_view
 from harpy_pin.view.live.driven_walk import DriveRanges
 from harpy_pin.view.live.guard import guarded_server
-from harpy_pin.view.live.live_scene import Scene
+from harpy_pin.view.live.live_scene import LiveScene
 from harpy_pin.view.live.panel import Panel
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 
@@ -75,7 +75,7 @@ class _Page:
         )
         ranges = DriveRanges.of(robot)
         self._spring = ranges.spring
-        self._scene = Scene(self._server, robot)
+        self._scene = LiveScene(self._server, robot)
         self._panel = Panel(self._server.gui, robot, ranges, settings, self._send)
         self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
         self._viewers = 0
@@ -85,7 +85,7 @@ class _Page:
         view = View.of(self._scene.scale)
         camera.position, camera.look_at, camera.fov = view.eye, view.middle, float(np.radians(FIELD_OF_VIEW))
         self._server.on_client_connect(lambda client: keep_in_view(client, view, lambda: self._panel.follows))
-        for handle in self._scene.shapes.handles:
+        for handle in self._scene.handles:
             handle.on_drag("left")(self._on_drag)
 
     def stop(self) -> None:
@@ -99,7 +99,7 @@ class _Page:
         while True:
             begin = time.monotonic()
             while self._pipe.poll():
-                self._hear(self._pipe.recv())
+                self._receive(self._pipe.recv())
             self._count_viewers()
             snapshots, seen = self._board.read(seen)
             if len(snapshots):
@@ -120,9 +120,9 @@ class _Page:
                         self._scene.draw_trails()
             time.sleep(max(FRAME - (time.monotonic() - begin), 0.005))
 
-    def _hear(self, said: Mapping[str, Any]) -> None:
+    def _receive(self, said: Mapping[str, Any]) -> None:
         settings = said["settings"]
-        self._panel.hear(said)
+        self._panel.take(said)
         self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
 
     def _send(self, kind: str, value: Any) -> None:

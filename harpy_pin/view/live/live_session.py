@@ -25,27 +25,27 @@ from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
+from harpy_pin.ground.ground import Ground
+from harpy_pin.ground.terrain import Plane
 from harpy_pin.log.power import PRESETS
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.simulation.ground import Ground
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
-from harpy_pin.simulation.terrain import Plane
-from harpy_pin.simulation.upright import verdict
-from harpy_pin.view.live.changing_ground import nearer_stiffness, tilted
 from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
 from harpy_pin.view.live.driven_walk import (
     DrivenGait,
     DriveRanges,
+    FacingGait,
     command_gait,
     fitting_parameters,
     make_driven_gait,
     may_change_schedule,
+    nearer_stiffness,
+    tilted,
     usual_settings,
 )
-from harpy_pin.view.live.straight_only import FacingGait
 from harpy_pin.view.live.times import RealTimePacer, TickTimes
 
 __all__ = ["PERIOD", "LiveSession", "Tick"]
@@ -105,7 +105,6 @@ class LiveSession:
         falls: so far.
         times: of the present controller's ticks; the first one with a controller is not counted, since it loads
             compiled code.
-        all_times: of all ticks.
         keeper: of the clock.
         last: the last tick; None before the first.
         on_tick: called after every tick, with the session and the tick (a log).
@@ -125,7 +124,7 @@ class LiveSession:
         self.simulator = Simulator(
             self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, friction_strips=s.friction_strips)
         )
-        self.times, self.all_times, self.keeper = TickTimes(), TickTimes(), RealTimePacer(PERIOD)
+        self.times, self.keeper = TickTimes(), RealTimePacer(PERIOD)
         self.paused = False
         self.ticks = self.falls = self.walks = 0
         self.last: Tick | None = None
@@ -233,18 +232,14 @@ class LiveSession:
         return note
 
     def lay_ice(self, friction: float) -> str:
-        """Lay a slippery friction strip across x, ahead of the body; one that was there goes.
-
-        Args:
-            friction: of the strip.
+        """Lay a strip of this friction across x, ahead of the body; one that was there goes.
 
         Raises:
-            InputError: it is out of its domain.
+            InputError: the friction is out of its domain.
         """
         x, ahead = float(self.simulator.q[0]), self.ranges.ahead
-        if math.cos(float(self.gait.target.heading[0])) >= 0.0:
-            return self.change({"friction_strips": ((x + ahead, x + ahead + STRIP_LENGTH, friction),)})
-        return self.change({"friction_strips": ((x - ahead - STRIP_LENGTH, x - ahead, friction),)})
+        begin = x + ahead if math.cos(float(self.gait.target.heading[0])) >= 0.0 else x - ahead - STRIP_LENGTH
+        return self.change({"friction_strips": ((begin, begin + STRIP_LENGTH, friction),)})
 
     def push(self, impulse: ArrayLike) -> None:
         """Push the body, within a tenth of a second.
@@ -305,14 +300,7 @@ class LiveSession:
             self.tick()
 
     def advance(self, now: float) -> int:
-        """Walk the ticks that are due by the clock, at most 50.
-
-        Args:
-            now: the clock, s.
-
-        Returns:
-            How many there were.
-        """
+        """Walk the ticks that are due by the clock (s), at most 50, and say how many there were."""
         if self.paused or self.ending:
             self.keeper.restart()
             return 0
@@ -345,13 +333,12 @@ class LiveSession:
             command, elapsed = self._nothing, perf_counter_ns() - begin
         self.last = tick = Tick(state, command, elapsed, push)
         self.times.add(elapsed)
-        self.all_times.add(elapsed)
         self.ticks += 1
         self._tick += 1
         if self.on_tick is not None:
             self.on_tick(self, tick)
         if not self.ending:
-            ending = verdict(s.q, s.v, self._fall_height + s.ground_below)
+            ending = s.verdict(self._fall_height)
             if ending != "completed":
                 self.ending = ending
                 self.falls += 1
@@ -389,7 +376,7 @@ class LiveSession:
             gait = FacingGait(driven)
         gait = OnTerrain(gait, self.plane)
         parameters = {**fitting_parameters(driven), **({"estimate_friction": True} if settings.estimate else {})}
-        return make_controller(name, gait, mu=settings.mu, governor=governor, period=PERIOD, parameters=parameters)
+        return make_controller(name, gait, mu=settings.mu, governor=governor, period=PERIOD, **parameters)
 
     def _warm_up(self, names: Iterable[str]) -> None:
         """Compile or load the code of controllers by a tick of each; all are made before, to compile side by side."""
@@ -431,9 +418,8 @@ class LiveSession:
     def _make_sensors(self) -> None:
         """Sensors as set; none where they would measure the true state."""
         s = self.settings
-        self._sensors = None
-        if s.delay or s.noise:
-            self._sensors = Sensors(self.robot, Noise.typical(s.noise), delay=s.delay, seed=self.walks)
+        noise = Noise.typical(s.noise)
+        self._sensors = Sensors(self.robot, noise, delay=s.delay, seed=self.walks) if s.delay or s.noise else None
 
     def _lay_ground(self, stiffness: float) -> None:
         s = self.settings

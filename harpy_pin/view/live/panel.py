@@ -17,8 +17,7 @@ import viser
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.drive_settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION
 from harpy_pin.view.live.driven_walk import DriveRanges
-from harpy_pin.view.live.live_charts import Charts
-from harpy_pin.view.live.whole_feet import WholeFeet
+from harpy_pin.view.live.live_charts import Charts, WholeFeet
 
 __all__ = ["Panel"]
 
@@ -97,7 +96,7 @@ class Panel:
         charts.float(x=14.0, y=-14.0, width=380.0)
         self._add_keys(gui)
 
-    def hear(self, said: Mapping[str, Any]) -> None:
+    def take(self, said: Mapping[str, Any]) -> None:
         """How things stand, from the session."""
         with self._lock:
             self._settings = dict(said["settings"])

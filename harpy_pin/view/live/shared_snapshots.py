@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.model.contact_frame import in_contact_frames
+from harpy_pin.ground.contact_frame import in_contact_frames
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.live_session import LiveSession
 
@@ -78,14 +78,7 @@ class SharedSnapshots:
         self._count.value = number + 1
 
     def read(self, since: int) -> tuple[NDArray[Any], int]:
-        """Snapshots that came since one has looked.
-
-        Args:
-            since: the count of the last look.
-
-        Returns:
-            The snapshots, and the count.
-        """
+        """Snapshots that came since the count of the last look, and the count of this one."""
         count = self.count
         first = max(since, count - PLACES + 1)
         found = self._ring[np.arange(first, count) % PLACES].copy()

@@ -27,11 +27,7 @@ class TickTimes:
         self.count = self.longest = 0
 
     def add(self, elapsed: int) -> None:
-        """Count one tick.
-
-        Args:
-            elapsed: its time, ns.
-        """
+        """Count one tick of a time, ns."""
         self._bins[min(elapsed // BIN, BINS)] += 1
         self.count += 1
         self.longest = max(self.longest, elapsed)
@@ -73,22 +69,13 @@ class RealTimePacer:
         self._due = None
 
     def begin(self, now: float) -> None:
-        """Start the clock, if it does not run.
-
-        Args:
-            now: s.
-        """
+        """Start the clock at a time, s, if it does not run."""
         if self._due is None:
             self._due = self._window = now
             self._done = 0
 
     def is_due(self, now: float, pace: float) -> bool:
-        """Whether a tick is due; if so it is counted.
-
-        Args:
-            now: s.
-            pace: simulated time per time of the clock.
-        """
+        """Whether a tick is due now (s), at a pace (simulated time per time of the clock); if so it is counted."""
         self.begin(now)
         assert self._due is not None
         late = now - self._due

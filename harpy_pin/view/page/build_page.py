@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import html
+import json
+import zlib
 from collections.abc import Sequence
 from importlib.resources import files
 from typing import Any
@@ -12,11 +15,8 @@ import numpy as np
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.charts import charts_of, compare_charts, encode
-from harpy_pin.view.page.headline import headline
 from harpy_pin.view.page.moment import telling_moment
-from harpy_pin.view.page.packing import pack, pack_animation
-from harpy_pin.view.page.scoreboard import scoreboard
-from harpy_pin.view.page.shown import Shown, line_up
+from harpy_pin.view.page.shown import Shown, headline, line_up, scoreboard
 from harpy_pin.view.palette import (
     APPLIED,
     BODY,
@@ -30,8 +30,7 @@ from harpy_pin.view.palette import (
     THRUST,
     ground_colour,
 )
-from harpy_pin.view.scene.command_recorder import CommandRecorder
-from harpy_pin.view.scene.drawn_cones import friction_used, sliding
+from harpy_pin.view.scene.forces import friction_used, sliding
 from harpy_pin.view.scene.frames import (
     Frames,
     friction_strips,
@@ -40,10 +39,11 @@ from harpy_pin.view.scene.frames import (
     normal_floor,
     static_friction,
 )
-from harpy_pin.view.scene.scene import Scales, draw_scene
-from harpy_pin.view.scene.surface import about_normals, surface_of
+from harpy_pin.view.scene.ground import about_normals, surface_of
+from harpy_pin.view.scene.meshcat_backend import encoded, keyframes, node_commands, stage_commands
+from harpy_pin.view.scene.scene import Scales, scene_of
 
-__all__ = ["build_page", "page_content"]
+__all__ = ["build_page", "pack", "page_content"]
 
 UPLOT = "1.6.32"
 """Version of the charts' library (MIT), which lies in ``assets`` with its licence."""
@@ -89,15 +89,11 @@ def build_page(runs: Sequence[tuple[Run, Robot]], *, fps: float, names: Sequence
 
 
 def page_content(shown: Sequence[Shown]) -> dict[str, Any]:
-    """All that a page of runs shows, as plain data.
-
-    Args:
-        shown: the runs.
-    """
+    """All that a page of runs shows, as plain data."""
     alone = len(shown) == 1
     named = "scenario" in shown[0].run.metadata  # the heading says what walks
-    facts = headline(shown[0].run, complete=shown[0].complete)
-    title = facts.title if alone else " · ".join(one.name for one in shown)
+    title, facts = headline(shown[0])
+    title = title if alone else " · ".join(one.name for one in shown)
     moments = [telling_moment(_drawn_rows(one)) for one in shown]
     worst = max(range(len(shown)), key=lambda k: moments[k].power)
     start = float(shown[worst].run["t"][0])
@@ -107,7 +103,7 @@ def page_content(shown: Sequence[Shown]) -> dict[str, Any]:
         "title": title,
         "heading": f"{shown[0].robot.name} – {shown[0].name if alone else 'side by side'}",
         "caption": _CAPTION,
-        "facts": [list(fact) for fact in facts.facts if not (named and fact[0] in ("controller", "governor"))]
+        "facts": [list(fact) for fact in facts if not (named and fact[0] in ("controller", "governor"))]
         if alone
         else [],
         "key": _key(shown, names),
@@ -138,16 +134,15 @@ def _drawn_rows(one: Shown) -> Run:
 
 def _run_content(one: Shown) -> dict[str, Any]:
     """Scene, keyframes and values of one run."""
-    recorder = CommandRecorder()
-    animation = draw_scene(recorder.visualizer, one.run, one.robot, one.frames)
+    scene = scene_of(one.run, one.robot, one.frames)
     return {
         "name": one.name,
         "colour": one.colour,
         "start": float(one.run["t"][0]),
         "ending": one.run.ending,
-        "commands": recorder.encoded(),
+        "commands": encoded(stage_commands(scene.size) + node_commands(scene.nodes, scene.motions)),
         "time": np.round(one.frames.time, 6).tolist(),
-        "tracks": pack_animation(animation, one.frames.time),
+        "tracks": keyframes(scene.motions) if len(one.frames) > 1 else [],
         "values": _values(one.run, one.frames),
     }
 
@@ -207,3 +202,8 @@ def _values(run: Run, frames: Frames) -> dict[str, list[str]]:
 def _list(row: np.ndarray[tuple[int, ...], np.dtype[np.float64]], form: str, unit: str) -> str:
     """``12 · 30 N``: one value per foot or thruster."""
     return " · ".join(form.format(value) for value in row) + f" {unit}"
+
+
+def pack(content: Any) -> str:
+    """Plain data as one word of base64 (zlib over JSON)."""
+    return base64.b64encode(zlib.compress(json.dumps(content, allow_nan=False).encode("ascii"), 6)).decode("ascii")

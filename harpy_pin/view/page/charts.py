@@ -13,19 +13,20 @@ from harpy_pin.log.optional import control_period, given_thrust, optional_signal
 from harpy_pin.log.power import PRESETS
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
-from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.palette import APPLIED, CONTACT, FEET, FRICTION, SLIDING, TARGET
-from harpy_pin.view.scene.drawn_cones import friction_used, tangential_force
+from harpy_pin.view.scene.forces import friction_used, tangential_force
 from harpy_pin.view.scene.frames import is_per_axis, local_friction, normal_floor, signal_points
-from harpy_pin.view.scene.surface import about_normals, surface_of
+from harpy_pin.view.scene.ground import about_normals, surface_of
 
-__all__ = ["Chart", "Line", "charts_of", "compare_charts", "encode"]
+__all__ = ["Chart", "Clock", "Line", "charts_of", "compare_charts", "encode"]
 
 DEMANDED = "#222222"
 BODY_LINE = "#222222"
 TAKERS = ("thrusters", "joints")
 _DIGITS = 4
+MAX_SPANS = 1500
+"""Of one page: two points each, more than a screen has columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +84,7 @@ class _Feet:
         normal: (n, feet) N; NaN without contact.
         tangential: (n, feet) length, or the larger of x and y on a per-axis ground, N; NaN without contact.
         mu: (n, feet) friction coefficient; None where it was not logged.
-        bound: (n, feet) μ times the normal force, N; None likewise.
+        bound: (n, feet) μ times the normal force, N; None where μ was not logged.
         demanded: (n, feet, 3) force that the controller desired, N; None where it was not logged.
         per_axis: of the ground's friction.
     """
@@ -319,3 +320,49 @@ def _line(feet: _Feet, label: str, colour: str, values: Vector, **style: bool) -
 def _short(values: Vector) -> list[float | None]:
     """Numbers with few digits; null where there is none."""
     return [float(f"{value:.{_DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Equal spans of time from 0 on.
+
+    Attributes:
+        width: of a span, s.
+        count: of spans.
+        period: the longest time between two rows of any run, s: no span misses a row of it.
+    """
+
+    width: float
+    count: int
+    period: float
+
+    @classmethod
+    def of(cls, times: Sequence[Vector], *, most: int = MAX_SPANS) -> Clock:
+        """The clock of runs, from the evenly spaced times of their rows, s, with so many spans at most."""
+        period = max((float(t[-1]) / (len(t) - 1) for t in times if len(t) > 1), default=1.0)
+        rows = round(max(float(t[-1]) for t in times) / period) + 1
+        share = -(-rows // most)
+        return cls(width=share * period, count=-(-rows // share), period=period)
+
+    @property
+    def points(self) -> Vector:
+        """(2 count,) times of the points of thinned signals, s."""
+        begin = self.width * np.arange(self.count)
+        return np.stack((begin, begin + 0.5 * self.width), axis=1).ravel()
+
+    def thin(self, time: Vector, signal: Vector) -> Vector:
+        """(2 count,) smallest and largest value of each span, as they come; NaN where it has none."""
+        span = np.minimum(((time + 0.5 * self.period) / self.width).astype(np.intp), self.count - 1)
+        known = np.isfinite(signal)
+        rows, span, signal = np.flatnonzero(known), span[known], signal[known]
+        result = np.full((self.count, 2), np.nan)
+        if len(rows) == 0:
+            return result.ravel()
+        # Sorted by value within each span: its first and its last row are the extremes.
+        order = np.lexsort((signal, span))
+        first = np.flatnonzero(np.diff(span[order], prepend=-1))
+        last = np.append(first[1:], len(order)) - 1
+        low, high = order[first], order[last]
+        early, late = np.minimum(low, high), np.maximum(low, high)
+        result[span[early], 0], result[span[early], 1] = signal[early], signal[late]
+        return result.ravel()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import tempfile
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,6 @@ from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.chromium import Chromium
-from harpy_pin.view.page.closing import Closing
 from harpy_pin.view.page.replay import write_replays
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, PRESSURE, SLIDING, SLIP, TARGET, THRUST
 
@@ -37,7 +37,7 @@ SAMPLES = 8
 """Frames of a GIF that its colours are taken from."""
 
 
-class Film(Closing):
+class Film(AbstractContextManager["Film"]):
     """Takes pictures of a page of runs, through headless Chromium; ends with its ``with`` block.
 
     Args:
@@ -46,7 +46,7 @@ class Film(Closing):
         words: show heading and key of a scene; without them the scene fills the picture.
 
     Raises:
-        HarpyError: no Chromium on PATH, or it could not show the page.
+        HarpyError: there is no Chromium or no Playwright, or it could not show the page.
         InputError: as :func:`harpy_pin.view.replays_html`.
     """
 
@@ -171,6 +171,9 @@ class Film(Closing):
         """End the browser."""
         self._browser.close()
         self._folder.cleanup()
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
     def _clock(self, begin: float | None, end: float | None, rate: float) -> list[float]:
         """Times of the frames of a film, s."""

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from harpy_pin.log.measures import STUMBLE
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
-from harpy_pin.view.scene.drawn_cones import friction_used, sliding
+from harpy_pin.view.scene.forces import friction_used, sliding
 from harpy_pin.view.scene.frames import is_per_axis, local_friction
-from harpy_pin.view.scene.surface import about_normals, surface_of
+from harpy_pin.view.scene.ground import about_normals, surface_of
 
 __all__ = ["Moment", "telling_moment"]
 
@@ -45,7 +45,7 @@ def telling_moment(run: Run) -> Moment:
     happens after that does not count.
 
     Args:
-        run: the rows that are drawn, so that what is told is seen. A slip at a single one of them, a touchdown, does
+        run: the rows that are drawn, so that what is said is seen. A slip at a single one of them, a touchdown, does
             not count.
     """
     surface, place, t = surface_of(run), run["foot_position"], run["t"]

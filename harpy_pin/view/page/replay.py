@@ -6,6 +6,7 @@ import re
 import threading
 import webbrowser
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,6 @@ from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.build_page import build_page
-from harpy_pin.view.page.closing import Closing
 
 __all__ = ["ReplayServer", "replay_html", "replays_html", "serve", "show", "write_html", "write_replays"]
 
@@ -107,7 +107,7 @@ class _Server(ThreadingHTTPServer):
         """A closed tab is no event."""
 
 
-class ReplayServer(Closing):
+class ReplayServer(AbstractContextManager["ReplayServer"]):
     """Serves one page to browsers on this machine, from a thread of its own.
 
     Only requests that call the server by a name of this machine are answered: a page of elsewhere whose name was made
@@ -168,6 +168,9 @@ class ReplayServer(Closing):
         """Stop serving; pages that are already open keep playing."""
         self._server.shutdown()
         self._server.server_close()
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
 
 @checked

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
+from harpy_pin.ground.ground import Ground
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.ground import Ground
 
 __all__ = [
     "Frames",
@@ -232,7 +232,7 @@ def signal_points(run: Run, name: str) -> Vector | None:
 
 
 def normal_floor(run: Run) -> float | None:
-    """Smallest normal force that the controller of a run asks of a held foot, N; None where the log has none."""
+    """Smallest normal force that the controller of a run asks of a stance foot, N; None where the log has none."""
     parameters = run.metadata.get("parameters")
     control = parameters.get("control") if isinstance(parameters, Mapping) else None
     floor = control.get("min_normal_force") if isinstance(control, Mapping) else None

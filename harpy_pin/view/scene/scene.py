@@ -1,23 +1,22 @@
-"""The scene of a run: robot, ground, forces, friction cones and references, with the animation that moves them."""
+"""The scene of a run: robot, ground, forces in their friction cones and references, and how they move.
+
+The camera follows the walk: the node of the world slides the other way, so that the robot stays in front of a camera
+that stands still, and turning the view with the mouse turns it about the robot.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
-from meshcat import geometry as g
-from meshcat.animation import Animation
-from numpy.typing import NDArray
 
+from harpy_pin.arguments import checked
+from harpy_pin.ground.terrain import Terrain
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.terrain import Terrain
-from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST, as_int, ground_colour
-from harpy_pin.view.scene.arrows import draw_arrow, nice_scale
-from harpy_pin.view.scene.command_recorder import set_exactly
-from harpy_pin.view.scene.drawn_cones import Shape, draw_cone
+from harpy_pin.view.palette import APPLIED, BODY, CONTACT, TARGET, THRUST
+from harpy_pin.view.scene.forces import Arrow, Cone, nice_scale
 from harpy_pin.view.scene.frames import (
     Frames,
     friction_strips,
@@ -26,23 +25,28 @@ from harpy_pin.view.scene.frames import (
     normal_floor,
     static_friction,
 )
-from harpy_pin.view.scene.marks import draw_footholds, draw_path, draw_pressure, draw_slip_marks, draw_trail
-from harpy_pin.view.scene.motion import Motion
-from harpy_pin.view.scene.pantograph import draw_pantograph, find_pantograph
-from harpy_pin.view.scene.stage import draw_friction_strips, draw_ground, follow, frame_camera, light
-from harpy_pin.view.scene.surface import about_normals, draw_surface, surface_of
-from harpy_pin.view.scene.visuals import draw_robot, node_name
+from harpy_pin.view.scene.ground import (
+    about_normals,
+    flat_ground,
+    marks,
+    pressure,
+    slip_marks,
+    surface_ground,
+    surface_of,
+)
+from harpy_pin.view.scene.nodes import Lines, Look, Motion, Motions, Node, Sphere, node_name
+from harpy_pin.view.scene.robot_nodes import RobotNodes
 
-__all__ = ["ROOT", "Scales", "draw_scene"]
+__all__ = ["Scales", "Scene", "follow", "scene_of"]
 
-ROOT = "walk"
-"""Path of the node that stands for the world's frame; it slides so that the camera follows."""
-CONTACT_RADIUS = 0.009
-"""Of a contact force's arrow, as a share of the robot's height: thin, so that the cone around it is seen."""
 FLIES, MOST_RISE = 0.2, 5.0
 """Rise of the body above the ground from which on the picture shows more, m, and up to which it does."""
 CONE_SLANT = 0.45
 """Side of a friction cone, as a share of the robot's height."""
+WINDOW = 1.5
+"""Time over which the camera's path is averaged, s: two steps of the gait."""
+BALLS = (("target", TARGET, 0.030), ("applied", APPLIED, 0.023), ("body", BODY, 0.016))
+"""References, their colours, and their balls' radius as a share of the robot's height."""
 
 
 @dataclass(frozen=True)
@@ -73,130 +77,113 @@ class Scales:
         return cls(height, size, contact, nice_scale(0.5 * contact))
 
 
-def draw_scene(visualizer: Any, run: Run, robot: Robot, frames: Frames) -> Animation:
-    """Fill a Meshcat visualizer with the scene of a run, at its first frame.
+@dataclass
+class Scene:
+    """What is drawn of a run.
+
+    Attributes:
+        size: height that has to fit in the picture, m.
+        nodes: by paths below the node that stands for the world's frame.
+        motions: one row for each frame, by the nodes' paths; that of the world has the empty path.
+    """
+
+    size: float
+    nodes: list[Node] = field(default_factory=list)
+    motions: Motions = field(default_factory=dict)
+
+
+@checked
+def scene_of(run: Run, robot: Robot, frames: Frames) -> Scene:
+    """The scene of a run.
 
     Args:
-        visualizer: a ``meshcat.Visualizer``.
         run: the log (its metadata gives the friction).
         robot: the robot.
         frames: the rows that are drawn.
-
-    Returns:
-        The animation, to be handed to ``visualizer.set_animation``.
     """
-    animation = Animation(default_framerate=frames.fps)
-    scales = Scales.of(robot, frames)
-    world = visualizer[ROOT]
-    surface = surface_of(run)
+    scales, surface = Scales.of(robot, frames), surface_of(run)
     path = follow(frames, surface)
     rise = float((frames.q[:, 2] - path[:, 2]).max() - frames.q[0, 2] + path[0, 2])
-    if FLIES < rise < MOST_RISE:
-        scales = replace(scales, size=scales.size + rise)
-    light(visualizer)
-    frame_camera(visualizer, size=scales.size)
-    _draw_ground(world, animation, run, frames, scales, path, surface)
-    draw_robot(world["robot"], animation, robot, frames)
-    for foot in robot.feet:
-        leg = find_pantograph(robot, foot)
-        if leg is not None:
-            draw_pantograph(world["lower_leg"][node_name(foot)], animation, leg, frames)
-    _draw_contacts(world, animation, run, robot, frames, scales, surface)
-    _draw_thrusts(world, animation, robot, frames, scales)
-    _draw_references(world, animation, frames, scales)
-    middle = np.array([0.0, 0.0, 0.32 * scales.size])
-    Motion(position=-path - middle).apply(world, animation, frames.time)
-    return animation
-
-
-def _draw_ground(
-    world: Any, animation: Animation, run: Run, frames: Frames, scales: Scales, path: Vector, surface: Terrain | None
-) -> None:
-    """The ground in the colours of its friction, and what is marked on it."""
+    scene = Scene(scales.size + rise if FLIES < rise < MOST_RISE else scales.size)
+    scene.motions[""] = Motion(position=-path - (0.0, 0.0, 0.32 * scene.size))
     mu = static_friction(run)
     if surface is not None:
-        draw_surface(world["ground"], path, surface, colour="#f1f4f8" if mu is None else ground_colour(mu))
-    elif mu is None:
-        draw_ground(world["ground"], path)
+        scene.nodes += surface_ground(path, surface, mu)
     else:
-        draw_ground(world["ground"], path, colour=ground_colour(mu))
-        draw_friction_strips(world["ground/strip"], friction_strips(run))
-    if "target" in frames.references:
-        draw_path(world["path"], frames.references["target"], width=0.012 * scales.height, surface=surface)
-    draw_footholds(world["foothold"], frames, radius=0.06 * scales.height, surface=surface)
-    draw_slip_marks(world["slip"], animation, frames, width=0.03 * scales.height, surface=surface)
-    draw_pressure(world["pressure"], animation, frames, radius=0.035 * scales.height, surface=surface)
+        scene.nodes += flat_ground(path, mu, () if mu is None else friction_strips(run))
+    scene.nodes += marks(frames, scales.height, surface)
+    for nodes, motions in (slip_marks(frames, scales.height, surface), pressure(frames, scales.height, surface)):
+        scene.nodes += nodes
+        scene.motions |= motions
+    drawn = RobotNodes(robot, float(frames.q[0, 2]))
+    scene.nodes += drawn.nodes
+    scene.motions |= drawn.motions(frames.joints)
+    _add_forces(scene, run, robot, frames, scales, surface)
+    _add_references(scene, frames, scales)
+    return scene
 
 
-def _draw_contacts(
-    world: Any, animation: Animation, run: Run, robot: Robot, frames: Frames, scales: Scales, surface: Terrain | None
-) -> None:
-    """Contact-force arrow and friction cone of each foot, the cone about the ground's normal."""
+def follow(frames: Frames, surface: Terrain | None = None) -> Vector:
+    """(n, 3) where the camera looks, m: the body's path on the ground, or on its surface, without its sway."""
+    path = np.zeros((len(frames), 3))
+    half = min(round(0.5 * WINDOW * frames.fps), len(frames) - 1)
+    lines = [frames.q[:, 0], frames.q[:, 1]]
+    if surface is not None:
+        lines.append(surface.height(lines[0].copy(), lines[1].copy()))
+    for axis, line in enumerate(lines):
+        # Continued straight on at both ends, so that the camera starts and stops with the body in the middle.
+        before = 2.0 * line[0] - line[half:0:-1]
+        after = 2.0 * line[-1] - line[-2 : -half - 2 : -1]
+        padded = np.concatenate((before, line, after))
+        path[:, axis] = np.convolve(padded, np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+    return path
+
+
+def _add_forces(scene: Scene, run: Run, robot: Robot, frames: Frames, scales: Scales, surface: Terrain | None) -> None:
+    """Arrow and friction cone of each foot, the cone about the ground's normal, and arrow of each thruster."""
     floor = normal_floor(run)
     mu = local_friction(run, frames.foot_position, time=frames.time)
-    shape: Shape = "per_axis" if is_per_axis(run) else "circular"
     for k, name in enumerate(robot.feet):
         foot, force = frames.foot_position[:, k], frames.foot_force[:, k]
-        draw_arrow(
-            world["contact_force"][node_name(name)],
-            animation,
-            frames.time,
-            foot,
-            force,
-            colour=CONTACT,
-            metres_per_newton=1.0 / scales.contact,
-            radius=CONTACT_RADIUS * scales.height,
-            in_front=True,
-        )
+        # Thin, so that the cone around it is seen.
+        radius, scale = 0.009 * scales.height, 1.0 / scales.contact
+        arrow = Arrow(f"contact_force/{node_name(name)}", CONTACT, radius=radius, metres_per_newton=scale)
+        scene.nodes += arrow.nodes
+        scene.motions |= arrow.motions(foot, force)
         if mu is not None and np.any(mu[:, k] > 0.0):
-            draw_cone(
-                world["friction_cone"][node_name(name)],
-                animation,
-                frames.time,
-                foot,
-                about_normals(surface, foot, force),
-                about_normals(surface, foot, frames.foot_velocity[:, k]),
-                mu=mu[:, k],
-                normal=None if surface is None else surface.normal(foot[:, 0].copy(), foot[:, 1].copy()),
+            cone = Cone(
+                f"friction_cone/{node_name(name)}",
                 slant=CONE_SLANT * scales.height,
-                shape=shape,
+                per_axis=is_per_axis(run),
                 floor=None if floor is None else floor / scales.contact,
             )
-
-
-def _draw_thrusts(world: Any, animation: Animation, robot: Robot, frames: Frames, scales: Scales) -> None:
-    """Arrow of each thruster's force on the robot."""
+            normal = None if surface is None else surface.normal(foot[:, 0].copy(), foot[:, 1].copy())
+            given, velocity = (about_normals(surface, foot, each) for each in (force, frames.foot_velocity[:, k]))
+            scene.nodes += cone.nodes
+            scene.motions |= cone.motions(foot, given, velocity, mu[:, k], normal)
     for k, name in enumerate(robot.thrusters):
-        draw_arrow(
-            world["thrust"][node_name(name)],
-            animation,
-            frames.time,
-            frames.mount[:, k],
-            frames.thrust[:, k],
-            colour=THRUST,
-            metres_per_newton=1.0 / scales.thrust,
-            radius=0.013 * scales.height,
-            in_front=True,
-        )
+        radius, scale = 0.013 * scales.height, 1.0 / scales.thrust
+        arrow = Arrow(f"thrust/{node_name(name)}", THRUST, radius=radius, metres_per_newton=scale)
+        scene.nodes += arrow.nodes
+        scene.motions |= arrow.motions(frames.mount[:, k], frames.thrust[:, k])
 
 
-def _draw_references(world: Any, animation: Animation, frames: Frames, scales: Scales) -> None:
-    """Balls at the target, the applied reference and the body itself; they are drawn through the body they are in."""
-    body = frames.q[:, :3]
-    for order, (label, colour, radius) in enumerate(
-        (("target", TARGET, 0.030), ("applied", APPLIED, 0.023), ("body", BODY, 0.016))
-    ):
-        points: Vector | None = frames.references.get(label, body if label == "body" and frames.references else None)
+def _add_references(scene: Scene, frames: Frames, scales: Scales) -> None:
+    """Balls at the target, the applied reference and the body itself, and the lines on which the first two move.
+
+    The balls are drawn through the body that they are in.
+    """
+    if not frames.references:
+        return
+    for order, (label, colour, radius) in enumerate(BALLS):
+        points = frames.references.get(label, frames.q[:, :3] if label == "body" else None)
         if points is None:
             continue
-        known: NDArray[np.bool_] = np.isfinite(points.sum(axis=1))
-        material = g.MeshLambertMaterial(
-            color=as_int(colour), emissive=as_int(colour), emissiveIntensity=0.5, transparent=True, depthTest=False
-        )
-        node = world["reference"][label]
-        node["ball"].set_object(g.Sphere(radius * scales.height), material)
-        set_exactly(node["ball/<object>"], "castShadow", False)
-        set_exactly(node["ball/<object>"], "renderOrder", 10 + order)
-        Motion(position=np.where(known[:, None], points, 0.0), visible=known).apply(node, animation, frames.time)
-        if label != "body":
-            draw_trail(world["trail"][label], points, colour=colour)
+        known = np.asarray(np.isfinite(points).all(axis=1))
+        look = Look(colour, light="bright", in_front=10 + order)
+        scene.nodes.append(Node(f"reference/{label}", Sphere(radius * scales.height), look))
+        scene.motions[f"reference/{label}"] = Motion(position=np.where(known[:, None], points, 0.0), visible=known)
+        line = points[known]
+        if label != "body" and len(line) > 1:
+            pieces = Lines(np.stack((line[:-1], line[1:]), axis=1))
+            scene.nodes.append(Node(f"trail/{label}", pieces, Look(colour, 0.7)))

@@ -8,8 +8,8 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES, ActiveSetRecord, exchange
-from harpy_pin.wbc.dual import DualRecord, dual_active_set
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
+from harpy_pin.wbc.dual import dual_active_set
 
 if TYPE_CHECKING:
     from harpy_pin.wbc.condensed.condensed_record import CondensedRecord, SearchRecord
@@ -18,13 +18,13 @@ __all__: list[str] = []
 
 
 @kernel
-def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> bool:
-    """The optimum, by the last active set, its exchange, or the dual method; whether one was found."""
+def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
+    """The optimum, by the last active set, its exchange, or the dual method; the status says whether one was found."""
     w, dual = search.exchange, search.dual
     systems, _ = exchange(search.program, w, z)
     p.status_and_systems[1] += systems
     if systems <= EXCHANGES:
-        return True
+        return
     outcome, exchanges = dual_active_set(search.program, dual, z)
     p.status_and_systems[1] += exchanges
     w.active[:] = dual.active
@@ -32,23 +32,8 @@ def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> bo
     for c in range(z.shape[0]):
         finite = finite and np.isfinite(z[c])
     if outcome == 0 and finite:
-        _take_multipliers(w, dual)
-        return True
+        return
     p.status_and_systems[0] |= 4
     w.active[:] = 0
     if not finite:
         z[:] = 0.0
-    return False
-
-
-@kernel
-def _take_multipliers(w: ActiveSetRecord, dual: DualRecord) -> None:
-    """Those of the dual method, in the order of the rows."""
-    count = 0
-    for r in range(w.active.shape[0]):
-        if w.active[r] != 0:
-            for a in range(dual.chosen.shape[0]):
-                if dual.chosen[a] == r:
-                    w.multiplier[count] = dual.multiplier[a]
-                    break
-            count += 1

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.record import RecordOf, Records, make_record, sized
+from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -71,6 +71,10 @@ class CondensationRecord(RecordOf):
         right_hand_side: (6,) w, less the part of what is fixed in o.
         factor: (6, 6) of K.
         multiplier: (6,) λ.
+        centred: 1 where a_r is z, with the acceleration of the centre of mass (:mod:`~harpy_pin.wbc.condensed.centre`).
+        root_per_centre: (6, 6) C⁻¹.
+        centre_bias: (3,) c, but for its zeros.
+        centre_free: (2, thrusts + others + 3 feet) C_o, but for its zeros.
         acceleration: (nv,) a.
         free_per_unit: (thrusts + others + 3 feet, thrusts + others + 3 feet) o per unit of each variable of
             :func:`~harpy_pin.wbc.condensed.input_map.input_map`.
@@ -95,6 +99,10 @@ class CondensationRecord(RecordOf):
     right_hand_side: Vector = sized(6)
     factor: Vector = sized(6, 6)
     multiplier: Vector = sized(6)
+    centred: int = ZERO
+    root_per_centre: Vector = sized(6, 6)
+    centre_bias: Vector = sized(3)
+    centre_free: Vector = sized(2, "thrusts + others + 3 feet")
     acceleration: Vector = sized("nv")
     free_per_unit: Vector = sized("thrusts + others + 3 feet", "thrusts + others + 3 feet")
     motion_per_unit: Vector = sized("nv", "thrusts + others + 3 feet")

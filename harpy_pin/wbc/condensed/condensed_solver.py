@@ -6,10 +6,10 @@ With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`), the whole-body 
     subject to  every f_k in its friction pyramid and its range of normal force
 
 with three unknowns for each foot. The last tick's active set is tried, then exchanged; then follows the dual active-set
-method. At the end every force is put into its pyramid. Coulomb's disc may take the place of the pyramid
-(:mod:`harpy_pin.wbc.condensed.disc`). Where thrusts or torques of that optimum exceed their limits, which is rare, the
-program is solved again with thrusts and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so that
-the result is the whole-body optimum in this case, too. What gives way there is said in :mod:`harpy_pin.wbc.giving_way`.
+method. At the end every force is put into its pyramid. Where thrusts or torques of that optimum exceed their limits,
+which is rare, the program is solved again with thrusts and free accelerations as unknowns
+(:mod:`harpy_pin.wbc.condensed.limits`), so that the result is the whole-body optimum in this case, too. What gives way
+there is said in :mod:`harpy_pin.wbc.giving_way`.
 
 For the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts returned, the
 force on each stance foot is f, and f is in its pyramid and range. The exception is reported in the status: torques that
@@ -31,8 +31,9 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.active_set import search_active_set
 from harpy_pin.wbc.condensed.condensed_record import CondensedRecord, condensed_record
-from harpy_pin.wbc.condensed.cones import fit_cones, into_cones, search_in_cones
+from harpy_pin.wbc.condensed.cones import fit_cones, into_cones
 from harpy_pin.wbc.condensed.contact_force import force_objective
 from harpy_pin.wbc.condensed.limbs import eliminate_limbs
 from harpy_pin.wbc.condensed.limits import limited_program
@@ -166,7 +167,7 @@ def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
         force_bounds(t, p.cones.pyramid.shape[1], program.lower, program.upper)
         force_objective(t, p.w_force, r, p.response, program)
         fit_cones(t, p)
-        search_in_cones(t, p, p.free, p.force)
+        search_active_set(p, p.free, p.force)
         into_cones(t, p)
     recover(r, p.force)
     joint_torques(d, r, v, p.force, torque)
@@ -198,7 +199,7 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
             p.cones.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
             p.cones.swing_share[k] = share_of_swing(d, torque, p.torque_limit, p.give_way, k)
     limited_program(d, t, p, v)
-    search_in_cones(t, p, p.limited, y)
+    search_active_set(p, p.limited, y)
     for c in range(thrusts):
         y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
         if y[c] <= p.thrust_lower[c] or y[c] >= p.thrust_upper[c]:

@@ -9,6 +9,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.centre import root_per_unit
 from harpy_pin.wbc.condensed.root import joint_torques, recover
 
 if TYPE_CHECKING:
@@ -85,6 +86,8 @@ def _motion_per_unit(t: TargetsRecord, r: CondensationRecord, response: Vector, 
             x = r.inverse_body_weight[j] * r.mass[i, j]
             for a in range(n):
                 motion[j, a] += x * response[i, a]
+    if r.centred:
+        root_per_unit(r, n)
     others = r.others.shape[0]
     first = thrusts + others
     for c in range(others):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.centre import turn_to_centre
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
@@ -62,6 +63,9 @@ def eliminate_limbs(
         for i in range(6):
             r.bias[i] += d.mass_matrix[i, column] * r.posture[c]
             r.free_map[i, thrusts + c] = -d.mass_matrix[i, column]
+    r.centred = 0
+    if t.centred:
+        turn_to_centre(d, t, r, v)
     for i in range(6):
         s = r.bias[i]
         for j in range(6):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.centre import root_of_centre
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
@@ -51,6 +52,8 @@ def recover(r: CondensationRecord, f: Vector) -> None:
         for i in range(6):
             s += r.mass[i, j] * r.multiplier[i]
         a[j] = r.desired[j] - r.inverse_body_weight[j] * s
+    if r.centred:
+        root_of_centre(r)
     limbs, joints, rows = r.inverse.shape
     for k in range(limbs):
         for x in range(joints):

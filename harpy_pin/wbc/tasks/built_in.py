@@ -2,7 +2,7 @@
 
 | weight | task | when |
 |---|---|---|
-| ``body`` | ``FrameTask`` of the base, position | always |
+| ``body`` | ``FrameTask`` of the base, position; horizontally ``CentreOfMassTask`` where the targets say so | always |
 | ``orientation`` | ``FrameTask`` of the base, orientation, local axes | always |
 | ``swing`` | ``FrameTask`` of a foot, position | the foot is in swing |
 | ``posture``, ``arms`` | ``JointTask`` of a joint between base and foot, or of another one | always |

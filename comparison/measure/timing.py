@@ -1,0 +1,174 @@
+"""How everything is timed and what is said about times: candidates take turns, block by block.
+
+The order is drawn anew for each block, so a drift of the machine's speed affects all candidates alike, and none always
+runs after the same other one.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from time import perf_counter_ns
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.model.robot import Robot
+
+Laps = NDArray[np.int64]
+"""Times in nanoseconds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimingSettings:
+    """How to time.
+
+    Attributes:
+        repetitions: of every pass.
+        warm_up: ticks at the start of each sequence that are replayed but not counted: the solver's cold start and
+            cold caches are among them.
+        block: ticks per block.
+        settle: ticks at the start of each block that are not counted: the replays before have used the caches.
+        programs: quadratic programs per sequence for the isolated solvers.
+        samples: solutions per sequence checked for optimality.
+    """
+
+    repetitions: int = 10
+    warm_up: int = 50
+    block: int = 500
+    settle: int = 10
+    programs: int = 2000
+    samples: int = 100
+
+
+class Timed(Protocol):
+    """Something that is timed and ready to begin; it keeps its times."""
+
+    def time_block(self, begin: int, end: int) -> None:
+        """Time the pieces from ``begin`` to before ``end``."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bench:
+    """What every timing needs.
+
+    Attributes:
+        robot: that walked.
+        friction: coefficient that every controller assumes.
+        settings: how to time.
+        rng: draws the order within the blocks.
+        on_pass: called after each pass, never while a clock runs.
+    """
+
+    robot: Robot
+    friction: float
+    settings: TimingSettings
+    rng: np.random.Generator
+    on_pass: Callable[[], None] = lambda: None
+
+    def repeat(
+        self,
+        start: Callable[[int], Mapping[str, Any]],
+        lengths: Sequence[int],
+        *,
+        block: int,
+        end: Callable[[int, int], None] = lambda repetition, sequence: None,
+    ) -> tuple[dict[str, list[Laps]], float]:
+        """Time all repetitions of all sequences.
+
+        ``start`` gives what is timed, by name, ready to begin the sequence of a number; ``end`` is called after each
+        sequence with the numbers of repetition and sequence.
+
+        Returns:
+            The times that count by name, an array for each repetition, and the timer's own time, ns.
+        """
+        laps: dict[str, list[Laps]] = {}
+        overheads = []
+        settings = replace(self.settings, block=block)
+        for repetition in range(settings.repetitions):
+            parts: dict[str, list[Laps]] = {}
+            for k, length in enumerate(lengths):
+                timed = start(k)
+                overheads.append(interleave(list(timed.values()), length, block=block, rng=self.rng))
+                for name, timer in timed.items():
+                    parts.setdefault(name, []).append(timer.laps[counted(len(timer.laps), settings)])
+                end(repetition, k)
+            for name, found in parts.items():
+                laps.setdefault(name, []).append(np.concatenate(found))
+            self.on_pass()
+        return laps, float(np.median(overheads))
+
+
+def interleave(timed: Sequence[Timed], length: int, *, block: int, rng: np.random.Generator) -> float:
+    """Do one pass of every candidate over a sequence; returns the timer's own time, ns."""
+    with without_gc():
+        overhead = timer_overhead()
+        for begin in range(0, length, block):
+            for k in rng.permutation(len(timed)):
+                timed[int(k)].time_block(begin, begin + block)
+    return overhead
+
+
+def counted(length: int, settings: TimingSettings) -> NDArray[np.bool_]:
+    """Which pieces of a pass count: neither the warm-up nor the first of each block."""
+    piece = np.arange(length)
+    return (piece >= settings.warm_up) & (piece % settings.block >= settings.settle)
+
+
+@contextmanager
+def without_gc() -> Iterator[None]:
+    """Collect garbage now, and not again until the end."""
+    enabled = gc.isenabled()
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def timer_overhead() -> float:
+    """Median difference of two readings of the clock with nothing between them, ns."""
+    laps, clock = np.zeros(20_000, dtype=np.int64), perf_counter_ns
+    for i in range(len(laps)):
+        begin = clock()
+        laps[i] = clock() - begin
+    return float(np.median(laps))
+
+
+def summarise(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, float | int]:
+    """Percentiles over all repetitions, µs.
+
+    There is an array of times for each repetition, ns. The timer's overhead is subtracted from every time, which never
+    gets negative.
+    """
+    times = np.maximum(np.concatenate(laps) - overhead_ns, 0.0) * 1e-3
+    names = ("p50_us", "p95_us", "p99_us", "p99_9_us")
+    found = dict(zip(names, np.percentile(times, (50.0, 95.0, 99.0, 99.9)).tolist(), strict=True))
+    return {**found, "max_us": float(times.max()), "mean_us": float(times.mean()), "samples": len(times)}
+
+
+def summarise_repetitions(laps: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, float | int]:
+    """The summary of :func:`summarise`, with the least and largest median of a repetition, µs."""
+    medians = [max(float(np.median(part)) - overhead_ns, 0.0) * 1e-3 for part in laps]
+    return {**summarise(laps, overhead_ns), "low_us": min(medians), "high_us": max(medians)}
+
+
+def ratio_of_medians(slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: float = 0.0) -> dict[str, Any]:
+    """Ratio of two medians within each repetition, and the median of these ratios.
+
+    Within a repetition the machine's speed is nearly the same for both; a ratio of medians over all repetitions
+    (``pooled``) compares times of different speeds where a machine changes it.
+    """
+
+    def median(times: Laps) -> float:
+        return max(float(np.median(times)) - overhead_ns, 1.0)
+
+    each = [median(a) / median(b) for a, b in zip(slow, fast, strict=True)]
+    whole = median(np.concatenate(slow)) / median(np.concatenate(fast))
+    return {"p50": float(np.median(each)), "min": min(each), "max": max(each), "pooled": whole, "repetitions": each}

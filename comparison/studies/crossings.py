@@ -1,0 +1,174 @@
+"""What robots cross: stairs, rough ground that they know or do not know, and slopes whose normal is told wrong.
+
+Rough ground that is not known is walked *blind*: by the gait of flat ground, or, on four feet, by one that feels the
+plane below its feet. The robot begins with its feet on the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from comparison.measure.walking import Rows, as_far_as_it_goes
+from comparison.study import Job, Study, median, tabulated, where
+from comparison.tables import Table
+from harpy_pin import (
+    Condensed,
+    Disturbances,
+    Gait,
+    Ground,
+    Run,
+    Scenario,
+    Walking,
+    WalkingGait,
+    load_harpy,
+    load_robot,
+    make_gait,
+    measure,
+)
+from harpy_pin.gaits import OnFeltGround, OnTerrain
+from harpy_pin.ground import Plane, Rough, Stairs, Terrain
+from harpy_pin.ground.ground import walking_stiffness
+from harpy_pin.scenario import build
+
+FRICTION = 0.6
+BLIND_CLEARANCE = 0.06
+"""Height of a foot of Go2 at mid-swing on ground that it does not know, m."""
+WRONG = float(np.radians(5.0))
+"""Error of the normals, rad."""
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """One kind of ground and who crosses it.
+
+    Attributes:
+        name: in the table.
+        robot: of the catalogue.
+        ground: from the number of the try.
+        goal: how far the body must come, m.
+        duration: s.
+        tries: how many, of different grounds.
+        speed: m/s.
+        blind: whether the gait does not know the ground.
+        wrong: error of the normals that the controller knows, rad.
+    """
+
+    name: str
+    robot: str
+    ground: Callable[[int], Terrain]
+    goal: float
+    duration: float
+    tries: int = 2
+    speed: float = 0.3
+    blind: bool = False
+    wrong: float = 0.0
+
+
+def _stairs(rise: float, steps: int) -> Callable[[int], Terrain]:
+    return lambda seed: Stairs(rise=rise, depth=0.3, steps=steps, start=0.5 + 0.03 * seed)
+
+
+def _rough(amplitude: float) -> Callable[[int], Terrain]:
+    return lambda seed: Rough(amplitude=amplitude, resolution=0.2, seed=seed)
+
+
+def _ramp(degrees: float) -> Callable[[int], Terrain]:
+    return lambda seed: Plane(slope=float(np.radians(degrees)), heading=0.1 * seed)
+
+
+CROSSINGS: dict[str, Crossing] = {
+    one.name: one
+    for one in (
+        Crossing("Harpy, 10 steps of 5 cm up", "harpy", _stairs(0.05, 10), 3.5, 13.0, tries=10),
+        Crossing("Harpy, 10 steps of 5 cm down", "harpy", _stairs(-0.05, 10), 3.5, 13.0, tries=10),
+        Crossing("Harpy, ±2 cm, blind", "harpy", _rough(0.02), 0.7, 4.0, tries=20, blind=True),
+        Crossing("Harpy, 20° up, normals 5° wrong", "harpy", _ramp(20.0), 0.6, 4.0, wrong=WRONG),
+        Crossing("Go2, 6 steps of 8 cm up", "go2", _stairs(0.08, 6), 2.6, 11.0, tries=10),
+        Crossing("Go2, 6 steps of 8 cm down", "go2", _stairs(-0.08, 6), 2.6, 11.0, tries=10),
+        Crossing("Go2, ±4 cm, known", "go2", _rough(0.04), 0.7, 4.0, tries=20),
+        Crossing("Go2, ±4 cm, blind", "go2", _rough(0.04), 0.7, 4.0, tries=20, blind=True),
+        Crossing("Go2, 20° up", "go2", _ramp(20.0), 0.7, 4.0),
+        Crossing("Go2, 20° down", "go2", _ramp(-20.0), 0.7, 4.0),
+        Crossing("Go2, 10° up, normals 5° wrong", "go2", _ramp(10.0), 0.7, 4.0, wrong=WRONG),
+        Crossing("G1, 6° up", "g1", _ramp(6.0), 0.4, 5.0, tries=1, speed=0.15),
+    )
+}
+"""By name."""
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    for name, plant in product(s.names, s.plants):
+        for seed in range(min(CROSSINGS[name].tries, s.most_tries)):
+            yield {"crossing": name, "plant": plant, "seed": seed}
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    """Whether the robot came through, and its slip."""
+    one = CROSSINGS[job["crossing"]]
+    run = as_far_as_it_goes(partial(_run, one, job["plant"], job["seed"]))
+    x, y = run["q"][-1, :2]
+    return {
+        "through": run.ending == "completed" and float(np.hypot(x, y)) >= one.goal,
+        "slip_mm_per_step": float(measure(run).slip_mm_per_step),
+    }
+
+
+def _run(one: Crossing, plant: str, seed: int) -> Run:
+    """Walk a try."""
+    robot = load_harpy() if one.robot == "harpy" else load_robot(one.robot)
+    terrain = one.ground(seed)
+    stiffness = Ground.stiffness if one.robot == "harpy" else walking_stiffness(robot)
+    ground = Ground(mu_s=FRICTION, terrain=terrain, stiffness=stiffness)
+    parts: dict[str, Any] = {} if one.robot == "harpy" else {"gait": Walking(velocity=(one.speed, 0.0, 0.0))}
+    settings: dict[str, Any] = {"robot": one.robot, "ground": ground, "duration": one.duration, "plant": plant}
+    if not one.blind:
+        return build(Scenario(**settings, **parts, disturbances=Disturbances(normal_error=one.wrong))).run()
+    gait: Gait
+    if one.robot == "harpy":
+        gait = make_gait(robot)
+    else:
+        walking = WalkingGait(robot, velocity=(one.speed, 0.0, 0.0), clearance=BLIND_CLEARANCE)
+        settings["controller"] = Condensed(parameters=walking.parameters)
+        gait = OnFeltGround(walking)
+    made = build(Scenario(**settings), gait=gait)
+    known = OnTerrain(make_gait(robot) if one.robot == "harpy" else WalkingGait(robot), terrain)
+    made.simulator.reset(*known.initial_state(penetration=made.simulator.static_penetration))
+    return made.run()
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """How many tries of each came through, in every engine, and their median slip."""
+    columns: dict[str, Any] = {}
+    for plant in dict.fromkeys(row["plant"] for row in rows):
+        columns[plant] = where(lambda rows: f"{sum(row['through'] for row in rows)} of {len(rows)}", plant=plant)
+        columns[f"slip, {plant}"] = where(median("slip_mm_per_step"), plant=plant, through=True), "mm"
+    note = f"Condensed controller, friction {FRICTION:g}. Slip is the median of those that came through, per step."
+    return [tabulated("crossings", "What robots cross", rows, lambda row: row["crossing"], columns, note)]
+
+
+STUDY = Study(
+    name="crossings",
+    help="""Let robots cross stairs, rough ground and ramps.
+
+    Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the
+    gait knows or does not know, ramps, and normals that are told wrong by 5 degrees. Needs the extra "robots". This
+    takes some minutes.
+    """,
+    example="--out crossings.jsonl",
+    defaults={
+        "names": tuple(CROSSINGS),
+        "plants": ("compliant", "mujoco"),
+        "most_tries": 20,  # of one kind of ground
+    },
+    quick={"names": ("Harpy, ±2 cm, blind", "Go2, 20° up"), "plants": ("compliant",), "most_tries": 1},
+    jobs=_jobs,
+    measure=_measured,
+    tables=_tables,
+    only="names",
+)

@@ -1,0 +1,307 @@
+"""What a tick costs on a microcontroller: instructions counted in QEMU, flash, memory and stack.
+
+Controllers are exported as C (:mod:`harpy_pin.export`), and each sees the same recorded states. Beside our own QP,
+which begins with the last tick's active set, DAQP solves the same program from nothing, in its own C.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparison.measure.walking import Progress, Rows, grouped, tracked
+from comparison.peers.daqp_c import daqp_count, daqp_source
+from comparison.studies.exchange_bound import search_bound
+from comparison.study import Study, shown, tabulated
+from comparison.tables import Table
+from harpy_pin import HarpyError, Push, Robot
+from harpy_pin.compiled import kernel
+from harpy_pin.controllers.tasks import task_terms
+from harpy_pin.controllers.whole_body_tick import ProgramTickRecord
+from harpy_pin.export.board import CHIPS, measure, missing_tools
+from harpy_pin.export.code import controller_code
+from harpy_pin.export.exported_controllers import Exportable, exportable
+from harpy_pin.export.folder import write_folder
+from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record, robot_of
+from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.model.entry import GOOD
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.input_space import build_inputs
+
+LABELS = {
+    "paper": "paper's governor",
+    "filter": "contact-force filter",
+    "condensed": "condensed WBC",
+    "wbc": "QP, last active set",
+    "daqp": "QP, DAQP's C",
+}
+FRICTION = {"harpy": 0.25}
+OTHERS_FRICTION = 0.5
+_COUNT: dict[str, Any] = {"median": shown("median"), "worst": shown("worst"), "bound": shown("bound")}
+_MEMORY = {"flash": (shown("flash"), "B"), "RAM": (shown("ram"), "B")}
+_DIFFERENCE: dict[str, Any] = {
+    "median": (shown("median"), "N"),
+    "p99": (shown("p99"), "N"),
+    "p99.9": (shown("p999"), "N"),
+    "largest": (shown("worst"), "N"),
+    "of": (shown("largest_command"), "N"),
+    "other status": shown("other_status"),
+}
+WEAK = 0.2
+"""Share of the motors' torque that the condensed controller has where the dearest tick is looked for."""
+Bound = Callable[[str, str], int | None]
+WALK = 10.0
+"""Length of a motion whose states tell single from double precision, s."""
+
+
+@kernel
+def _build(r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
+    """All of the whole-body QP's tick but its solution."""
+    d = r.control.dynamics
+    if task_terms(r.control, target, q, v, foot_force) != GOOD:
+        return 1
+    build_inputs(d, r.control.targets, r.problem, r.terms, r.program, v, d.tree.rotation)
+    return 0
+
+
+def _counted(settings: Any, progress: Progress | None) -> Rows:
+    """Count every controller on every chip.
+
+    Returns:
+        A row for each robot, controller, precision, chip and level; and one with ``chip`` None for the difference
+        between the precisions.
+
+    Raises:
+        HarpyError: compiler or emulator are missing; the message says what to install.
+    """
+    missing = missing_tools()
+    if missing is not None:
+        raise HarpyError(f"the compiler for ARM, or QEMU, is missing: {missing}")
+    with tempfile.TemporaryDirectory() as place:
+        daqp = daqp_source(Path(place))
+        jobs: list[Callable[[], dict[str, Any]]] = []
+        for name in settings.robots:
+            jobs += _jobs(name, settings, Path(place), daqp)
+        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+            found = pool.map(lambda job: job(), jobs)
+            return [next(found) for _ in tracked(jobs, progress)]
+
+
+def _jobs(name: str, settings: Any, place: Path, daqp: Path | None) -> list[Callable[[], dict[str, Any]]]:
+    """What there is to do for a robot."""
+    robot = robot_of(name)
+    states = _record(robot, settings.duration, np.random.default_rng(settings.seed))
+    many = _many(robot, settings)
+    jobs: list[Callable[[], dict[str, Any]]] = []
+
+    def export(what: Exportable, kind: str, *, single: bool) -> _Program:
+        own = f"{name}_{kind}_{'float' if single else 'double'}"
+        written = write_folder(what, states, place / own, name=own, single=single, readme=False)
+        return _Program(name, kind, single, place / own, written.code.ram)
+
+    for kind in CONTROLLERS if name == "harpy" else ("condensed", "wbc"):
+        for single in (True, False):
+            what = exportable(ready(robot, kind, duration=0.1, friction=_friction(robot), single=single).controller)
+            targets = [
+                (chip, level) for chip in settings.chips if single or CHIPS[chip].double for level in settings.levels
+            ]
+            bound = _bound(kind, what, states, place / f"{name}_{kind}_{single}_limited", single=single)
+            if targets:
+                program = export(what, kind, single=single)
+                jobs += [partial(program.count, *target, bound) for target in targets]
+            if kind == "wbc" and daqp is not None and targets and not single:  # in floats it does not end
+                peer = export(replace(what, step=_build, kind="daqp"), "daqp", single=False)
+                daqp_count(peer.folder, peer.folder.name, what)
+                jobs += [partial(peer.count, *target, _no_bound, daqp) for target in targets]
+            if single:
+                jobs.append(partial(_difference, name, kind, what, many))
+    return jobs
+
+
+@dataclass(frozen=True)
+class _Program:
+    """An exported controller.
+
+    Attributes:
+        robot: its name.
+        controller: one of :data:`LABELS`.
+        single: precision.
+        folder: with its C, named as the controller in it.
+        ram: bytes.
+    """
+
+    robot: str
+    controller: str
+    single: bool
+    folder: Path
+    ram: int
+
+    def count(self, chip: str, level: str, bound: Bound, daqp: Path | None = None) -> dict[str, Any]:
+        """Its row: what was counted on a chip at a level of optimisation; DAQP's source if that solves it."""
+        flags, sources = [level], ["count.c"]
+        if daqp is not None:
+            flags += ["-I", str(daqp / "include")]
+            sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
+        found = measure(self.folder, self.folder.name, CHIPS[chip], flags=flags, sources=sources)
+        return {
+            "robot": self.robot,
+            "controller": self.controller,
+            "precision": "float" if self.single else "double",
+            "chip": chip,
+            "level": level,
+            "ticks": len(found.instructions),
+            "median": float(np.median(found.instructions)),
+            "worst": int(found.instructions.max()),
+            "flash": None if daqp is not None else found.flash,
+            "ram": None if daqp is not None else self.ram,
+            "stack": found.stack,
+            "equal": None if daqp is not None else found.different == 0,
+            "bound": bound(chip, level),
+        }
+
+
+def _no_bound(chip: str, level: str) -> int | None:
+    return None
+
+
+def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, single: bool) -> Bound:
+    """An upper end of a tick beside its searches' own: see :mod:`comparison.studies.exchange_bound`.
+
+    The rest is at most the worst tick that was counted, of the condensed controller with motors so weak that it always
+    enters the larger program, with thrusts and torques as unknowns, too.
+    """
+    if kind not in ("condensed", "wbc"):
+        return _no_bound
+    record = what.record.copy()
+    if kind == "condensed":
+        record["condensed"]["torque_limit"] *= WEAK
+    places = [record["condensed"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
+    search = "exchange" if kind == "condensed" else "search"
+    write_folder(replace(what, record=record), states, folder, name="weak", single=single, readme=False)
+
+    def bound(chip: str, level: str) -> int | None:
+        rest = int(measure(folder, "weak", CHIPS[chip], flags=[level]).instructions.max())
+        for part in places:
+            records = [np.array([part[name]], part[name].dtype) for name in ("program", search, "dual")]
+            rest += search_bound(tuple(records), chip, single=single, level=level, again=kind == "wbc")
+        return rest
+
+    return bound
+
+
+def _difference(robot: str, kind: str, what: Exportable, many: Recording) -> dict[str, Any]:
+    """The row that compares single with double precision on this machine."""
+    single, double = (controller_code(what, "controller", single=s) for s in (True, False))
+    ours, status = answers(what, single, many)
+    theirs, expected = answers(what, double, many)
+    gap = np.abs(ours - theirs).max(axis=1)
+    return {
+        "robot": robot,
+        "controller": kind,
+        "chip": None,
+        "states": len(many),
+        "median": float(np.median(gap)),
+        "p99": float(np.quantile(gap, 0.99)),
+        "p999": float(np.quantile(gap, 0.999)),
+        "worst": float(gap.max()),
+        "largest_command": float(np.abs(theirs).max()),
+        "other_status": int(np.count_nonzero(status != expected)),
+    }
+
+
+def _friction(robot: Robot) -> float:
+    return FRICTION.get(robot.name, OTHERS_FRICTION)
+
+
+def _record(robot: Robot, duration: float, rng: np.random.Generator) -> Recording:
+    """States of a motion under the condensed controller, pushed from both sides."""
+    pushes = []
+    for time in np.arange(0.3, duration - 0.2, 0.9):
+        x, y = 0.15 * robot.mass * rng.uniform(-1.0, 1.0, 2)
+        pushes.append(Push(float(time), (float(x), float(y), 0.0)))
+    motion = ready(robot, "condensed", duration=duration, friction=_friction(robot), pushes=pushes)
+    return record(motion, exportable(motion.controller))
+
+
+def _many(robot: Robot, settings: Any) -> Recording:
+    """States of as many motions as it takes, each with other pushes."""
+    rng = np.random.default_rng([settings.seed, 1])
+    parts: list[Recording] = []
+    while (missing := settings.states - sum(map(len, parts))) > 0:
+        part = _record(robot, min(WALK, max(1e-3 * missing, 0.5)), rng)
+        parts.append(Recording(part.target[:missing], {n: rows[:missing] for n, rows in part.inputs.items()}))
+    target = np.concatenate([part.target for part in parts])
+    inputs = {name: np.concatenate([part.inputs[name] for part in parts]) for name in parts[0].inputs}
+    return Recording(target, inputs)
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """The answer, then a table for each robot and precision, and what single precision changes."""
+    counted = [row for row in rows if row["chip"] is not None]
+    differences = [row for row in rows if row["chip"] is None]
+    chip, level = counted[0]["chip"], counted[0]["level"]
+    first = [row for row in counted if (row["chip"], row["level"], row["precision"]) == (chip, level, "float")]
+    tables = [
+        tabulated(
+            "embedded", f"Instructions of a tick on a {CHIPS[chip].title}, float, {level}", first, _robot,
+            _COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
+            "Milliseconds are for one instruction in each cycle, the least there is.",
+        )
+    ]  # fmt: skip
+    for (robot, precision), here in grouped(counted, "robot", "precision").items():
+        own = [row for row in here if row["equal"] is not None]
+        others = sum(not row["equal"] for row in own)
+        equal = f"{others} of {len(own)} programs differ from this machine in some digit."
+        note = (
+            "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
+            "exchanges allowed times the dearest exchange, and the rest of the dearest tick. "
+            f"{equal if others else 'Every command is that of this machine, in every bit.'}"
+        )
+        title = f"Instructions of a tick of {robot}, {precision}, {here[0]['ticks']} states"
+        columns = _COUNT | _MEMORY | {"stack": (shown("stack"), "B")}
+        tables.append(tabulated(f"embedded_{robot}_{precision}", title, here, _program, columns, note))
+    if differences:
+        title = f"Float against double, {max(row['states'] for row in differences)} states"
+        note = "Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings."
+        tables.append(tabulated("embedded_precision", title, differences, _robot, _DIFFERENCE, note))
+    return tables
+
+
+def _robot(row: dict[str, Any]) -> str:
+    return f"{row['robot']}, {LABELS[row['controller']]}"
+
+
+def _program(row: dict[str, Any]) -> str:
+    return f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}"
+
+
+STUDY = Study(
+    name="embedded",
+    help="""Count what a tick costs on a microcontroller.
+
+    Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU: the paper's governor, the contact-force
+    filter, the condensed controller, and the whole-body QP by its last active set and by DAQP's own C, for Harpy,
+    Solo12 and Bolt on the same recorded states. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm;
+    DAQP's source is fetched from its package.
+    """,
+    defaults={
+        "robots": ("harpy", "solo12", "bolt"),
+        "chips": tuple(CHIPS),
+        "levels": ("-O2", "-O3"),  # of the compiler
+        "duration": 2.0,  # of the recorded motion, s, a tick each millisecond; it is pushed twice; at most 4
+        "states": 100_000,  # on which single precision is compared with double
+        "seed": 0,  # of the pushes in those states
+    },
+    quick={"robots": ("harpy",), "chips": ("m4",), "levels": ("-O2",), "duration": 0.4, "states": 1000},
+    all_at_once=_counted,
+    tables=_tables,
+    only="robots",
+)

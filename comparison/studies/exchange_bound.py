@@ -1,0 +1,199 @@
+"""An upper end of a tick on a microcontroller: the bound on exchanges times the dearest exchange.
+
+A search ends after ``EXCHANGES`` systems of the reused active set, or after four exchanges for each row of the dual
+method (:mod:`harpy_pin.wbc.active_set_warm_start`, :mod:`harpy_pin.wbc.dual`), and the whole-body QP asks the reused
+set once more with what the dual method found. A system is dearest with as many active rows as unknowns and without a
+zero; an exchange of the dual method is dearest at one of its sizes, and either adds a row or drops the first. These are
+counted one by one.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.compiled.types import INTEGER, REAL, Struct
+from harpy_pin.compiled.unit import Unit
+from harpy_pin.errors import HarpyError
+from harpy_pin.export.board import CHIPS, Chip, board_text, build, run
+from harpy_pin.export.mathematics import PORTABLE
+from harpy_pin.export.table import initial_values
+from harpy_pin.model.cholesky import factorise
+from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES, _choose, _correct, _solve_active
+from harpy_pin.wbc.condensed.condensed_record import SearchRecord
+from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, _bring_in, _most_violated, _start
+from harpy_pin.wbc.qp_solver import row_value, worst_violation
+
+_MAIN = Template("""
+static struct bench_state state;
+
+static void reset_state(struct bench_state *state)
+{
+    $statements
+}
+
+static volatile uint32_t *const now = (volatile uint32_t *)0xE000E018u;
+static uint32_t before;
+
+static void begin(void)
+{
+    before = *now;
+}
+
+static unsigned long end(void)
+{
+    return (unsigned long)((before - *now) & 0xFFFFFFu);
+}
+
+int main(void)
+{
+    *(volatile uint32_t *)0xE000E014u = 0xFFFFFFu;
+    *now = 0;
+    *(volatile uint32_t *)0xE000E010u = 5;
+    reset_state(&state);
+    begin();
+    uint32_t rounds = 100000u;
+    __asm volatile("1: subs %0, %0, #1\\n\\tbne 1b" : "+r"(rounds) : : "cc");
+    printf("loop %lu\\n", end());
+    begin();
+    $system(&state);
+    printf("system %lu\\n", end());
+    begin();
+    $frame(&state);
+    printf("frame %lu\\n", end());
+    for (int size = 0; size < $variables; size++) {
+        for (int drops = 0; drops < 2; drops++) {
+            for (int sign = -1; sign < 2; sign += 2) {
+                reset_state(&state);
+                begin();
+                (void)$exchange(&state, size, drops, (real)sign);
+                printf("exchange %lu\\n", end());
+            }
+        }
+    }
+    return 0;
+}
+""")
+
+
+class BoundRecord(SearchRecord):
+    """A search, and what its pieces compute.
+
+    Attributes:
+        z: (n,) variables.
+        worst: largest violation.
+    """
+
+    z: Vector
+    worst: float
+
+
+@kernel
+def _system(r: BoundRecord) -> None:
+    """One round of the reused active set."""
+    count = _choose(r.exchange)
+    _solve_active(r.program, r.exchange, count, r.z)
+    _correct(r.program, r.exchange, count, r.z, True)
+
+
+@kernel
+def _frame(r: BoundRecord) -> None:
+    """What a search does once: factors, the start of the dual method, the violation of what was found."""
+    factorise(r.program.hessian, r.exchange.factor)
+    factorise(r.program.hessian, r.exchange.factor)
+    _start(r.program, r.dual, r.z)
+    r.worst = worst_violation(r.program, r.z)
+
+
+@kernel
+def _exchange(r: BoundRecord, size: int, drops: int, sign: float) -> int:
+    """One round of the dual method with so many active rows, with the search for the most violated one."""
+    w, p = r.dual, r.program
+    for a in range(size):
+        w.multiplier[a] = 1e9
+        w.chosen[a] = a
+    if drops:
+        w.multiplier[0] = 0.0
+    row, side = _most_violated(p, w, r.z)
+    slack = row_value(p, row, r.z) - row_value(p, row, r.z)
+    for i in range(r.z.shape[0]):
+        w.normal[i] = sign * p.inequality[p.lower.shape[0] - 1, i]
+    outcome, _, _ = _bring_in(w, p.lower.shape[0] - 1, size, 0, slack - 1.0 - abs(side), 0, r.z)
+    return outcome
+
+
+def search_bound(records: tuple[Record, ...], chip: str, *, single: bool, level: str, again: bool = False) -> int:
+    """Most instructions of one search.
+
+    The records are those of the program, of the reused active set and of the dual method; ``again`` says whether the
+    reused active set is asked once more after the dual method.
+
+    Raises:
+        HarpyError: it does not compile, or the program failed.
+    """
+    program, exchange, dual = records
+    state = _dense(
+        make_record(BoundRecord, program=program, exchange=exchange, dual=dual, z=program["gradient"][0], worst=0.0)
+    )
+    rows, variables = (int(size) for size in program["inequality"][0].shape)
+    unit = Unit(single=single, prefix="bench_", own=PORTABLE if single else {})
+    kind = Struct(state.dtype, "state")
+    texts = {
+        "system": unit.function_for(_system, (kind,)).name,
+        "frame": unit.function_for(_frame, (kind,)).name,
+        "exchange": unit.function_for(_exchange, (kind, INTEGER, INTEGER, REAL)).name,
+        "variables": str(variables),
+    }
+    table, statements = initial_values(unit, state)
+    main = _MAIN.substitute(texts, statements="\n    ".join(statements))
+    text = "\n\n".join([unit.header(), "#include <stdio.h>", unit.types(), unit.code(), table, main])
+    found = _run(text, CHIPS[chip], level)
+    limit = EXCHANGES_PER_ROW * rows
+    return int(found["frame"] + (1 + again) * EXCHANGES * found["system"] + limit * found["exchange"])
+
+
+def _run(text: str, chip: Chip, level: str) -> dict[str, float]:
+    """The dearest of each kind, in instructions."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        (folder / "board").mkdir()
+        startup = (files("harpy_pin.export") / "files" / "board" / "startup.c").read_text(encoding="utf-8")
+        (folder / "board" / "startup.c").write_text(startup, encoding="utf-8")
+        (folder / "board" / f"{chip.machine}.ld").write_text(board_text(chip), encoding="utf-8")
+        (folder / "bench.c").write_text(text, encoding="utf-8")
+        output, code = run(build(folder, ["bench.c"], chip, folder / "bench.elf", flags=[level]), chip)
+    if code:
+        raise HarpyError(f"the count of exchanges failed on {chip.title}: {output[-200:]}")
+    found: dict[str, float] = {}
+    for line in output.split("\n"):
+        if line:
+            name, ticks = line.split()
+            found[name] = max(found.get(name, 0.0), float(ticks))
+    scale = 2e5 / found["loop"]
+    return {name: scale * ticks for name, ticks in found.items()}
+
+
+def _dense(state: Record) -> Record:
+    """A program and work space without a zero, in which all that can be active is."""
+    rng = np.random.default_rng(0)
+    p, w, dual = (state[name][0] for name in ("program", "exchange", "dual"))
+    n = p["gradient"].size
+    root = rng.standard_normal((n, n))
+    p["hessian"] = root @ root.T + n * np.eye(n)
+    p["gradient"] = rng.standard_normal(n)
+    p["inequality"] = rng.standard_normal(p["inequality"].shape)
+    p["lower"], p["upper"] = -1.0, 1.0
+    w["active"][:n] = 1
+    w["factor"] = np.tril(rng.standard_normal((n, n))) + n * np.eye(n)
+    dual["basis"] = np.linalg.qr(root)[0]
+    dual["triangle"] = np.triu(rng.uniform(0.1, 1.0, (n, n))) + np.eye(n)
+    dual["scale"], dual["limit"] = 1.0, 1
+    state["z"][0] = rng.standard_normal(n)
+    return state

@@ -1,0 +1,130 @@
+"""Walks over a strip of ice that the controller knows nothing of, with and without an estimate of the friction.
+
+The estimate's settings were chosen on strips of 0.2 and 0.1 on ground of 0.6, at 0.2 and 0.4 m/s, with seeds 100 and
+101. What is walked here is at other friction, at another speed, on strips at other places and with other seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from comparison.contenders import label
+from comparison.measure.walking import Rows, grouped
+from comparison.study import Job, Study, Value, fell, shown, tabulated
+from comparison.tables import Table
+from harpy_pin import Disturbances, Ground, Noise, Scenario, walk
+from harpy_pin.log.run import Run
+
+STEP = 0.75
+"""Duration of a step of the default gait, s."""
+LOADED = 1.0
+"""Normal force of a foot that is on the ground, N."""
+WALKERS: dict[str, dict[str, Any]] = {
+    "condensed": {"name": "condensed"},
+    "wbc": {"name": "wbc"},
+    "paper": {"name": "governed", "governor": "paper"},
+    "filter": {"name": "governed", "governor": "filter"},
+}
+"""Controllers of a scenario by the name of their row."""
+SENSORS = {"exact": Disturbances(), "noise, 2 ms": Disturbances(noise=Noise.typical(), delay=2e-3)}
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    names = ("ice", "plant", "sensors", "walker", "seed", "estimate")
+    seeds = range(s.seed, s.seed + s.walks)
+    for case in product(s.ice, s.plants, SENSORS, WALKERS, seeds, (False, True)):
+        job = dict(zip(names, case, strict=True))
+        begin = s.place + 0.3 * STEP * float(np.random.default_rng([job["seed"], 77]).random())
+        strip = [begin, begin + s.length, job["ice"]]
+        yield {**job, "friction": s.friction, "strip": strip, "duration": s.duration}
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    scenario = Scenario(
+        controller=WALKERS[job["walker"]] | {"parameters": {"estimate_friction": job["estimate"]}},
+        plant=job["plant"],
+        ground=Ground(mu_s=job["friction"], friction_strips=(tuple(job["strip"]),)),
+        disturbances=replace(SENSORS[job["sensors"]], seed=job["seed"]),
+        duration=job["duration"],
+    )
+    return slips(walk(scenario), *job["strip"][:2])
+
+
+def slips(run: Run, begin: float, end: float) -> dict[str, Any]:
+    """Path of both feet along the ground in every step, mm: steps with a loaded foot on the strip, and later ones."""
+    x, load = run["foot_position"][..., 0], run["foot_force"][..., 2]
+    on_ice = np.any((x >= begin) & (x < end) & (load > LOADED), axis=1)
+    path = 1e3 * run["slip_path"].sum(axis=1)
+    step = np.floor(run["t"] / STEP + 1e-9).astype(int)
+    ice: list[float] = []
+    after: list[float] = []
+    for n in range(int(step[-1]) + 1):
+        rows = np.flatnonzero(step == n)
+        slip = float(path[rows[-1]] - path[max(rows[0] - 1, 0)])
+        if on_ice[rows].any():
+            ice.append(slip)
+        elif ice:
+            after.append(slip)
+    estimate = float(run["friction_estimate"].min()) if "friction_estimate" in run else None
+    return {"fell": run.ending != "completed", "ice_mm": ice, "after_mm": after, "lowest_estimate": estimate}
+
+
+def _place(row: dict[str, Any]) -> str:
+    walker = row["walker"]
+    name = label(walker) if walker in ("condensed", "wbc") else f"{walker} governor"
+    return f"{name}, {row['sensors']}, estimate {'on' if row['estimate'] else 'off'}"
+
+
+def _of_all(name: str, put: Callable[[list[float]], float]) -> Value:
+    """Of the steps of all walks."""
+
+    def value(rows: Rows) -> float | None:
+        found = [slip for row in rows for slip in row[name]]
+        return put(found) if found else None
+
+    return value
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """Falls and slip per step, for each plant."""
+    columns: dict[str, Any] = {
+        "fell": fell,
+        "median on ice": (_of_all("ice_mm", lambda found: float(np.median(found))), "mm"),
+        "worst on ice": (_of_all("ice_mm", max), "mm"),
+        "worst after": (_of_all("after_mm", max), "mm"),
+        "lowest estimate": shown("lowest_estimate", min),
+    }
+    note = "Slip per step: path of both feet along the ground, over all steps of all walks, up to a fall."
+    return [
+        tabulated(f"ice_{plant}_{ice:g}", f"A strip of {ice:g}, {plant} plant", here, _place, columns, note)
+        for (ice, plant), here in grouped(rows, "ice", "plant").items()
+    ]
+
+
+STUDY = Study(
+    name="ice",
+    help="""Walk over ice with and without estimated friction.
+
+    The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines,
+    with exact measurements and with noise and delay.
+    """,
+    defaults={
+        "friction": 0.8,  # of the ground, which the controllers assume
+        "ice": (0.15,),  # static friction coefficients of the strip
+        "place": 0.6,  # where it begins, m, before a random shift by up to a step
+        "length": 0.6,  # m
+        "plants": ("compliant", "mujoco"),
+        "walks": 5,  # of each kind, with other places and other noise
+        "duration": 7.5,  # s
+        "seed": 0,  # of the first walk
+    },
+    quick={"plants": ("compliant",), "walks": 1, "place": 0.3, "length": 0.3, "duration": 3.0},
+    jobs=_jobs,
+    measure=_measured,
+    tables=_tables,
+)

@@ -1,0 +1,168 @@
+"""How much one machine does in a second: walks, environment steps, whole-body optima, and a tick inside C."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from itertools import product
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from comparison.measure.walking import Rows, grouped
+from comparison.study import Job, Study, shown, tabulated
+from comparison.tables import Table
+from harpy_pin import Ground, load_robot, make_gait
+from harpy_pin.compiled.kernels import wait_for_all
+from harpy_pin.contrib.batch import CondensedBatch
+from harpy_pin.gaits import Standing
+from harpy_pin.ground import Stairs
+from harpy_pin.log.run import Run
+from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.scenario import Scenario, build
+
+GROUNDS = {
+    "flat": Ground(mu_s=0.6),
+    "up a slope of 10°": Ground(mu_s=0.6, slope=float(np.radians(10.0))),
+    "up stairs": Ground(mu_s=0.6, terrain=Stairs(rise=0.05)),
+}
+TERRAIN_WALK = 10.0
+"""Duration of a walk on one of them, s."""
+
+
+def _walk(seconds: float) -> Run:
+    return build(Scenario(controller="condensed", ground=Ground(mu_s=0.25), duration=seconds)).run()
+
+
+def _real_time(settings: Job) -> list[float]:
+    """Simulated seconds in a second of the clock."""
+    rates = []
+    _walk(1.0)
+    wait_for_all()
+    for _ in range(settings["rounds"]):
+        begin = perf_counter()
+        _walk(settings["seconds"])
+        rates.append(settings["seconds"] / (perf_counter() - begin))
+    return rates
+
+
+def _ticks(walk: Run) -> list[float]:
+    """µs of each tick after the first second, of which a clock's reading is a part."""
+    return [float(ns) * 1e-3 for ns in walk["tick_ns"][1000:]]
+
+
+@cache
+def _ticks_on_terrain(rounds: int) -> dict[str, list[float]]:
+    """Likewise on each ground, one walk after the other in turn."""
+    found: dict[str, list[float]] = {name: [] for name in GROUNDS}
+    for _ in range(rounds):
+        for name, ground in GROUNDS.items():
+            found[name] += _ticks(build(Scenario(ground=ground, duration=TERRAIN_WALK)).run())
+    return found
+
+
+def _environments(settings: Job) -> list[float]:
+    """Steps a second of many environments under small random actions."""
+    from harpy_pin.contrib.gym.batched_env import (  # Gymnasium is an extra that only this figure needs
+        ACTIONS,
+        BatchedEnv,
+    )
+
+    worlds, random = BatchedEnv(settings["size"]), np.random.default_rng(settings["seed"])
+    idle, rates = np.zeros(settings["size"], dtype=np.bool_), []
+    for _ in range(settings["rounds"] + 1):
+        action = random.uniform(-0.2, 0.2, (settings["size"], ACTIONS))
+        begin = perf_counter()
+        worlds.step(action, idle)
+        rates.append(settings["size"] / (perf_counter() - begin))
+    worlds.close()
+    return rates[1:]  # the first compiles
+
+
+def _optima(robot: Robot, dtype: Any, settings: Job) -> list[float]:
+    """Optima a second, at states of a walk or, of another robot, of standing with its weight shifted."""
+    random, n = np.random.default_rng(settings["seed"]), settings["size"]
+    batch = CondensedBatch(robot, n, dtype=dtype)
+    if robot.name == "harpy":
+        walk, gait = _walk(10.0), make_gait(robot, speed=0.3)
+        chosen = random.integers(1000, len(walk), (n,))
+        q, v, force = (walk[name][chosen].astype(dtype) for name in ("q", "v", "foot_force"))
+        for i, row in enumerate(chosen):
+            batch.targets.fill(gait.update(float(walk["t"][row])), i)
+    else:
+        standing = Standing(robot)
+        q = np.tile(standing.initial_state()[0], (n, 1)).astype(dtype)
+        q[:, 7:] += 0.02 * random.standard_normal((n, q.shape[1] - 7)).astype(dtype)
+        v = 0.05 * random.standard_normal((n, robot.model.nv)).astype(dtype)
+        force = np.zeros((n, len(robot.feet), 3), dtype)
+        force[:, :, 2] = robot.mass * 9.81 / len(robot.feet)
+    rates = []
+    for _ in range(settings["rounds"] + 1):
+        begin = perf_counter()
+        batch.step(q, v, force)
+        rates.append(n / (perf_counter() - begin))
+    batch.close()
+    return rates[1:]
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    same = {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed}
+    kinds: list[Job] = [{"kind": "walk"}, {"kind": "tick"}, *({"kind": "terrain", "on": ground} for ground in GROUNDS)]
+    kinds.append({"kind": "environments"})
+    kinds += [
+        {"kind": "optima", "on": name, "dtype": dtype} for name, dtype in product(s.robots, ("float64", "float32"))
+    ]
+    yield from (kind | same for kind in kinds)
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    """A figure: its name, unit, median and best."""
+    kind, unit = job["kind"], "µs"
+    if kind == "walk":
+        what, unit, values = "walk under the condensed controller, log included", "× real time", _real_time(job)
+    elif kind == "tick":
+        what, values = "condensed controller's tick inside C, gait included", _ticks(_walk(job["seconds"]))
+    elif kind == "terrain":
+        what, values = f"the same at friction 0.6, {job['on']}", _ticks_on_terrain(job["rounds"])[job["on"]]
+    elif kind == "environments":
+        what, unit, values = "Gymnasium environments, all cores", "steps/s", _environments(job)
+    else:
+        robot = load_harpy() if job["on"] == "harpy" else load_robot(job["on"])
+        values = _optima(robot, np.dtype(job["dtype"]).type, job)
+        what, unit = f"whole-body optima, {job['on']}, {job['dtype']}, all cores", "per second"
+    best = min if unit == "µs" else max
+    return {"what": what, "unit": unit, "median": float(np.median(values)), "best": best(values)}
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """The figures as a table for each unit."""
+    note = "Of several rounds; other work on the machine lowers the medians."
+    return [
+        tabulated(
+            "rates", f"Rates, {unit}", same, lambda row: row["what"],
+            {name: (shown(name), unit) for name in ("median", "best")}, note,
+        )
+        for (unit,), same in grouped(rows, "unit").items()
+    ]  # fmt: skip
+
+
+STUDY = Study(
+    name="rates",
+    help="""Measure how much this machine does in a second.
+
+    Walks, environment steps and whole-body optima, and the condensed controller's tick inside C.
+    """,
+    defaults={
+        "seconds": 60.0,  # of each walk
+        "robots": ("harpy", "solo12", "g1"),  # of the batches of optima
+        "size": 4096,  # robots of a batch, and environments
+        "rounds": 15,  # of each figure; the median is told, and the best
+        "seed": 0,  # of the actions, and of which states of a walk make a batch
+    },
+    quick={"seconds": 10.0, "robots": ("harpy",), "size": 1024, "rounds": 3},
+    timed=_jobs,
+    measure=_measured,
+    tables=_tables,
+    only="robots",
+)

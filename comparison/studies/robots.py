@@ -1,0 +1,241 @@
+"""Well-known robots stand, shift their weight and are pushed, under the whole-body QP and the condensed controller.
+
+A biped on point feet cannot stand: it steps in place.
+
+Gains and weights are the library's; ranges of force and the weight on forces follow from the mass
+(:attr:`harpy_pin.Standing.parameters`), and so do the ground's stiffness and the pushes. One setting was chosen here:
+the damping of held soles, on G1 at rest on this ground, without a push.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from comparison.measure.thread_ticks import time_ticks
+from comparison.measure.walking import Rows
+from comparison.study import Job, Study
+from comparison.tables import Cell, Table, in_columns
+from harpy_pin import (
+    Disturbances,
+    Dynamics,
+    Ground,
+    HarpyError,
+    Push,
+    Robot,
+    Run,
+    Scenario,
+    Standing,
+    WalkingGait,
+    build,
+    load_robot,
+    measure,
+)
+from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.model.state import Vector
+
+GRAVITY = 9.81
+SINK = 1e-3
+"""How deep the feet sink in when the robot stands, m: it makes the ground's stiffness."""
+LEAN = 0.3
+"""Share of the way from above the middle to above the first foot, by which the weight is shifted."""
+LEAN_AT, PUSH_AT = 0.3, 0.5
+"""Times of shift and push, s."""
+CONTROLLERS = {"QP": "wbc", "condensed": "condensed"}
+SIDES = {"sideways": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0)}
+_ROBOT = {"mass_kg": ("mass", "kg"), "dof": ("DoF", ""), "feet": ("feet", ""), "terms_error": ("terms' error", "")}
+_TICKS = {
+    "slip_mm": ("slip, shift", "mm"),
+    **{f"{side}_slip_mm": (f"slip, {side}", "mm") for side in SIDES},
+    "friction_used": ("friction used", ""),
+    "tick_us": ("tick", "µs"),
+    "worst_us": ("worst", "µs"),
+}
+LOADED = 0.05
+"""Normal force of a foot, as a share of the weight, from which on its friction counts."""
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    for robot in s.robots:
+        yield {
+            "robot": robot, "friction": s.friction, "duration": s.duration, "pushes": list(s.pushes), "seed": s.seed
+        }  # fmt: skip
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    """What a robot is, and what happened under each controller; with a reason where something did not."""
+    try:
+        robot = load_robot(job["robot"])
+    except HarpyError as error:
+        return {"loads": False, "reason": str(error).splitlines()[0], "controllers": {}}
+    row: dict[str, Any] = {
+        "loads": True,
+        "mass_kg": robot.mass,
+        "dof": int(robot.model.nv),
+        "feet": f"{len(robot.corners)} {'flat_feet' if robot.flat_feet else 'points'}",
+        "terms_error": terms_error(robot, np.random.default_rng(job["seed"])),
+        "controllers": {},
+    }
+    for label, controller in CONTROLLERS.items():
+        try:
+            row["controllers"][label] = _stand(robot, controller, job)
+        except HarpyError as error:
+            row["controllers"][label] = {"stands": None, "reason": str(error).splitlines()[0]}
+    return row
+
+
+def terms_error(robot: Robot, rng: np.random.Generator, *, states: int = 10) -> float:
+    """Largest difference of mass matrix and bias from Pinocchio's, relative to their largest entries."""
+    model, dynamics = robot.model, Dynamics(robot)
+    data, worst = model.createData(), 0.0
+    for _ in range(states):
+        q = pin.integrate(model, pin.neutral(model), rng.standard_normal(model.nv))
+        v = rng.standard_normal(model.nv)
+        dynamics.update(q, v)
+        upper = np.triu(pin.crba(model, data, q))
+        matrix, bias = upper + np.triu(upper, 1).T, pin.rnea(model, data, q, v, np.zeros(model.nv))
+        for ours, theirs in ((dynamics.mass_matrix, matrix), (dynamics.bias, bias)):
+            worst = max(worst, float(np.abs(ours - theirs).max() / np.abs(theirs).max()))
+    return worst
+
+
+def run_standing(
+    robot: Robot,
+    controller: str,
+    *,
+    friction: float = 0.5,
+    duration: float = 3.0,
+    lean: float = 0.0,
+    push: Sequence[float] = (0.0, 0.0, 0.0),
+) -> tuple[Run, Vector]:
+    """Stand, or step in place on two points, on compliant ground, with the weight shifted or with a push.
+
+    Args:
+        robot: with a standing posture.
+        controller: ``wbc`` or ``condensed``.
+        friction: of the ground.
+        duration: s.
+        lean: share of the way over the first foot; a robot that steps does not shift its weight besides.
+        push: (3,) impulse over mass, m/s; zero for none.
+
+    Returns:
+        The run, and the ticks' times, µs of this thread.
+
+    Raises:
+        InputError: the controller does not take the robot.
+    """
+    stays = robot.corners != (1, 1)
+    gait = Standing(robot) if stays else WalkingGait(robot, "step", (0.0, 0.0, 0.0))
+    mass = robot.mass
+    scenario = Scenario(
+        controller={"name": controller, "parameters": gait.parameters},
+        ground=Ground(mu_s=friction, stiffness=mass * GRAVITY / (len(robot.feet) * SINK)),
+        disturbances=Disturbances(
+            pushes=(Push(PUSH_AT, (mass * push[0], mass * push[1], mass * push[2])),) if any(push) else ()
+        ),
+        duration=duration,
+    )
+    built = build(scenario, gait=gait)
+    if lean and isinstance(gait, Standing):
+        gait.move(lean * gait.over(0), t=LEAN_AT, duration=min(1.0, duration - LEAN_AT))
+    return time_ticks(built)
+
+
+def _stand(robot: Robot, controller: str, job: Job) -> dict[str, Any]:
+    """What one controller does with a robot."""
+    result: dict[str, Any] = {}
+    common: dict[str, Any] = {"friction": job["friction"], "duration": job["duration"]}
+    shifted, all_ticks = run_standing(robot, controller, lean=LEAN, **common)
+    result.update(stands=stood(shifted), slip_mm=_slip(shifted), friction_used=friction_used(shifted, robot))
+    for side, direction in SIDES.items():
+        largest = 0.0
+        for speed in job["pushes"]:
+            run, ticks = run_standing(robot, controller, push=[speed * part for part in direction], **common)
+            if not stood(run):
+                break
+            if speed == job["pushes"][0]:
+                result[f"{side}_slip_mm"] = _slip(run)
+                all_ticks = np.append(all_ticks, ticks)
+            largest = speed
+        result[side] = largest
+    result.update(tick_us=float(np.median(all_ticks)), worst_us=float(all_ticks.max()))
+    if not result["stands"]:
+        result["reason"] = f"{shifted.ending} at {shifted['t'][-1]:.2f} s"
+    return result
+
+
+def stood(run: Run) -> bool:
+    """Whether the robot came through: no fall, and never a tilt of more than 0.5 rad."""
+    return run.ending == "completed" and not measure(run).stumbled
+
+
+def _slip(run: Run) -> float:
+    """Way along the ground in the whole run, mean of all contact points, mm."""
+    return float(1e3 * run["slip_path"][-1].mean())
+
+
+def friction_used(run: Run, robot: Robot) -> float:
+    """Largest horizontal over normal force of a foot, all its corners together, while it carries."""
+    starts = np.cumsum((0, *robot.corners))[:-1]
+    force = np.add.reduceat(run["foot_force"], starts, axis=1)
+    carries = force[..., 2] > LOADED * robot.mass * GRAVITY
+    ratio = np.linalg.norm(force[..., :2], axis=-1)[carries] / force[..., 2][carries]
+    return float(ratio.max(initial=0.0))
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """What loads and stands; then slip and times."""
+    standing: list[Cell] = []
+    times: list[Cell] = []
+    for row in rows:
+        name = row["robot"]
+        standing.append(Cell(name, "loads", "yes" if row["loads"] else f"no: {row['reason']}"))
+        if not row["loads"]:
+            continue
+        standing += in_columns(name, row, _ROBOT)
+        for label, found in row["controllers"].items():
+            standing.append(Cell(name, f"stands, {label}", "yes" if found["stands"] else f"no: {found['reason']}"))
+            if found["stands"] is not None:
+                standing += [Cell(name, f"{side}, {label}", found[side], "m/s") for side in SIDES]
+                times += in_columns(f"{name}, {label}", found, _TICKS)
+    note = (
+        "Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, stepping "
+        "in place. Sideways and forward: "
+        "the largest push on the base that was stood, impulse over mass; 0 where the weakest was not. Terms' error: "
+        "mass matrix and bias beside Pinocchio's, relative."
+    )
+    slip = (
+        "Slip: mean way of the contact points along the ground in the run, with the weight shifted and with the "
+        "weakest push. Friction used: largest horizontal over normal force of a foot while the weight is shifted. "
+        "Ticks in time of the thread, over the same three runs."
+    )
+    return [
+        Table("robots", "Robots that stand and take pushes", tuple(standing), note),
+        Table("robots_ticks", "Their slip and their ticks", tuple(times), slip),
+    ]
+
+
+STUDY = Study(
+    name="robots",
+    help="""Stand the robots that are known by name, and push them.
+
+    They also shift their weight. Under the whole-body QP and the condensed controller, on compliant ground. Needs the
+    extra "robots".
+    """,
+    example="--only g1 --json g1.json",
+    defaults={
+        "robots": tuple(CATALOGUE),
+        "friction": 0.5,  # of the ground, which the controllers know
+        "duration": 3.0,  # of a run, s
+        "pushes": (0.1, 0.2, 0.3, 0.4),  # of 0.1 s, impulse over mass, m/s: each if the one before was stood
+        "seed": 0,  # of the states at which the terms are compared with Pinocchio's
+    },
+    quick={"robots": ("solo12", "g1"), "duration": 1.5, "pushes": (0.1,)},
+    timed=_jobs,
+    measure=_measured,
+    tables=_tables,
+    only="robots",
+)

@@ -1,0 +1,199 @@
+"""Walks that go where they are told: a course, random commands, pushes, slippery ground and absurd commands.
+
+The stiffer gains of the body that pushed walks are repeated with were chosen on sequences of seed 1; what is walked
+here by default has another seed. Nothing else was chosen on random commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from comparison.contenders import short_name
+from comparison.measure.walking import Rows, walk_as_far_as_it_goes
+from comparison.study import Job, Study, fell, mean, median, most, tabulated
+from comparison.tables import Table
+from harpy_pin import Commanded, Disturbances, Ground, Scenario, measure
+from harpy_pin.simulation.push import Push
+
+CONTROLLERS = ("condensed", "wbc")
+Command = tuple[float, float, float]
+"""Forward and lateral velocity, m/s, and yaw rate, rad/s."""
+
+COURSE: tuple[tuple[float, float, float, float], ...] = (
+    (0.5, 0.4, 0.0, 0.0),
+    (5.0, 0.2, 0.0, np.pi / 6.0),
+    (8.0, 0.0, 0.15, 0.0),
+    (11.5, -0.3, 0.0, 0.0),
+    (16.0, 0.0, 0.0, 0.0),
+)
+"""Ahead, a quarter to the left, sideways, back, and stop: 20 s."""
+FRICTIONS = {"random": (0.25, 0.8), "pushed": (0.25, 0.8), "absurd": (0.25, 0.8), "slippery": (0.06, 0.2)}
+"""Range from which the friction is drawn, by what is walked."""
+STIFF = (100.0, 20.0)
+"""The stiffer gains of the body, 1/s² and 1/s; the default is (25, 10)."""
+
+
+def scenario_of(job: Job) -> Scenario:
+    """What is walked; the same number has the same command, friction and push, whoever walks it."""
+    parameters: dict[str, Any] = {}
+    if job["controller"] == "wbc":
+        parameters["solver"] = "daqp"
+    if job["stiff"]:
+        parameters["body"] = STIFF
+    rng, what, impulse = np.random.default_rng([job["seed"], job["number"]]), job["what"], job["impulse"]
+    friction, rows = 0.4, COURSE
+    pushes: tuple[Push, ...] = ()
+    if what != "course":
+        friction = float(rng.uniform(*FRICTIONS[what]))
+        rows = tuple(_sequence(rng, job["duration"], *DRAWS.get(what, (_mixed, 0.2, 3.0))))
+    if impulse > 0.0:
+        angle, time = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(1.5, 4.0))
+        pushes = (Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)
+    return Scenario(
+        controller={"name": job["controller"], "parameters": parameters},
+        plant=job["plant"],
+        gait=Commanded(velocity=rows),
+        ground=Ground(mu_s=friction),
+        disturbances=Disturbances(pushes=pushes),
+        duration=job["duration"],
+    )
+
+
+def _sequence(
+    rng: np.random.Generator, duration: float, draw: Callable[[np.random.Generator], Command], least: float, most: float
+) -> Iterator[tuple[float, float, float, float]]:
+    """Drawn commands with their times, from ``least`` to ``most`` seconds apart."""
+    t = 0.3
+    while t < duration - 1.0:
+        yield (t, *draw(rng))
+        t += float(rng.uniform(least, most))
+
+
+def _mixed(rng: np.random.Generator) -> Command:
+    """Ahead and back, all at once, turning on the spot, or standing; one in ten is absurd."""
+    ahead, turn = (float(rng.uniform(-0.5, 0.5)), 0.0, 0.0), (0.0, 0.0, float(rng.uniform(-1.0, 1.0)))
+    both = (float(rng.uniform(-0.3, 0.4)), float(rng.uniform(-0.2, 0.2)), float(rng.uniform(-1.0, 1.0)))
+    x, y, w = (ahead, both, turn, (0.0, 0.0, 0.0))[int(rng.integers(4))]
+    if rng.random() < 0.1:
+        x, y, w = (float(value) for value in 10.0 * rng.standard_normal(3))
+    return x, y, w
+
+
+def _fast(rng: np.random.Generator) -> Command:
+    """As fast as the legs reach, in a new direction every second."""
+    angle = float(rng.uniform(0.0, 2.0 * np.pi))
+    return np.cos(angle), 0.5 * np.sin(angle), float(rng.uniform(-2.0, 2.0))
+
+
+def _absurd(rng: np.random.Generator) -> Command:
+    """Metres per second and tens of radians per second, several times a second."""
+    x, y, turn = (float(value) for value in rng.standard_normal(3))
+    return 3.0 * x, 3.0 * y, 20.0 * turn
+
+
+DRAWS = {"slippery": (_fast, 0.4, 1.6), "absurd": (_absurd, 0.1, 0.6)}
+"""How commands are drawn, and the least and longest time between two of them, s."""
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    for controller in CONTROLLERS:
+        walk: Job = {"what": "random", "controller": controller, "plant": "compliant", "number": 0, "impulse": 0.0}
+        walk |= {"stiff": False, "duration": s.duration, "seed": s.seed}
+        for plant in s.plants:
+            yield walk | {"what": "course", "plant": plant, "duration": s.course}
+        for number in range(s.walks):
+            yield walk | {"number": number}
+            for impulse, stiff in product(s.pushes, (False, True)):
+                yield walk | {"what": "pushed", "number": number, "impulse": impulse, "stiff": stiff}
+        for number in range(s.in_mujoco):
+            yield walk | {"number": number, "plant": "mujoco"}
+        for number in range(s.slippery):
+            yield walk | {"what": "slippery", "number": number}
+        for number in range(s.absurd):
+            yield walk | {"what": "absurd", "number": number}
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    """Measures of one walk; a controller that fails counts as a fall at that moment."""
+    run = walk_as_far_as_it_goes(scenario_of(job))
+    measures = measure(run)
+    error_m = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)
+    return {
+        "fell": run.ending != "completed",
+        "stumbled": measures.stumbled,
+        "path_rms_mm": 1e3 * float(np.sqrt(np.mean(error_m**2))),
+        "path_worst_mm": 1e3 * float(error_m.max()),
+        "slip_mm_per_step": measures.slip_mm_per_step,
+        "speed_m_s": float(np.linalg.norm(run["applied_velocity"][:, :2], axis=1).mean()),
+    }
+
+
+COLUMNS: dict[str, Any] = {
+    "fell": fell,
+    "rms": (median("path_rms_mm"), "mm"),
+    "worst rms": (most("path_rms_mm"), "mm"),
+    "slip": (median("slip_mm_per_step"), "mm"),
+    "worst slip": (most("slip_mm_per_step"), "mm"),
+}
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """Falls, path and slip: the course, random and absurd commands, pushes, slippery ground."""
+    low, high = FRICTIONS["slippery"]
+    tables = [
+        tabulated(
+            "steering_commands", "Commands",
+            [row for row in rows if row["impulse"] == 0.0 and row["what"] != "slippery"],
+            lambda row: f"{row['what']}, {row['plant']}, {short_name(row['controller'])}", COLUMNS,
+            "Distance of the body from its target, and slip per step: medians over the walks, and the worst of all.",
+        ),
+        tabulated(
+            "steering_pushes", "Random commands, pushed", [row for row in rows if row["what"] == "pushed"],
+            lambda row: (
+                f"{row['impulse']:g} N·s, {'stiffer body' if row['stiff'] else 'default gains'}, "
+                f"{short_name(row['controller'])}"
+            ),
+            COLUMNS,
+            f"One push of 0.1 s in each walk. Stiffer: gains of the body {STIFF[0]:g} and {STIFF[1]:g}, not 25 and 10.",
+        ),
+        tabulated(
+            "steering_slippery", f"Commands as fast as the legs reach, friction {low:g} to {high:g}",
+            [row for row in rows if row["what"] == "slippery"],
+            lambda row: short_name(row["controller"]), COLUMNS | {"speed": (mean("speed_m_s"), "m/s")},
+            "Speed is the mean.",
+        ),
+    ]  # fmt: skip
+    return [table for table in tables if table.cells]
+
+
+STUDY = Study(
+    name="steering",
+    help="""Walk Harpy where commands say.
+
+    A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed controller and the
+    whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
+    minutes.
+    """,
+    defaults={
+        "course": 20.0,  # seconds of the course that are walked, friction 0.4
+        "plants": ("compliant", "mujoco"),  # in which it is
+        "walks": 200,  # random sequences of commands for each controller, without and with each push
+        "duration": 7.0,  # of these walks, s
+        "pushes": (10.0, 12.0),  # N·s, from a random side at a random time
+        "in_mujoco": 30,  # how many of the sequences without a push are walked in MuJoCo, too
+        "slippery": 20,  # fast sequences on slippery ground
+        "absurd": 20,  # sequences of commands that no robot could follow
+        "seed": 0,
+    },
+    quick={
+        **{"course": 3.0, "plants": ("compliant",), "walks": 1, "duration": 5.0, "pushes": (12.0,), "in_mujoco": 0},
+        **{"slippery": 1, "absurd": 1},
+    },
+    jobs=_jobs,
+    measure=_measured,
+    tables=_tables,
+)

@@ -1,0 +1,174 @@
+"""Walks with thrusters whose magnitude or direction lags, or of which one fails, and with slow motors.
+
+Lags are of first order (:mod:`harpy_pin.simulation.thrusters`). Two columns are of controllers that know them
+(:mod:`harpy_pin.controllers.thrust_lag`); nobody knows how slow the motors are, or that a thruster fails. All have the
+same limits of torque and thrust.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
+from comparison.studies.limits import slip_or_falls
+from comparison.studies.margins import pd_lag_margin
+from comparison.study import STARTS, Job, Study, Value, crossed, start_velocity
+from comparison.tables import Cell, Table, number_text
+from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters, measure
+from harpy_pin.controllers import WholeBodyParameters
+from harpy_pin.controllers.parameters import GovernedParameters
+from harpy_pin.log.optional import given_thrust
+from harpy_pin.simulation.mujoco import installed_version
+
+WALKERS: dict[str, dict[str, Any]] = {
+    "none": {"name": "governed", "governor": "none", "limits": True},
+    "paper": {"name": "governed", "governor": "paper", "limits": True},
+    "filter": {"name": "governed", "governor": "filter", "limits": True},
+    "condensed": {"name": "condensed"},
+    "QP": {"name": "wbc"},
+    "condensed, knows": {"name": "condensed"},
+    "QP, knows": {"name": "wbc"},
+}
+"""Controllers by the name of their column."""
+FAILS_AT = 1.5
+"""When the left thruster fails, s."""
+PLANTS = {"ours": {"name": "compliant"}, "MuJoCo": {"name": "mujoco", "preset": "stiff"}}
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    plants = [plant for plant in s.plants if plant == "ours" or installed_version() is not None]
+    names = ("bandwidth", "lag", "turning_lag", "failing")
+    for plant, friction in product(plants, s.frictions):
+        cases: list[tuple[float | None, float, float, float | None]]
+        cases = [(bandwidth, lag, 0.0, None) for bandwidth, lag in product(s.bandwidths, s.lags)]
+        if friction == s.frictions[0]:
+            cases += [(None, 0.0, turning, None) for turning in s.turning_lags]
+            cases += [(None, 0.0, 0.0, failing) for failing in s.failing]
+        for case, walker, start in product(cases, WALKERS, range(s.starts)):
+            what = dict(zip(names, case, strict=True))
+            if "knows" in walker and what["lag"] == what["turning_lag"] == 0.0:
+                continue  # there is nothing to know
+            yield {"plant": plant, "friction": friction, **what, "walker": walker} | {
+                **{"start": start, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
+            }
+
+
+def scenario_of(job: Job) -> Scenario:
+    """What is walked."""
+    failing = None if job["failing"] is None else (0, FAILS_AT, job["failing"])
+    thrusters = Thrusters(lag=job["lag"], turning_lag=job["turning_lag"], failing=failing)
+    actuators = Actuators(bandwidth=job["bandwidth"], torque_share=1.0, thrusters=thrusters)
+    lags = {"thrust_lag": job["lag"], "thrust_turning_lag": job["turning_lag"]}
+    known = {"parameters": lags} if "knows" in job["walker"] else {}
+    return Scenario(
+        gait={"name": "hand"},
+        controller={**WALKERS[job["walker"]], **known},
+        plant=PLANTS[job["plant"]],
+        ground=Ground(mu_s=job["friction"]),
+        disturbances=Disturbances(actuators=actuators, start_velocity=start_velocity(job)),
+        duration=job["duration"],
+    )
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    run = walk_as_far_as_it_goes(scenario_of(job))
+    measures = measure(run)
+    thrust = np.linalg.norm(given_thrust(run), axis=2)
+    return {
+        "fell": run.ending != "completed",
+        "slip_mm_per_step": measures.slip_mm_per_step,
+        "thrust_n": float(thrust.sum(axis=1).mean()),
+        "thrust_w": measures.thrust_power_w,
+        "upright_s": float(run["t"][-1]),
+        "distance_m": measures.distance_m,
+    }
+
+
+def _place(row: dict[str, Any]) -> str:
+    """What thrusters and motors are."""
+    if row["turning_lag"] > 0.0:
+        return f"directions {1e3 * row['turning_lag']:g} ms"
+    if row["failing"] is not None:
+        return f"{100 * row['failing']:g} % of one left"
+    return f"{1e3 * row['lag']:g} ms" + ("" if row["bandwidth"] is None else f", motors of {row['bandwidth']:g} Hz")
+
+
+def _unless_fallen(name: str) -> Value:
+    """The median, of walks of which none fell."""
+    return lambda rows: (
+        "" if any(row["fell"] for row in rows) else number_text(float(np.median([row[name] for row in rows])), 2)
+    )
+
+
+QUANTITIES = (
+    ("slip", "Slip per step, mm, or falls", slip_or_falls,
+     "Median over the starts; where walks fell, how many. Two columns know the lags."),
+    ("thrust", "Thrust, N", _unless_fallen("thrust_n"),
+     "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty where a walk fell."),
+    ("power", "Power of the thrusters, W", _unless_fallen("thrust_w"),
+     "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a walk fell."),
+)  # fmt: skip
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """The margins, and slip or falls, thrust and power: tables for each engine and friction."""
+    return [_margins()] + [
+        crossed(
+            f"thrusters_{short}_{plant}_{friction:g}".lower(), f"{title}: {plant}, friction {friction:g}", here,
+            _place, lambda row: row["walker"], what, note,
+        )
+        for (plant, friction), here in grouped(rows, "plant", "friction").items()
+        for short, title, what, note in QUANTITIES
+    ]  # fmt: skip
+
+
+def _margins() -> Table:
+    """Lags that the linear argument allows where only thrusts act."""
+    governed, p = GovernedParameters(), WholeBodyParameters()
+    loops = {
+        "paper: position": (float(np.max(governed.centre.k_pt)), float(np.max(governed.centre.k_dt))),
+        "paper: roll and yaw": (governed.attitude.k_p, governed.attitude.k_d),
+        "WBCs: position": p.body,
+        "WBCs: orientation": p.orientation,
+    }
+    cells = []
+    for name, (k_p, k_d) in loops.items():
+        cells.append(Cell(name, "k_d / k_p", 1e3 * k_d / k_p, "ms"))
+        if name.startswith("WBCs"):
+            cells.append(Cell(name, "held over a tick", 1e3 * pd_lag_margin(k_p, k_d, period=p.period), "ms"))
+    note = "Largest lag of thrusts with which the loop is stable, if nothing else gives the acceleration commanded."
+    return Table("thrusters_margins", "Lags that the linear argument allows", tuple(cells), note)
+
+
+STUDY = Study(
+    name="thrusters",
+    help="""Walk Harpy with thrusters as they are.
+
+    Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, or one of them fails; also with slow motors, and
+    in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed controller and
+    the whole-body QP, and these two where they know the lags. This takes many minutes.
+    """,
+    example="--out thrusters.jsonl",
+    defaults=STARTS
+    | {
+        "lags": (0.0, 0.01, 0.03, 0.1, 0.3, 1.0),  # of the thrusts' magnitudes, s
+        "turning_lags": (0.02, 0.05, 0.1, 0.2),  # of their directions, s, with magnitudes that follow at once
+        "failing": (0.5, 0.2, 0.0),  # shares of one thruster that are left from the second step on, without lags
+        "bandwidths": (None, 50.0),  # of the motors, Hz; None where they follow at once
+        "frictions": (0.25, 0.15),
+        "plants": tuple(PLANTS),
+        "starts": 3,
+        "seed": 600,
+    },
+    quick={
+        **{"lags": (0.0, 0.1), "turning_lags": (0.05,), "failing": (0.5,), "bandwidths": (None,), "frictions": (0.25,)},
+        **{"plants": ("ours",), "starts": 1, "duration": 1.5},
+    },
+    jobs=_jobs,
+    measure=_measured,
+    tables=_tables,
+)

@@ -1,0 +1,135 @@
+"""What is walked beside the condensed WBC: Go1 by a policy, on a course, by random commands, on slippery ground and
+pushed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from comparison.measure.walking import Rows, grouped
+from comparison.peers.environment import default_folder
+from comparison.studies.walking import DRAWN, SIDES, course, slip_and_falls
+from comparison.study import Job, Study, crossed, fell, median, tabulated, where
+from comparison.tables import Table
+from comparison.walkers.policy import package_in
+from comparison.walkers.walk import PLANTS, WALKERS, walked
+
+RANGE = (1.5, 0.8, 1.2)
+"""Of the commands under which the policy was trained: forward, sideways, m/s, turning, rad/s."""
+CHANGES = (1.0, 4.0)
+"""Between random commands, s."""
+PUSHED = 0.6
+"""Impulse over mass of a push, m/s."""
+SLOW = 0.5
+"""Velocity forward on slippery ground and under pushes, m/s."""
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    """Go1's walks, the same for every walker in both plants."""
+    package_in(default_folder())
+    for walk, plant, walker in product(_walks(s), PLANTS, WALKERS):
+        yield {"walker": walker, "plant": plant, "push": None, **walk}
+
+
+def _walks(s: Any) -> Iterator[Job]:
+    forward = [[0.5, SLOW, 0.0, 0.0]]
+    for what, friction in (("course", 0.8), ("course, friction 0.3", 0.3)):
+        rows = [list(row) for row in course(RANGE[0])]
+        yield {"what": f"go1, {what}", "number": 0, "friction": friction, "commands": rows, "duration": s.course}
+    yield {"what": "go1, friction 0.1", "number": 0, "friction": 0.1, "commands": forward, "duration": s.duration}
+    for number in range(s.walks):
+        rng = np.random.default_rng([s.seed, number])
+        friction, rows = float(rng.uniform(*DRAWN)), list(_sequence(rng, s.duration))
+        yield {"what": "go1, random", "number": number, "friction": friction, "commands": rows, "duration": s.duration}
+    for number in range(SIDES * s.pushes):
+        angle = 2.0 * np.pi * number / SIDES
+        time = float(np.random.default_rng([s.seed, number]).uniform(2.5, 3.5))
+        push = [time, float(PUSHED * np.cos(angle)), float(PUSHED * np.sin(angle))]
+        yield {
+            "what": "go1, pushed", "number": number, "friction": 0.6, "commands": forward, "push": push,
+            "duration": s.duration,
+        }  # fmt: skip
+
+
+def _sequence(rng: np.random.Generator, duration: float) -> Iterator[list[float]]:
+    t = 0.5
+    while t < duration - 1.0:
+        x, y, w = rng.uniform(-1.0, 1.0, 3) * RANGE
+        yield [t, float(x), float(y), float(w)]
+        t += float(rng.uniform(*CHANGES))
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    return walked(job, default_folder())
+
+
+UNITS = {
+    "slip_mm_per_step": ("slip", "mm"),
+    "steps_per_s": ("steps", "1/s"),
+    "error_m_s": ("error", "m/s"),
+    "settled_error_m_s": ("settled", "m/s"),
+    "settled_turn_error_rad_s": ("turning", "rad/s"),
+    "joint_power_w": ("power", "W"),
+    "cost_of_transport": ("cost of transport", ""),
+    "call_us": ("call", "µs"),
+}
+COLUMNS: dict[str, Any] = {"fell": fell} | {
+    column: (where(median(name), fell=False), unit) for name, (column, unit) in UNITS.items()
+}
+NOTE = (
+    "Medians over the walks that did not fall. Slip: path of what touches the ground, of all feet, per step. "
+    "Error: of the velocity, rms, against the "
+    "command as given; settled, and of turning: from 2 s after a new command on. Power without braking. Joint "
+    "friction: estimated, because the controller's model lacks it. Call: thread time of the network alone, "
+    "every 20 ms; of the controller with its gait, every step."
+)
+
+
+def _walker(row: dict[str, Any]) -> str:
+    return str(row["walker"])
+
+
+def _kind(row: dict[str, Any]) -> str:
+    return str(row["what"]).removeprefix("go1, ")
+
+
+def _slips(rows: Rows) -> str:
+    """In one plant after the other."""
+    return " / ".join(slip_and_falls(walks) for walks in grouped(rows, "plant").values())
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """Every walker's measures, a table for each kind of walk and plant; then slip and falls of all."""
+    tables = [
+        tabulated(re.sub(r"\W+", "_", f"walkers_{what}_{plant}"), f"{what}, {plant}", same, _walker, COLUMNS, NOTE)
+        for (what, plant), same in grouped(rows, "what", "plant").items()
+    ]
+    note = "Slip, mm per step, medians over the walks, and how many fall; of one plant after the other."
+    return [*tables, crossed("walkers_go1", "Walks of Go1", rows, _walker, _kind, _slips, note)]
+
+
+STUDY = Study(
+    name="walkers",
+    help="""Walk other people's walker beside ours.
+
+    MuJoCo Playground's policy for Go1 and the condensed WBC in the policy's own model of the robot: a course, random
+    commands, slippery ground and pushes. "peers --install" installs the policy. Needs the extra "robots". This takes
+    many minutes.
+    """,
+    example="--out walkers.jsonl",
+    defaults={
+        "walks": 20,  # random sequences of commands
+        "pushes": 1,  # walks with a push from each of eight sides
+        "course": 20.0,  # seconds of it
+        "duration": 8.0,  # of the other walks, s
+        "seed": 0,
+    },
+    quick={"walks": 1, "pushes": 0, "course": 2.0, "duration": 3.0},
+    jobs=_jobs,
+    measure=_measured,
+    tables=_tables,
+)

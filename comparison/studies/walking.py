@@ -1,0 +1,328 @@
+"""Robots of the catalogue walk where they are told: courses, slippery ground, random commands, pushes, noise and delay.
+
+No setting of the gait was chosen on the random commands and pushes of seed 0, which are what is walked here by default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from comparison.contenders import label
+from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
+from comparison.measure.thread_ticks import time_ticks_of_two
+from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
+from comparison.study import Job, Study, fell, median, most, shown, tabulated, where
+from comparison.tables import Table
+from harpy_pin import (
+    Condensed,
+    Disturbances,
+    Ground,
+    Noise,
+    Push,
+    Scenario,
+    Walking,
+    WalkingGait,
+    WholeBody,
+    build,
+    load_robot,
+    measure,
+)
+from harpy_pin.model.state import Vector
+
+QUADRUPEDS = ("solo12", "a1", "b1", "go1", "go2", "laikago", "anymal_b", "anymal_c", "hyq")
+ON_SOLES = ("g1", "talos", "icub")
+BIPEDS = ("bolt", *ON_SOLES)
+PD = "joint_pd"
+"""Joint PD with feedforward (:mod:`comparison.joint_pd`); it walks everything, but for robots on soles."""
+PD_ROBOTS = (*QUADRUPEDS, "bolt")
+"""Who has gains for it."""
+GRAVITY = 9.81
+SINK = 2e-3
+"""How deep the feet sink in when the robot stands on two of four, m: it makes the ground's stiffness."""
+FRICTION = {
+    "course": 0.8,
+    "ticks": 0.8,
+    "course, friction 0.3": 0.3,
+    "friction 0.1": 0.1,
+    "crawl": 0.5,
+    "pace": 0.5,
+    "bound": 0.5,
+    "ten metres": 0.5,
+}
+"""Of the ground, which the controllers know, by what is walked; of the rest it is drawn, or 0.6."""
+DRAWN = (0.3, 0.8)
+"""Range of the friction under random commands."""
+SIDES = 8
+PUSH, SOLE_PUSH = 0.6, 0.15
+"""Impulse over mass of a push of 0.1 s, m/s, on points and on soles."""
+ICE_SPEED = 0.4
+"""Speed of quadrupeds at friction 0.1, m/s."""
+TEN_METRES = ((0.5, 0.22, 0.0, 0.0), (47.0, 0.11, 0.0, 0.4), (51.0, 0.0, 0.0, 0.0))
+"""Of robots on soles: the velocity for more than 10 m forward, a turn by 1.6 rad, and a stop."""
+STOPPED = 54.0
+"""When they stand again, s."""
+DELAY = 3e-3
+"""With noise, s."""
+LEG_SPEED = 0.99
+"""Speed of the course forward, as a share of the gait's largest."""
+
+
+LATE = 2e3
+"""Longest tick that is asked for, µs."""
+POSTURE = 1e-9
+"""Weight of the QP's posture task, which the condensed WBC has not: the smaller, the nearer are the two."""
+COLUMNS: dict[str, Any] = {
+    "fell": fell,
+    "slip": (median("slip_mm_per_step"), "mm"),
+    "largest slip": (most("slip_mm_per_step"), "mm"),
+    "off path": (median("path_rms_mm"), "mm"),
+    "power": (median("joint_power_w"), "W"),
+    "speed": (most("speed_m_s"), "m/s"),
+}
+NOTE = (
+    "Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of the "
+    "joints, without braking. Medians over the walks."
+)
+COURSES = {"course": "course", "friction 0.3": "course, friction 0.3", "ten metres": "ten metres"}
+"""Columns of courses, which are walked in both engines."""
+WALKS: dict[str, tuple[str, ...]] = {
+    "friction 0.1": ("friction 0.1",),
+    "crawl, pace, bound": ("crawl", "pace", "bound"),
+    "random": ("random",),
+    "noise and delay": ("random, noise and delay",),
+    "pushed": ("pushed",),
+}
+"""Columns of what is walked in the compliant plant, and what each holds."""
+BRIEF = "Slip, mm per step, the median of the walks; of courses in the compliant plant and in MuJoCo. Off path: rms."
+TICKS: dict[str, Any] = {
+    "condensed": (shown("condensed_us"), "µs"),
+    "condensed, worst": (shown("condensed_worst_us"), "µs"),
+    "QP": (shown("qp_us"), "µs"),
+    "QP, worst": (shown("qp_worst_us"), "µs"),
+    "over 2 ms": shown("late"),
+    "apart": shown("apart"),
+    "apart, 99 %": shown("apart_99"),
+    "apart, largest": shown("apart_worst"),
+}
+TICKS_NOTE = (
+    "On the course at friction 0.8, every tick called from Python, in time of the thread: medians and worst. "
+    "Apart: largest difference of the condensed WBC's torques from the QP's, over the largest torque."
+)
+
+
+def job_of(robot: str, what: str, duration: float, seed: int, **options: Any) -> Job:
+    """A walk; by default under the condensed WBC in the compliant plant."""
+    job: Job = {"robot": robot, "what": what, "controller": "condensed", "plant": "compliant", "number": 0}
+    return job | {"duration": duration, "seed": seed, **options}
+
+
+def scenario_of(job: Job) -> Scenario:
+    """What is walked; the same number has the same command, friction and push, whoever walks it."""
+    robot = load_robot(job["robot"])
+    fastest = float(WalkingGait(robot).describe()["max_speed"])
+    rng = np.random.default_rng([job["seed"], job["number"]])
+    friction, schedule = FRICTION.get(job["what"], 0.6), None
+    pushes: tuple[Push, ...] = ()
+    sensors: dict[str, Any] = {}
+    rows = course(LEG_SPEED * fastest)
+    if job["what"] in ("crawl", "pace", "bound"):
+        schedule, rows = job["what"], ((0.3, 0.3 * fastest, 0.0, 0.0),)
+    elif job["what"] == "ten metres":
+        rows = TEN_METRES
+    elif job["what"] == "friction 0.1":
+        rows = ((0.3, ICE_SPEED if job["robot"] in QUADRUPEDS else 0.3 * fastest, 0.0, 0.0),)
+    elif job["what"] == "pushed":
+        rows = ((0.3, 0.4 * fastest, 0.0, 0.0),)
+        angle, time = 2.0 * np.pi * job["number"] / SIDES, float(rng.uniform(1.5, 2.5))
+        impulse = robot.mass * (SOLE_PUSH if robot.flat_feet else PUSH)
+        pushes = (Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)
+    elif job["what"].startswith("random"):
+        friction = float(rng.uniform(*DRAWN))
+        rows = tuple(_sequence(rng, fastest, job["duration"]))
+        if job["what"].endswith("delay"):
+            sensors = {"noise": Noise.typical(), "delay": DELAY, "seed": job["number"]}
+    return Scenario(
+        robot=job["robot"],
+        controller="condensed" if job["controller"] == PD else job["controller"],
+        plant=job["plant"],
+        gait=Walking(schedule=schedule, velocity=rows),
+        ground=Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK),
+        disturbances=Disturbances(pushes=pushes, **sensors),
+        duration=job["duration"],
+    )
+
+
+def course(speed: float) -> tuple[tuple[float, float, float, float], ...]:
+    """Forward, a quarter to the left, sideways, back, and stop: 20 s."""
+    turn, quarter = 0.6, np.pi / 2.0 / 0.6
+    return (
+        (0.5, speed, 0.0, 0.0),
+        (5.0, 0.5 * speed, 0.0, turn),
+        (5.0 + quarter, 0.0, 0.5 * speed, 0.0),
+        (11.0, -0.5 * speed, 0.0, 0.0),
+        (16.0, 0.0, 0.0, 0.0),
+    )
+
+
+def _sequence(rng: np.random.Generator, fastest: float, duration: float) -> Iterator[tuple[float, float, float, float]]:
+    """Any direction up to the largest speed, turning too, anew every 0.2 to 2.5 s."""
+    t = 0.3
+    while t < duration - 1.0:
+        x, y, w = rng.uniform(-1.0, 1.0, 3)
+        yield (t, float(x * fastest), float(0.6 * y * fastest), float(1.5 * w))
+        t += float(rng.uniform(0.2, 2.5))
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    for robot in s.robots:
+        walk = partial(job_of, robot, seed=s.seed)
+        able = [one for one in s.controllers if one != PD or robot in PD_ROBOTS]
+        for plant in s.plants:
+            for controller, what in product(able, ("course", "course, friction 0.3")):
+                yield walk(what, s.course, plant=plant, controller=controller)
+            if robot in ON_SOLES:
+                yield walk("ten metres", STOPPED, plant=plant, controller=s.controllers[0])
+        for controller in [one for one in able if one in (s.controllers[0], PD)]:
+            shorter = partial(walk, duration=s.duration, controller=controller)
+            for what in ("friction 0.1", *(("crawl", "pace", "bound") if robot in QUADRUPEDS else ())):
+                yield shorter(what)
+            plain = s.walks_on_four if robot in QUADRUPEDS and controller == s.controllers[0] else s.walks
+            for what, count in {
+                "random": plain,
+                "random, noise and delay": s.walks,
+                "pushed": SIDES * s.pushes,
+            }.items():
+                for number in range(count):
+                    yield shorter(what, number=number)
+
+
+def _timed(s: Any) -> Iterator[Job]:
+    yield from (job_of(robot, "ticks", s.course, s.seed) for robot in s.robots)
+
+
+def walked(job: Job, gains: JointPDGains | None = None) -> dict[str, Any]:
+    """Measures of one walk; a controller that fails counts as a fall at that moment.
+
+    Args:
+        job: the walk.
+        gains: of joint PD; those that were found by default.
+    """
+    scenario, own = scenario_of(job), None
+    if job["what"] == "ticks":
+        return ticks_of(scenario)
+    if job["controller"] == PD:
+        chosen = JointPDGains(**found_gains()[job["robot"]]["gains"]) if gains is None else gains
+        own = partial(JointPD, gains=chosen, mu=scenario.mu)
+    run = walk_as_far_as_it_goes(scenario, own)
+    error_m = np.linalg.norm(run["centre"][:, :2] - run["path"][:, :2], axis=1)
+    return {
+        "fell": run.ending != "completed",
+        "stood_s": float(run["t"][-1]),
+        "path_rms_mm": 1e3 * float(np.sqrt(np.mean(error_m**2))),
+        "slip_mm_per_step": 1e3 * float(run["slip_path"][-1].sum()) / max(int(run["steps"][-1]), 1),
+        "joint_power_w": measure(run).joint_power_w,
+        "speed_m_s": float(np.linalg.norm(run["applied_velocity"][:, :2], axis=1).max()),
+    }
+
+
+def ticks_of(scenario: Scenario) -> dict[str, Any]:
+    """Times of a walk under the condensed WBC and of the QP at its states, and how far their torques are apart."""
+    qp = WholeBody(parameters={"weights": {"posture": POSTURE}})
+    condensed, other = replace(scenario, controller=Condensed()), replace(scenario, controller=qp)
+    times, apart = time_ticks_of_two(build(condensed), build(other))
+    return {**_times("condensed", times[:, 0]), **_times("qp", times[:, 1]), "late": int((times > LATE).sum())} | {
+        "apart": float(np.median(apart)),
+        "apart_99": float(np.quantile(apart, 0.99)),
+        "apart_worst": float(apart.max()),
+    }
+
+
+def _times(name: str, times: Vector) -> dict[str, float]:
+    return {f"{name}_us": float(np.median(times)), f"{name}_worst_us": float(times.max())}
+
+
+def _tables(rows: Rows) -> list[Table]:
+    """Falls, path and slip of every robot, a table for each kind of walk; then a row for each robot, and its ticks."""
+    walks, tables = [row for row in rows if row["what"] != "ticks"], []
+    for (what, plant, controller), same in grouped(walks, "what", "plant", "controller").items():
+        name = f"walking_{what}_{plant}_{controller}".replace(",", "").replace(" ", "_")
+        title = f"{what}, {plant} plant, {label(controller)}"
+        tables.append(tabulated(name, title, same, _robot, COLUMNS, NOTE))
+    plants = list(dict.fromkeys(row["plant"] for row in walks))
+    for (controller,), same in grouped(walks, "controller").items():
+        columns = _summary(plants)
+        if not any(row["what"] == "ten metres" for row in same):
+            del columns["ten metres"]
+        tables.append(tabulated(f"walks_{controller}", f"Walks, {label(controller)}", same, _robot, columns, BRIEF))
+    ticks = [row for row in rows if row["what"] == "ticks"]
+    return [*tables, *([tabulated("walking_ticks", "Ticks", ticks, _robot, TICKS, TICKS_NOTE)] if ticks else [])]
+
+
+def _robot(row: dict[str, Any]) -> str:
+    return str(row["robot"])
+
+
+def _summary(plants: list[str]) -> dict[str, Any]:
+    """Columns of a table with a row for each robot."""
+    columns: dict[str, Any] = {"speed": (most("speed_m_s"), "m/s")}
+    for column, what in COURSES.items():
+        columns[column] = partial(_in_all, what, plants)
+    columns["off path"] = where(shown("path_rms_mm"), what="course", plant=plants[0]), "mm"
+    return columns | {column: partial(_of_kinds, kinds, plants[0]) for column, kinds in WALKS.items()}
+
+
+def _in_all(what: str, plants: list[str], rows: Rows) -> str | None:
+    told = [where(slip_and_falls, what=what, plant=plant)(rows) for plant in plants]
+    return None if what == "ten metres" and told[0] is None else " / ".join(text or "–" for text in told)
+
+
+def _of_kinds(kinds: tuple[str, ...], plant: str, rows: Rows) -> str | None:
+    told = [where(slip_and_falls, what=what, plant=plant)(rows) for what in kinds]
+    return ", ".join(text for text in told if text) or None
+
+
+def slip_and_falls(rows: Rows) -> str:
+    """Median slip per step, and the falls if there are any."""
+    fell = sum(row["fell"] for row in rows)
+    if len(rows) == 1 and fell:
+        return "falls"
+    slip = f"{np.median([row['slip_mm_per_step'] for row in rows]):.2f}"
+    return f"{slip}, {fell} of {len(rows)} fall{'s' if fell == 1 else ''}" if fell else slip
+
+
+STUDY = Study(
+    name="walking",
+    help="""Walk the robots that are known by name.
+
+    Courses that commands describe, in both engines under the condensed controller, the whole-body QP and joint PD;
+    slippery ground, other schedules, random commands without and with noise and delay, and pushes from eight sides.
+    Needs the extra "robots", and an hour.
+    """,
+    example="--only go2 --out go2.jsonl",
+    defaults={
+        "robots": QUADRUPEDS + BIPEDS,
+        "controllers": ("condensed", "wbc", PD),  # of the courses; the first one and joint PD walk the rest
+        "plants": ("compliant", "mujoco"),  # of the courses
+        "course": 20.0,  # seconds of it that are walked
+        "walks": 40,  # random sequences of commands for each robot, and as many with noise and delay
+        "walks_on_four": 200,  # random sequences without noise for each quadruped under the first controller
+        "pushes": 3,  # walks with a push from each of eight sides
+        "duration": 6.0,  # of these walks, s
+        "seed": 0,
+    },
+    quick={
+        **{"robots": ("solo12",), "controllers": ("condensed",), "plants": ("compliant",), "course": 3.0, "walks": 1},
+        **{"walks_on_four": 1, "pushes": 0, "duration": 3.0},
+    },
+    jobs=_jobs,
+    timed=_timed,
+    measure=walked,
+    tables=_tables,
+    only="robots",
+)

@@ -1,0 +1,209 @@
+"""Studies as data on one runner: what is walked, what is measured, and which tables are made of it.
+
+A study lists jobs, each a dict that says all of one walk; ``measure`` walks one and gives what is kept of it. A row is
+both together. Walks that a file has are not repeated; many are walked in processes of their own, one for each core.
+
+A new study is a file of :mod:`comparison.studies` with a ``STUDY``; its command is ``python -m comparison NAME``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import tempfile
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from comparison.campaign.plan import code_digest
+from comparison.campaign.store import Store
+from comparison.measure.walking import Progress, Rows, one_by_one
+from comparison.tables import Cell, Table
+from harpy_pin import checks
+from harpy_pin.files import finite
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Job = dict[str, Any]
+"""What one walk is; JSON can hold it."""
+
+STARTS: dict[str, Any] = {"starts": 1, "jitter": 0.02, "duration": 6.0, "seed": 0}
+"""Settings of studies with several starts of each walk: how many, the standard deviation of the starting velocity
+along x and y, m/s, the duration of a walk, s, and the seed of the starts."""
+
+
+def _nothing(settings: Any) -> Iterable[Job]:
+    return ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """One question, measured.
+
+    Attributes:
+        name: of the command and of its source in pages.
+        help: of the command: a line, an empty line, and the rest.
+        defaults: settings; of a tuple of names it has all that there are.
+        quick: those that differ in a look.
+        jobs: what is walked, from the settings.
+        timed: the same of what is measured afterwards, one after the other with nothing beside it.
+        measure: gives the measures of one job; a function of a module.
+        all_at_once: measures everything itself instead, from settings and progress.
+        tables: of the rows.
+        example: of the command's options.
+        only: the setting that ``--only`` chooses from, if there is one.
+        figure: draws the rows, for ``--figure``.
+    """
+
+    name: str
+    help: str
+    defaults: Mapping[str, Any]
+    quick: Mapping[str, Any]
+    jobs: Callable[[Any], Iterable[Job]] = _nothing
+    timed: Callable[[Any], Iterable[Job]] = _nothing
+    measure: Callable[[Job], dict[str, Any]] = dict
+    all_at_once: Callable[[Any, Progress | None], Rows] | None = None
+    tables: Callable[[Rows], list[Table]]
+    example: str = ""
+    only: str = ""
+    figure: Callable[[Rows], Figure] | None = None
+
+    def settings(self, *, quick: bool = False, **changes: Any) -> SimpleNamespace:
+        """The settings, with changes.
+
+        Raises:
+            InputError: one is not known, or is not a number of at least zero or a name that the default has.
+        """
+        for name, value in changes.items():
+            checks.one_of("setting", name, self.defaults)
+            for one in value if isinstance(value, tuple) else (value,):
+                if isinstance(one, str) and isinstance(self.defaults[name], tuple):
+                    checks.one_of(name, one, self.defaults[name])
+                elif isinstance(one, float | int):
+                    checks.number(name, one, low=0.0)
+        return SimpleNamespace(**{**self.defaults, **(self.quick if quick else {}), **changes})
+
+    def run(
+        self, progress: Progress | None = None, *, quick: bool = False, path: Path | None = None, **changes: Any
+    ) -> Rows:
+        """Every row, in the order of the jobs.
+
+        Args:
+            progress: told at the begin and after every row.
+            quick: a look.
+            path: file of finished walks, whose rows of other code are left aside; None keeps none.
+            changes: of settings.
+
+        Raises:
+            InputError: a setting is out of its domain.
+            RunFileError: the file cannot be read or written.
+        """
+        settings = self.settings(quick=quick, **changes)
+        if self.all_at_once is not None:
+            return self.all_at_once(settings, progress)
+        own = hashlib.sha256(Path(inspect.getfile(self.measure)).read_bytes()).hexdigest()[:8]
+        code = f"{code_digest()} {own}"
+        jobs, timed = ({f"{code} {job}": job for job in part(settings)} for part in (self.jobs, self.timed))
+        row, keys = partial(_row, self.measure), [*jobs, *timed]
+        if progress is not None:
+            progress(0, len(keys))
+        with tempfile.TemporaryDirectory() as folder, Store(path or Path(folder) / "walks") as store:
+            together = one_by_one(row, [job for key, job in jobs.items() if key not in store.rows])
+            alone = map(row, [job for key, job in timed.items() if key not in store.rows])
+            for done, key in enumerate(keys, start=1):
+                if key not in store.rows:
+                    store.append(key, finite(next(together if key in jobs else alone)))
+                if progress is not None:
+                    progress(done, len(keys))
+            return [store.rows[key] for key in keys]
+
+
+def _row(measure: Callable[[Job], dict[str, Any]], job: Job) -> dict[str, Any]:
+    return job | measure(job)
+
+
+def start_velocity(job: Job) -> tuple[float, ...]:
+    """Velocity of the body with which a walk begins, of a study with :data:`STARTS`."""
+    x, y = job["jitter"] * np.random.default_rng([job["seed"], job["start"]]).standard_normal(2)
+    return (float(x), float(y), 0.0, 0.0, 0.0, 0.0)
+
+
+Value = Callable[[Rows], Any]
+"""What a table says of rows that belong together: a value, or a cell whose place is left open."""
+Words = Callable[[dict[str, Any]], str]
+"""A heading, from a row."""
+
+
+def tabulated(
+    name: str, title: str, rows: Rows, place: Words, columns: Mapping[str, Value | tuple[Value, str]], note: str = ""
+) -> Table:
+    """A line for all rows of one place, and a column for each quantity: what it is of rows, with its unit."""
+    groups: dict[str, Rows] = {}
+    for row in rows:
+        groups.setdefault(place(row), []).append(row)
+    cells = [_cell(at, head, same, what) for at, same in groups.items() for head, what in columns.items()]
+    return Table(name, title, tuple(cells), note)
+
+
+def crossed(
+    name: str, title: str, rows: Rows, place: Words, across: Words, what: Value | tuple[Value, str], note: str = ""
+) -> Table:
+    """One quantity, of the rows that have both headings."""
+    groups: dict[tuple[str, str], Rows] = {}
+    for row in rows:
+        groups.setdefault((place(row), across(row)), []).append(row)
+    return Table(name, title, tuple(_cell(*at, same, what) for at, same in groups.items()), note)
+
+
+def _cell(row: str, column: str, rows: Rows, what: Value | tuple[Value, str]) -> Cell:
+    of, unit = what if isinstance(what, tuple) else (what, "")
+    value = of(rows)
+    if isinstance(value, Cell):
+        return value._replace(row=row, column=column, unit=value.unit or unit)
+    return Cell(row, column, value, unit)
+
+
+def fell(rows: Rows) -> str:
+    """How many of them fell."""
+    return f"{sum(row['fell'] for row in rows)} of {len(rows)}"
+
+
+def shown(name: str, put: Callable[[list[Any]], Any] = lambda found: found[0]) -> Value:
+    """The entry of one row, or of several put together; None where no row has it."""
+
+    def value(rows: Rows) -> Any:
+        found = [row[name] for row in rows if row.get(name) is not None]
+        return put(found) if found else None
+
+    return value
+
+
+def where(what: Value, /, **entries: Any) -> Value:
+    """The same of those rows alone that have these entries; None of none."""
+
+    def value(rows: Rows) -> Any:
+        found = [row for row in rows if all(row[name] == entry for name, entry in entries.items())]
+        return what(found) if found else None
+
+    return value
+
+
+def median(name: str) -> Value:
+    """The median of an entry."""
+    return shown(name, lambda found: float(np.median(found)))
+
+
+def mean(name: str) -> Value:
+    """The mean of an entry."""
+    return shown(name, lambda found: float(np.mean(found)))
+
+
+def most(name: str) -> Value:
+    """The largest of an entry."""
+    return shown(name, max)

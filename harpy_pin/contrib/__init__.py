@@ -1,0 +1,4 @@
+"""Extensions that the core never imports: flight, environments for learning, batches of robots, watched thrusters.
+
+Each is imported by its own name, such as ``from harpy_pin.contrib.flight import Jump``.
+"""

@@ -1,0 +1,293 @@
+"""The condensed whole-body optimum of many robots at once, on arrays with a row for each robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import cpu_count
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
+from harpy_pin.contrib.threads import Threads
+from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
+from harpy_pin.controllers.contacts import forces_in_world
+from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.tasks import Tasks, task_terms
+from harpy_pin.errors import InputError, shown
+from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
+from harpy_pin.gaits.hovering import Hovering
+from harpy_pin.gaits.standing import Standing
+from harpy_pin.gaits.straight import make_gait
+from harpy_pin.model.entry import GOOD
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.rotor import write_thrusts
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.condensed_record import condensed_record
+from harpy_pin.wbc.condensed.condensed_solver import solve_condensed
+
+__all__ = ["BatchTargets", "CondensedBatch"]
+
+BAD_STATE = -1
+"""Status of a robot whose state or targets are not finite: its torques and thrusts are zero."""
+SMALL = 64
+"""Robots that are not worth a second thread."""
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class BatchTargets:
+    """Targets of n robots, with the names and units of :class:`~harpy_pin.gaits.gait.GaitTarget`; write them in place.
+
+    Attributes:
+        body: (n, 9) position, velocity and acceleration of the body.
+        heading: (n, 3) yaw of the upright body, its rate and acceleration.
+        foot_position: (n, feet, 3) relative to the body's target, world axes.
+        foot_velocity: (n, feet, 3).
+        foot_acceleration: (n, feet, 3).
+        stance: (n, feet) 1 where the foot should be on the ground, else 0.
+        phase: (n, feet) share of its stance or swing that each foot has done.
+    """
+
+    body: Array
+    heading: Array
+    foot_position: Array
+    foot_velocity: Array
+    foot_acceleration: Array
+    stance: Array
+    phase: Array
+
+    @checked
+    def fill(self, target: GaitTarget, which: Any = slice(None)) -> None:
+        """Give robots the targets of one gait.
+
+        Args:
+            target: of a gait's ``update``.
+            which: index, slice or mask of the robots; all by default.
+        """
+        chosen = which if isinstance(which, slice) else checks.selection("which", which, len(self.body))
+        for name in self.__slots__:
+            getattr(self, name)[chosen] = getattr(target, name)
+
+
+class BodyRecord(RecordOf):
+    """Mass and inertia of the base, without the errors of the robots.
+
+    Attributes:
+        mass: kg.
+        inertia: (3, 3) about the centre of mass, body axes, kg·m².
+    """
+
+    mass: float
+    inertia: Vector
+
+
+@fixed_arrays("force", "mass_error", "mu", "status", "thrust", "torque")
+class CondensedBatch(KeepsViews):
+    """n robots of one kind: tasks, then the whole-body optimum in contact forces, in one compiled loop.
+
+    Row i of the results is what a condensed controller of its own gives robot i, to the last digit where the arrays are
+    float64. A robot whose state is not finite, or whose system is singular, changes no other row.
+
+    Args:
+        robot: each foot on a limb of its own.
+        n: how many robots.
+        parameters: gains, weights and limits. There is no friction estimate here: give each robot its
+            friction in ``mu``.
+        double_support: share of a step with both feet on the ground, over which the load goes from one foot to the
+            other; zero where it may go at once.
+        dtype: float64 or float32, of all arrays; the arithmetic is float64.
+        threads: most that work at a time; one for each core by default.
+
+    Attributes:
+        mu: (n,) friction coefficient of each robot's ground.
+        mass_error: (n,) relative error of the body's mass and inertia that each controller knows of.
+        torque: (n, joints) of the last step, N·m.
+        thrust: (n, thrusters, 3) of the last step, world axes, N.
+        force: (n, feet, 3) contact forces of the last step, world axes, N.
+        status: (n,) of the last step: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or −1 for a bad state.
+
+    Raises:
+        InputError: n is no positive integer, the type is another one, or the robot is of another kind.
+    """
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot,
+        n: int,
+        parameters: WholeBodyParameters | None = None,
+        *,
+        double_support: float = 0.3,
+        dtype: DTypeLike = np.float64,
+        threads: int | None = None,
+    ) -> None:
+        self.robot = robot
+        self.n = n = checks.whole("n", n, low=1)
+        try:
+            self.dtype = np.dtype(dtype)
+        except (TypeError, ValueError):
+            raise InputError(f"dtype must be float64 or float32, got {shown(dtype)}", name="dtype") from None
+        if self.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
+            raise InputError(f"dtype must be float64 or float32, got {self.dtype}", name="dtype", value=dtype)
+        self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
+        lags = p.thrust_lag or p.thrust_turning_lag
+        if p.estimate_friction or p.estimate_joint_friction or lags:
+            message = "a batch estimates no friction and knows no lag of thrusts"
+            raise InputError(message, name="parameters", value=p)
+        gait = _standing(robot)
+        tasks = Tasks(gait, p, CondensedTasksRecord, condensed=condensed_record(robot, p.weights, p.limits))
+        tasks.record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)
+        workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
+        self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
+        pieces = len(self._cuts) - 1
+        self._threads = Threads(pieces)
+        tasks.record["condensed"]["cones"]["mu"] = np.inf  # that of each robot counts
+        self._records = [tasks.record.copy() for _ in range(pieces)]
+        self._target_records = [gait.target.record.copy() for _ in range(pieces)]
+        tree = tasks.record["dynamics"]["tree"]
+        self._body = make_record(BodyRecord, mass=tree["mass"][0, 0], inertia=tree["inertia"][0, 0])
+        feet, joints = len(robot.feet), len(robot.joints)
+        shapes = ((9,), (3,), *[(feet, 3)] * 3, (feet,), (feet,))
+        self._targets = BatchTargets(*(np.zeros((n, *shape), self.dtype) for shape in shapes))
+        self.targets.fill(gait.update(0.0))
+        self.mu, self.mass_error = np.full(n, p.limits.mu), np.zeros(n)
+        self.torque = np.zeros((n, joints), self.dtype)
+        self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
+        self.force = np.zeros((n, feet, 3), self.dtype)
+        self.status = np.zeros(n, dtype=np.int64)
+        searches = [tasks.record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")]
+        self._memory = tuple(np.zeros((n, rows), np.int64) for rows in searches)
+        model = robot.model
+        self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
+
+    @property
+    def targets(self) -> BatchTargets:
+        """Of all robots, to be written in place; standing at the origin until then."""
+        return self._targets
+
+    def reset(self, which: ArrayLike | None = None) -> None:
+        """Forget the active sets.
+
+        Args:
+            which: indices or mask of the robots; all by default.
+        """
+        chosen = checks.selection("which", which, self.n)
+        for memory in self._memory:
+            memory[chosen] = 0
+
+    def step(self, q: Any, v: Any, foot_force: Any) -> tuple[Array, Array]:
+        """One tick of every robot, for :attr:`targets`.
+
+        Arrays of the batch's type are read where they are, from NumPy or through DLPack; others are copied first.
+
+        Args:
+            q: (n, nq) configurations.
+            v: (n, nv) generalised velocities.
+            foot_force: (n, feet, 3) measured contact forces, world axes, N.
+
+        Returns:
+            :attr:`torque` and :attr:`thrust` themselves, overwritten by the next step.
+
+        Raises:
+            InputError: an array has the wrong shape.
+        """
+        given = tuple(self._array(name, value) for name, value in (("q", q), ("v", v), ("foot_force", foot_force)))
+        for name in ("mu", "mass_error"):
+            checks.vector(name, getattr(self, name), self.n)
+        t = self.targets
+        targets = (t.body, t.heading, t.foot_position, t.foot_velocity, t.foot_acceleration, t.stance, t.phase)
+        robots, results = (self.mu, self.mass_error), (self.torque, self.thrust, self.force, self.status)
+
+        def piece(k: int) -> None:
+            parts = (self._records[k], self._target_records[k], self._body)
+            step_batch(self._cuts[k], self._cuts[k + 1], parts, self._memory, robots, given, targets, results)
+
+        self._threads.run(piece, range(len(self._records)))
+        return self.torque, self.thrust
+
+    def close(self) -> None:
+        """End the threads."""
+        self._threads.close()
+
+    def _array(self, name: str, value: Any) -> Array:
+        """An argument as an array of the batch's type, without a copy where it is one."""
+        if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__"):
+            value = np.from_dlpack(value)
+        try:
+            array: Array = np.ascontiguousarray(value, dtype=self.dtype)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError(f"{name} must be an array of numbers", name=name, value=value) from error
+        if array.shape != self._shapes[name]:
+            raise InputError(f"{name} must have shape {self._shapes[name]}, got {array.shape}", name=name, value=value)
+        return array
+
+
+def _standing(robot: Robot) -> FullGait:
+    """A gait with the robot's number of feet."""
+    if robot.name == "harpy":
+        return make_gait(robot, speed=0.0)
+    return Standing(robot) if robot.feet else Hovering(robot)
+
+
+@kernel(release=True)
+def step_batch(
+    begin: int,
+    end: int,
+    parts: tuple[Records[CondensedTasksRecord], Records[GaitTargetRecord], Records[BodyRecord]],
+    memory: tuple[NDArray[np.int64], NDArray[np.int64]],
+    robots: tuple[Vector, Vector],
+    given: tuple[Vector, Vector, Vector],
+    targets: tuple[Vector, ...],
+    results: tuple[Vector, Vector, Vector, NDArray[np.int64]],
+) -> None:
+    """Robots from ``begin`` to ``end``, one after the other; the order of the arrays is that of :meth:`step`."""
+    record, gait, body = parts
+    free, limited = memory
+    mu, mass_error = robots
+    q, v, foot_force = given
+    torque, thrust, force, status = results
+    r, d, p, b = record[0], record[0].dynamics, record[0].condensed, body[0]
+    for i in range(begin, end):
+        _take_targets(gait[0], targets, i)
+        p.free.exchange.active[:] = free[i]
+        p.limited.exchange.active[:] = limited[i]
+        d.tree.mass[0] = (1.0 + mass_error[i]) * b.mass
+        for a in range(3):
+            for c in range(3):
+                d.tree.inertia[0, a, c] = (1.0 + mass_error[i]) * b.inertia[a, c]
+        r.targets.friction[:] = mu[i]
+        if task_terms(r, gait[0], q[i], v[i], foot_force[i]) == GOOD:
+            solve_condensed(d, r.targets, p, v[i], d.tree.rotation)
+            forces_in_world(r.targets, p.force)
+            status[i] = p.status_and_systems[0]
+        else:
+            p.inputs[:] = 0.0
+            p.force[:] = 0.0
+            status[i] = BAD_STATE
+        free[i] = p.free.exchange.active
+        limited[i] = p.limited.exchange.active
+        write_thrusts(d, p.inputs, thrust[i])
+        for j in range(torque.shape[1]):
+            torque[i, j] = p.inputs[d.thruster_jacobian.shape[0] + j]
+        for k in range(force.shape[1]):
+            for c in range(3):
+                force[i, k, c] = p.force[3 * k + c]
+
+
+@kernel
+def _take_targets(g: GaitTargetRecord, targets: tuple[Vector, ...], i: int) -> None:
+    """The targets of robot i."""
+    body, heading, foot_position, foot_velocity, foot_acceleration, stance, phase = targets
+    g.body[:] = body[i]
+    g.heading[:] = heading[i]
+    g.foot_position[:] = foot_position[i]
+    g.foot_velocity[:] = foot_velocity[i]
+    g.foot_acceleration[:] = foot_acceleration[i]
+    g.stance[:] = stance[i]
+    g.phase[:] = phase[i]

@@ -1,0 +1,215 @@
+"""Ways of the body through the air, as functions of the time: polynomials, and a jump that is braked by thrust."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, perm, sqrt
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin.contrib.flight.balance import Balance
+from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.state import Vector
+
+__all__: list[str] = []
+
+GRAVITY = 9.81
+"""m/s²."""
+SWIFT = 10.0 / sqrt(3.0)
+"""Largest acceleration of a quintic from rest to rest over one metre in one second, m/s²."""
+
+
+class Quintic:
+    """A polynomial of fifth order through two states.
+
+    Args:
+        start: (3, n) position, velocity and acceleration.
+        end: (3, n) position, velocity and acceleration.
+        duration: s; before and after it the way stands still.
+    """
+
+    def __init__(self, start: Vector, end: Vector, duration: float) -> None:
+        self.duration = duration
+        rows = [
+            [perm(n, d) * t ** (n - d) if n >= d else 0.0 for n in range(6)] for t in (0.0, duration) for d in range(3)
+        ]
+        self._way = np.linalg.solve(np.array(rows), np.vstack((start, end)))
+
+    def at(self, t: float) -> Vector:
+        """(3, n) position, velocity and acceleration.
+
+        Args:
+            t: time since its begin, s.
+        """
+        s = min(max(t, 0.0), self.duration)
+        found = np.array([sum(perm(n, d) * s ** (n - d) * self._way[n] for n in range(d, 6)) for d in range(3)])
+        if t > self.duration:
+            found[0] += (t - self.duration) * found[1]
+            found[2] = 0.0
+        return found
+
+
+def rest(place: Vector) -> Vector:
+    """(3, n) position, velocity and acceleration of what stands still."""
+    return np.vstack((place, np.zeros((2, len(place)))))
+
+
+@dataclass(frozen=True)
+class Fall:
+    """Height of a body that is thrown up, falls freely, is braked, and then sinks at a constant speed.
+
+    Thrust is switched on and off, and follows by its lag T. So the true velocity is v − T (a + g) and the true height
+    z − T (v_true − v₀ + g t), with v and z those without lag and a the true acceleration.
+
+    Attributes:
+        height: where it begins, m.
+        speed: upwards, there, m/s.
+        ground: height at which it has the touchdown's speed, m.
+        touchdown: that speed, downwards, m/s.
+        brake: acceleration upwards while it is braked, m/s².
+        gravity: acceleration downwards until then, g, m/s².
+        lag: of the thrust, T, s.
+    """
+
+    height: float
+    speed: float
+    ground: float
+    touchdown: float
+    brake: float
+    gravity: float = GRAVITY
+    lag: float = 0.0
+
+    @property
+    def free(self) -> float:
+        """Duration of the free flight, s: its end has just the speed that the brake takes away until touchdown."""
+        g, b, v, lag = self.gravity, self.brake, self.speed, self.lag
+        end = self.touchdown - lag * g  # speed without lag
+        rest = v * v - end**2 - 2.0 * b * (self.height - self.ground) - 2.0 * lag * (b * self.touchdown + g * end)
+        # g (g + b) (t + T)² − 2 v (g + b) (t + T) + rest = g (g + b) T², the later one
+        return v / g - lag + sqrt(max((v / g) ** 2 + lag * lag - rest / (g * (g + b)), 0.0))
+
+    @property
+    def braked(self) -> float:
+        """Duration of the braking, s."""
+        return max(self.gravity * (self.free + self.lag) - self.speed - self.touchdown, 0.0) / self.brake
+
+    def at(self, t: float) -> tuple[float, float, float]:
+        """Height, velocity and acceleration.
+
+        Args:
+            t: time since its begin, s.
+        """
+        free = min(t, self.free)
+        g = self.gravity
+        z, v, a = self.height + (self.speed - 0.5 * g * free) * free, self.speed - g * free, -g
+        if t > self.free:
+            s = min(t - self.free, self.braked)
+            z, v, a = z + (v + 0.5 * self.brake * s) * s, v + self.brake * s, self._follow(a, self.brake, s)
+        late = t - self.free - self.braked
+        if late > 0.0:
+            z, a = z + late * v, self._follow(a, 0.0, late)
+        true = v - self.lag * (a + g)
+        return z - self.lag * (true - self.speed + g * t), true, a
+
+    def _follow(self, start: float, goal: float, time: float) -> float:
+        """An acceleration that follows another one."""
+        return goal + (start - goal) * exp(-time / self.lag) if self.lag > 0.0 else goal
+
+
+FARTHEST = 0.1
+"""Error of the place to which the feedback answers at most, m."""
+
+
+@dataclass(frozen=True)
+class Airway:
+    """A flight as functions of the time since lift-off.
+
+    Attributes:
+        over: horizontal ways of the body, one after the other.
+        height: of the body.
+        legs: angles of the joints.
+        gains: feedback and the time until which it is the one, s.
+        sinks: time from which on a foot that is loaded has landed, s.
+    """
+
+    over: tuple[Quintic, ...]
+    height: Fall | tuple[Quintic, ...]
+    legs: Quintic
+    gains: tuple[tuple[float, Vector], ...]
+    sinks: float
+
+    def body(self, t: float) -> Vector:
+        """(3, 3) place, velocity and acceleration of the body's origin.
+
+        Args:
+            t: time since lift-off, s.
+        """
+        height = np.array(self.height.at(t)) if isinstance(self.height, Fall) else along(self.height, t)[:, 0]
+        return np.column_stack((along(self.over, t), height))
+
+    def acceleration(self, t: float, q: Vector, v: Vector, balance: Balance) -> Vector:
+        """(nv,) generalised acceleration that leads to the way.
+
+        Args:
+            t: time since lift-off, s.
+            q: (nq,) measured configuration.
+            v: (nv,) measured velocity.
+            balance: whose thrusts and joints give it.
+        """
+        body, legs = self.body(t), self.legs.at(t)
+        goal = np.concatenate((body[0], (0.0, 0.0, 0.0, 1.0), legs[0]))
+        away = pin.difference(balance.robot.model, goal, q)
+        away[:3] = np.clip(away[:3], -FARTHEST, FARTHEST)
+        still = np.zeros(3)
+        error = np.concatenate((away, v - np.concatenate((body[1], still, legs[1]))))
+        gain = next((gain for end, gain in self.gains if t < end), self.gains[-1][1])
+        return balance.reachable(q, v, np.concatenate((body[2], still, legs[2])) + gain @ error)
+
+
+def along(ways: tuple[Quintic, ...], t: float) -> Vector:
+    """(3, n) on ways that follow each other."""
+    for way in ways[:-1]:
+        if t < way.duration:
+            return way.at(t)
+        t -= way.duration
+    return ways[-1].at(t)
+
+
+ORIENTATION = (400.0, 40.0)
+"""Gains of the body's orientation of the controllers, 1/s² and 1/s: its target leans so that they ask for what it
+should do."""
+MOST_LEAN = 0.5
+"""Largest angle between the body and its target, rad."""
+
+
+def ask_for(o: GaitTarget, d: Dynamics, q: Vector, v: Vector, a: Vector) -> None:
+    """Write the targets: places and velocities are the measured ones, accelerations those that are asked for.
+
+    Args:
+        o: out.
+        d: terms at q and v.
+        q: (nq,) measured configuration.
+        v: (nv,) measured velocity.
+        a: (nv,) acceleration.
+    """
+    turn = d.rotation
+    o.body[:3], o.body[3:6] = q[:3], turn @ v[:3]
+    o.body[6:9] = turn @ (a[:3] + np.cross(v[3:6], v[:3]))
+    lean = (a[3:6] + ORIENTATION[1] * v[3:6]) / ORIENTATION[0]
+    lean *= min(1.0, MOST_LEAN / max(float(np.linalg.norm(lean)), 1e-12))
+    o.up[:], o.heading[0] = _up_and_heading(turn @ pin.exp3(lean))
+    o.heading[1:] = 0.0
+    o.foot_position[:] = d.foot_position - o.body[:3]
+    o.foot_velocity[:] = d.foot_velocity - o.body[3:6]
+    o.foot_acceleration[:] = (d.foot_jacobian @ a + d.foot_drift).reshape(-1, 3) - o.body[6:9]
+    o.stance[:], o.phase[:] = 0.0, 0.4
+    o.normal[:] = (0.0, 0.0, 1.0)
+
+
+def _up_and_heading(rotation: Vector) -> tuple[Vector, float]:
+    """Direction of the body's z axis, and the yaw after it is turned upright the shortest way."""
+    up = rotation[:, 2]
+    upright = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), up).matrix().T @ rotation
+    return up, float(np.arctan2(upright[1, 0], upright[0, 0]))

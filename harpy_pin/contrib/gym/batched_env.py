@@ -1,0 +1,407 @@
+"""Many robots, each in a world of its own: actions, physics, observations and rewards in one compiled loop.
+
+**Action** (12,), each entry within ±1:
+
+- 6 offsets of the joints from the standing posture, in units of 0.5 rad, in the order of ``robot.joints``. Springs and
+  dampers at the joints (400 N·m/rad, 3 N·m·s/rad) follow them at every physics step, within the motors' torques.
+- 6 thrusts (two thrusters, each x, y, z in the body's axes), in units of half the robot's weight, within the thrusters'
+  limit.
+
+With a shield, torques and thrusts pass :class:`harpy_pin.governors.Shield` at every physics step.
+
+**Observation** (39,), each entry clipped to ±10:
+
+| entries | what | unit |
+|---|---|---|
+| 0 | height of the body, less that of standing | 0.1 m |
+| 1–3 | the vertical in the body's axes | |
+| 4, 5 | direction of the body's x axis in the world, along x and y | |
+| 6–8 | velocity of the body, body axes | m/s |
+| 9–11 | angular velocity, body axes | 3 rad/s |
+| 12–17 | joint angles, less those of standing | 0.5 rad |
+| 18–23 | joint velocities | 10 rad/s |
+| 24, 25 | normal forces of the feet | weight |
+| 26–37 | the last action | |
+| 38 | speed that is asked for | m/s |
+
+**Reward** of a step: exp(−((ẋ − v)² + ẏ²) / (0.25 m/s)²) − 0.1 \\|thrusts\\|² / weight², with v the speed that is asked
+for, ẋ and ẏ the body's velocity at the end of the step in the world, and the thrusts those of the action.
+
+**End**: *terminated* where the robot falls as it does in a run (body below 60 % of its height at the start, or tilted
+by more than 60°, or speeds beyond reason); *truncated* at the scenario's duration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import cpu_count
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
+from harpy_pin.contrib.threads import Threads
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.straight import make_gait
+from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
+from harpy_pin.governors.shield_loop import LimitsRecord, within_limits
+from harpy_pin.ground.ground import Ground, GroundRecord
+from harpy_pin.log.slip import forget_slip
+from harpy_pin.model.dynamics import DynamicsRecord, update_terms
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.robot import heavier, load_harpy
+from harpy_pin.model.state import State, Vector
+from harpy_pin.scenario import Compliant, Scenario
+from harpy_pin.simulation.physics import physics_steps
+from harpy_pin.simulation.plant import GRAVITY
+from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.simulator import Simulator
+from harpy_pin.simulation.upright import upright
+
+if TYPE_CHECKING:
+    from harpy_pin.model.contact_map import ContactMapRecord
+    from harpy_pin.simulation.step import StepRecord
+
+__all__ = ["ACTIONS", "OBSERVATIONS", "BatchedEnv", "default_scenario"]
+
+ACTIONS, OBSERVATIONS = 12, 39
+MOST = 10.0
+"""Largest entry of an observation."""
+SPRING, DAMPER = 400.0, 3.0
+"""Of the joints, N·m/rad and N·m·s/rad."""
+ANGLE, SPREAD = 0.5, 0.05
+"""What an action of one does to a joint, and how far joints start from the posture at most, rad."""
+TOLERANCE, EFFORT = 0.25, 0.1
+"""Of the reward: width in m/s, and the price of thrust."""
+SMALL = 64
+"""BatchedEnv that are not worth a second thread."""
+
+
+def default_scenario() -> Scenario:
+    """Ten seconds at 0.3 m/s on friction 0.6, an action every 5 ms, physics at 1 ms."""
+    return Scenario(duration=10.0, period=5e-3, dt=1e-3, ground=Ground(mu_s=0.6))
+
+
+class SettingsRecord(LimitsRecord):
+    """What the kernels know of the robot and the task.
+
+    Attributes:
+        posture: (joints,) rad.
+        height: of the base at the start, m.
+        fall_height: of the base, below which the robot has fallen, m.
+        angle: what an action of one does to a joint, rad.
+        spring: of the joints, N·m/rad.
+        damper: N·m·s/rad.
+        thrust: what an action of one is, N.
+        weight: of the robot, N.
+        speed: desired along x, m/s.
+        tolerance: width of the reward, m/s.
+        effort: price of thrust in the reward.
+        most: largest entry of an observation.
+        shield: 1 where commands pass a shield.
+    """
+
+    posture: Vector
+    height: float
+    fall_height: float
+    angle: float
+    spring: float
+    damper: float
+    thrust: float
+    weight: float
+    speed: float
+    tolerance: float
+    effort: float
+    most: float
+    shield: int
+
+
+@fixed_arrays("fallen", "observation", "q", "reward", "t", "v")
+class BatchedEnv(KeepsViews):
+    """n copies of a scenario's robot on its ground.
+
+    Of the scenario, robot, mass error, ground, start velocity, pushes, period, step, duration and the speed count;
+    the rest of the gait, and the controller, are the learner's business.
+
+    Args:
+        n: how many.
+        scenario: what they are.
+        shield: whether commands pass a shield, which knows the ground's friction.
+        threads: most that step at a time; one for each core by default.
+
+    Attributes:
+        q: (n, nq) configurations.
+        v: (n, nv) generalised velocities.
+        t: (n,) times, s.
+        observation: (n, 39) of the last step or reset.
+        reward: (n,) of the last step.
+        fallen: (n,) whether each robot has fallen.
+
+    Raises:
+        InputError: n is no positive integer, or the scenario has another engine, noise, delay or other
+            actuators, which are not here.
+    """
+
+    @checked
+    def __init__(
+        self, n: int, scenario: Scenario | None = None, *, shield: bool = False, threads: int | None = None
+    ) -> None:
+        self.scenario = s = scenario if scenario is not None else default_scenario()
+        self.n = n = checks.whole("num_envs", n, low=1, high=checks.MAX_TICKS)
+        disturbances = s.disturbances
+        signals = disturbances.noise or disturbances.delay or disturbances.actuators
+        if not isinstance(s.plant, Compliant) or signals or s.robot != "harpy":
+            message = (
+                "an environment has Harpy in the library's own plant, without noise, delay and other actuators: put a "
+                "wrapper around it"
+            )
+            raise InputError(message, name="scenario", value=s)
+        if s.ground.surface is not None:
+            raise InputError("an environment has flat ground, the scenario's has a terrain", name="scenario", value=s)
+        speed = getattr(s.gait, "speed", None)
+        if speed is None:
+            message = f"an environment rewards a speed along x, which the gait '{s.gait.name}' lacks: give Straight"
+            raise InputError(message, name="scenario", value=s)
+        self._speed: float = speed
+        mass_error = disturbances.mass_error
+        self.robot = heavier(load_harpy(s.urdf), mass_error) if mass_error != 0.0 else load_harpy(s.urdf)
+        simulator = Simulator(self.robot, s.ground, dt=s.dt)
+        self._start = make_gait(self.robot, speed=0.0, stiffness=s.stiffness).initial_state(
+            penetration=simulator.static_penetration
+        )
+        self._start[1][:6] += np.array(disturbances.start_velocity)
+        self._settings = self._make_settings(shield)
+        parameters = ContactForceFilterParameters(mu=s.mu)
+        governor = ContactForceFilter(self.robot, parameters, period=s.dt)
+        parts = (simulator.dynamics.record, simulator.step_record, governor.terms, governor.record)
+        self._ground = s.ground.record
+        self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
+        self._steps = checks.multiple("period", s.period, "physics step", s.dt)
+        self.q, self.v = np.tile(self._start[0], (n, 1)), np.tile(self._start[1], (n, 1))
+        self.t = np.zeros(n)
+        self.observation, self.reward = np.zeros((n, OBSERVATIONS)), np.zeros(n)
+        self.fallen = np.zeros(n, dtype=np.bool_)
+        self._no_action, self._no_push = np.zeros(ACTIONS), np.zeros((n, self._steps, 3))
+        workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1, high=1024)
+        self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
+        self._threads = Threads(len(self._cuts) - 1)
+        self._prepare()
+        for i in range(n):
+            self.reset(i, np.random.default_rng(i))
+
+    def _prepare(self) -> None:
+        """Begin to compile a step and a reset."""
+        records = (self._dynamics, self._ground, self._step, self._terms, self._governor, self._settings)
+        actions, idle = np.zeros((self.n, ACTIONS)), np.zeros(self.n, dtype=np.bool_)
+        arrays, results = (self.q, self.v, actions, self._no_push, idle), (self.observation, self.reward, self.fallen)
+        _step_worlds.prepare(0, self.n, records, arrays, results)
+        world = (self._dynamics[:1], self._step[:1], self._governor[:1], self._settings, self.q[0], self.v[0])
+        _begin.prepare(*world, self._no_action, self.observation[0])
+
+    def _make_settings(self, shield: bool) -> Records[SettingsRecord]:
+        """What the kernels know of the robot and the task."""
+        robot, (q, _) = self.robot, self._start
+        weight = robot.mass * GRAVITY
+        return make_record(
+            SettingsRecord,
+            posture=q[7:],
+            height=q[2],
+            fall_height=0.6 * q[2],
+            angle=ANGLE,
+            spring=SPRING,
+            damper=DAMPER,
+            thrust=0.5 * weight,
+            weight=weight,
+            torque_limit=robot.torque_limit,
+            thrust_limit=robot.thrust_limit,
+            speed=self._speed,
+            tolerance=TOLERANCE,
+            effort=EFFORT,
+            most=MOST,
+            shield=shield,
+        )
+
+    def reset(self, i: int, random: np.random.Generator) -> None:
+        """Stand robot i at the start, its joints drawn within ±0.05 rad of the posture.
+
+        Args:
+            i: which world.
+            random: draws; six numbers.
+        """
+        q, v = self._start
+        self.q[i], self.v[i], self.t[i] = q, v, 0.0
+        self.q[i, 7:] += random.uniform(-SPREAD, SPREAD, len(q) - 7)
+        self.fallen[i] = False
+        worlds = (self._dynamics[i : i + 1], self._step[i : i + 1], self._governor[i : i + 1])
+        _begin(*worlds, self._settings, self.q[i], self.v[i], self._no_action, self.observation[i])
+
+    def step(self, action: ArrayLike, idle: NDArray[np.bool_]) -> None:
+        """One period: apply the action, step the physics, observe and compute the reward.
+
+        Args:
+            action: (n, 12), clipped to ±1.
+            idle: (n,) worlds that stay as they are.
+
+        Raises:
+            InputError: wrong shape, or an action that is not finite.
+        """
+        clipped = np.clip(checks.vector("action", action, (self.n, ACTIONS)), -1.0, 1.0)
+        push = self._push_forces() if self.scenario.disturbances.pushes else self._no_push
+
+        def piece(begin: int, end: int) -> None:
+            _step_worlds(
+                begin,
+                end,
+                (self._dynamics, self._ground, self._step, self._terms, self._governor, self._settings),
+                (self.q, self.v, clipped, push, idle),
+                (self.observation, self.reward, self.fallen),
+            )
+
+        self._threads.run(piece, self._cuts[:-1], self._cuts[1:])
+        self.t[~idle] += self.scenario.period
+
+    def truncated(self) -> NDArray[np.bool_]:
+        """(n,) whether the scenario's duration is over."""
+        over: NDArray[np.bool_] = self.t >= self.scenario.duration - 0.5 * self.scenario.dt
+        return over
+
+    def state(self, i: int) -> State:
+        """The true state of world i (a copy)."""
+        d, force = self._dynamics[i], self._step[i]["force"].reshape(-1, 3)
+        feet = (d["foot_position"].copy(), d["foot_velocity"].copy(), force.copy())
+        return State(float(self.t[i]), self.q[i].copy(), self.v[i].copy(), *feet)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._threads.close()
+
+    def _push_forces(self) -> Vector:
+        """(n, steps, 3) mean force of the pushes over each of the coming steps, world axes, N."""
+        pushes, dt = self.scenario.disturbances.pushes, self.scenario.dt
+        force = self._no_push.copy()
+        for i in range(self.n):
+            for n in range(self._steps):
+                force[i, n] = _push_force(pushes, self.t[i] + n * dt, dt)
+        return force
+
+
+def _push_force(pushes: Sequence[Push], begin: float, dt: float) -> Vector:
+    """(3,) mean force of the pushes over one physics step, N."""
+    total = np.zeros(3)
+    for push in pushes:
+        total += push.share(begin, begin + dt) / dt * np.array(push.impulse)
+    return total
+
+
+@kernel
+def _begin(
+    d: DynamicsRecord,
+    s: StepRecord,
+    governor: ContactForceFilterRecord,
+    p: SettingsRecord,
+    q: Vector,
+    v: Vector,
+    action: Vector,
+    observation: Vector,
+) -> None:
+    """Forget contact, slip and shield, and observe."""
+    update_terms(d, q, v)
+    s.force[:] = 0.0
+    s.counts[:] = 0
+    forget_slip(s.slip, d.foot_position)
+    governor.bend[:] = 0.0
+    _observe(d, s, p, q, v, action, observation)
+
+
+@kernel(release=True)
+def _step_worlds(
+    begin: int,
+    end: int,
+    records: tuple[
+        Records[DynamicsRecord],
+        Records[GroundRecord],
+        Records[StepRecord],
+        Records[ContactMapRecord],
+        Records[ContactForceFilterRecord],
+        Records[SettingsRecord],
+    ],
+    given: tuple[Vector, Vector, Vector, Vector, NDArray[np.bool_]],
+    results: tuple[Vector, Vector, NDArray[np.bool_]],
+) -> None:
+    """One period of the worlds from ``begin`` to ``end``."""
+    dynamics, ground, step, terms, governor, settings = records
+    q, v, action, push, idle = given
+    observation, reward, fallen = results
+    p = settings[0]
+    torque, thrust = np.empty(p.posture.shape[0]), np.empty((2, 3))
+    for i in range(begin, end):
+        if idle[i]:
+            continue
+        a = action[i]
+        for n in range(push.shape[1]):
+            _command(dynamics[i], p, q[i], v[i], a, torque, thrust)
+            within_limits(p, torque, thrust)
+            if p.shield:
+                force = step[i].force.reshape((2, 3))
+                hold_forces(dynamics[i], terms[i], governor[i], v[i], force, torque, thrust)
+                within_limits(p, torque, thrust)
+            one = push[i, n : n + 1]
+            physics_steps(dynamics[i], ground[0], step[i], q[i], v[i], torque, thrust, one)
+        fallen[i] = upright(q[i], v[i], p.fall_height) != 0
+        reward[i] = _reward(dynamics[i], p, v[i], a)
+        _observe(dynamics[i], step[i], p, q[i], v[i], a, observation[i])
+
+
+@kernel
+def _command(
+    d: DynamicsRecord, p: SettingsRecord, q: Vector, v: Vector, a: Vector, torque: Vector, thrust: Vector
+) -> None:
+    """Torques of springs that follow the action, and its thrusts in world axes."""
+    joints = torque.shape[0]
+    for j in range(joints):
+        target = p.posture[j] + p.angle * a[j]
+        torque[j] = p.spring * (target - q[7 + j]) - p.damper * v[6 + j]
+    for k in range(2):
+        for i in range(3):
+            thrust[k, i] = 0.0
+            for c in range(3):
+                thrust[k, i] += d.tree.rotation[i, c] * p.thrust * a[joints + 3 * k + c]
+
+
+@kernel
+def _reward(d: DynamicsRecord, p: SettingsRecord, v: Vector, a: Vector) -> float:
+    """The reward; zero where the velocity is no number."""
+    r, cost = d.tree.rotation, 0.0
+    ahead = r[0, 0] * v[0] + r[0, 1] * v[1] + r[0, 2] * v[2] - p.speed
+    aside = r[1, 0] * v[0] + r[1, 1] * v[1] + r[1, 2] * v[2]
+    for c in range(p.posture.shape[0], a.shape[0]):
+        cost += (p.thrust * a[c] / p.weight) ** 2
+    reward = np.exp(-(ahead * ahead + aside * aside) / (p.tolerance * p.tolerance)) - p.effort * cost
+    return reward if np.isfinite(reward) else 0.0
+
+
+@kernel
+def _observe(d: DynamicsRecord, s: StepRecord, p: SettingsRecord, q: Vector, v: Vector, a: Vector, out: Vector) -> None:
+    """The observation; see the top of this module."""
+    r, joints = d.tree.rotation, p.posture.shape[0]
+    out[0] = (q[2] - p.height) / 0.1
+    for i in range(3):
+        out[1 + i] = r[2, i]
+        out[6 + i] = v[i]
+        out[9 + i] = v[3 + i] / 3.0
+    out[4], out[5] = r[0, 0], r[1, 0]
+    for j in range(joints):
+        out[12 + j] = (q[7 + j] - p.posture[j]) / p.angle
+        out[12 + joints + j] = v[6 + j] / 10.0
+    for k in range(2):
+        out[12 + 2 * joints + k] = s.force[3 * k + 2] / p.weight
+    for c in range(a.shape[0]):
+        out[14 + 2 * joints + c] = a[c]
+    out[14 + 2 * joints + a.shape[0]] = p.speed
+    for i in range(out.shape[0]):
+        out[i] = min(max(out[i], -p.most), p.most) if np.isfinite(out[i]) else 0.0

@@ -1,0 +1,148 @@
+"""What a step of :class:`~harpy_pin.contrib.gym.robot_env.RobotEnv` earns: named terms, each with a scale of its own.
+
+The reward is the sum of scale times term, or whatever a function of the :class:`Step` returns. Terms that are to be
+avoided get a negative scale.
+
+| term | what | between |
+|---|---|---|
+| ``velocity`` | exp(−\\|v − v_wanted\\|² / (0.25 m/s)²), forward and to the left of the heading | 0 and 1 |
+| ``turning`` | exp(−(ω − ω_wanted)² / (0.25 rad/s)²) about the vertical | 0 and 1 |
+| ``alive`` | 1 unless the robot fell | 0 and 1 |
+| ``tilt`` | squared sine of the body's tilt | 0 and 1 |
+| ``height`` | squared distance of the body's height from that of standing, in units of 0.1 m | 0 and more |
+| ``bounce`` | squared vertical velocity of the body, m²/s² | 0 and more |
+| ``torque`` | mean of the squared joint torques, each in units of its limit | 0 and 1 |
+| ``power`` | sum over the joints of \\|torque · velocity\\|, in units of weight times 1 m/s | 0 and more |
+| ``slip`` | path of the feet on the ground in this step, mm | 0 and more |
+| ``action_rate`` | mean squared change of the action | 0 and 4 |
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError, shown
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.simulation.plant import GRAVITY
+
+__all__ = ["REWARDS", "TERMS", "Reward", "Step", "make_reward"]
+
+WIDTH = 0.25
+"""Of the rewards of velocity and turning, m/s and rad/s."""
+RISE = 0.1
+"""Unit of the height, m."""
+SMALLEST_LIMIT = 1e-6
+"""Of a joint's torque, N·m: some files give none."""
+REWARDS: Mapping[str, float] = {"velocity": 1.0, "turning": 0.5, "torque": -0.1, "action_rate": -0.01}
+"""Scales by default."""
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What a reward may look at.
+
+    Attributes:
+        robot: of the environment.
+        state: true, at the end of the step.
+        command: torques and thrusts at its end.
+        action: of the step.
+        last_action: of the step before.
+        velocity: (3,) of the body in the frame of its heading: forward, to the left, m/s; turning, rad/s.
+        wanted: (3,) velocity that is asked for, in the same frame.
+        standing_height: of the body, m.
+        slip: path of all feet on the ground in this step, m.
+        fell: whether the robot fell.
+    """
+
+    robot: Robot
+    state: State
+    command: Command
+    action: Vector
+    last_action: Vector
+    velocity: Vector
+    wanted: Vector
+    standing_height: float
+    slip: float
+    fell: bool
+
+
+Reward: TypeAlias = Callable[[Step], float] | Mapping[str, float]
+
+
+def _tilt(step: Step) -> float:
+    x, y = step.state.q[3:5].tolist()
+    upright = 1.0 - 2.0 * (x * x + y * y)
+    return float(max(1.0 - upright * upright, 0.0))
+
+
+def _torque(step: Step) -> float:
+    limit = np.maximum(step.robot.torque_limit, SMALLEST_LIMIT)
+    return float(np.mean((step.command.torque / limit) ** 2))
+
+
+def _bounce(step: Step) -> float:
+    x, y, z, w = step.state.q[3:7].tolist()
+    vertical = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)])
+    velocity = float(np.dot(vertical, step.state.v[:3]))
+    return velocity * velocity
+
+
+def _power(step: Step) -> float:
+    power = np.abs(step.command.torque * step.state.v[6:]).sum()
+    return float(power / (step.robot.mass * GRAVITY))
+
+
+TERMS: Mapping[str, Callable[[Step], float]] = {
+    "velocity": lambda step: float(np.exp(-np.sum((step.velocity[:2] - step.wanted[:2]) ** 2) / WIDTH**2)),
+    "turning": lambda step: float(np.exp(-((step.velocity[2] - step.wanted[2]) ** 2) / WIDTH**2)),
+    "alive": lambda step: 0.0 if step.fell else 1.0,
+    "tilt": _tilt,
+    "height": lambda step: float((step.state.q[2] - step.standing_height) / RISE) ** 2,
+    "bounce": _bounce,
+    "torque": _torque,
+    "power": _power,
+    "slip": lambda step: 1e3 * step.slip,
+    "action_rate": lambda step: float(np.mean((step.action - step.last_action) ** 2)),
+}
+"""By name; see the top of this module."""
+
+
+def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str, float]]]:
+    """A function from a step to its reward, and to what each term adds to it.
+
+    Args:
+        reward: a function of the step; or scales by name, of :data:`REWARDS` by default.
+
+    Raises:
+        InputError: neither of both, an unknown name, or a scale that is no number.
+    """
+    if callable(reward):
+        return lambda step: (_checked(reward(step)), {})
+    if reward is not None and not isinstance(reward, Mapping):
+        message = f"reward must be a function of the step, or scales by name, got {shown(reward)}"
+        raise InputError(message, name="reward", value=reward)
+    scales = {}
+    for name, scale in (REWARDS if reward is None else reward).items():
+        checks.one_of("term of the reward", name, TERMS)
+        scales[name] = checks.number(f"scale of '{name}'", scale)
+
+    def total(step: Step) -> tuple[float, dict[str, float]]:
+        parts = {name: scale * _finite(TERMS[name](step)) for name, scale in scales.items()}
+        return sum(parts.values()), parts
+
+    return total
+
+
+def _finite(value: float) -> float:
+    """Zero where a robot that flew away has no number."""
+    return value if np.isfinite(value) else 0.0
+
+
+def _checked(value: float) -> float:
+    return checks.number("the reward that the function returned", value)

@@ -1,0 +1,324 @@
+"""The tick of the governed controller: the parts that its phases call, and one kernel for each governor."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin.compiled import Kernel, kernel
+from harpy_pin.controllers.legs import track_foot
+from harpy_pin.controllers.parameters import GovernedParameters
+from harpy_pin.controllers.tasks import possible_feet
+from harpy_pin.controllers.tick import BAD_SAMPLE, VIOLATED, TickRecord, fading
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms
+from harpy_pin.governors.erg import ErgRecord, governed_update
+from harpy_pin.governors.point_mass import Law
+from harpy_pin.ground.contact_frame import is_level
+from harpy_pin.model.dynamics import DynamicsRecord, update_terms
+from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
+from harpy_pin.model.kinematics import LegGeometry, LegRecord, body_rotation
+from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.model.thrust import CentreGainsRecord, allocate, centre_feedback, limit_thrust, roll_yaw
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.gait import GaitTargetRecord
+    from harpy_pin.governors.rows import ForceRowsRecord
+    from harpy_pin.model.contact_map import ContactMapRecord
+
+__all__ = ["STEPS", "ControlRecord", "FilterTickRecord", "PaperTickRecord", "steps_of"]
+
+FULL = int(Law.FULL)
+
+
+class ControlRecord(CentreGainsRecord, TickRecord):
+    """Settings, state and command of :class:`~harpy_pin.controllers.governed.GovernedController`, for kernels.
+
+    Attributes:
+        period: between ticks, s.
+        reference_velocity: whether x_r has the velocity ċ_t.
+        attitude_p, attitude_d: of each thruster, N/rad and N·s/rad.
+        joint_p, joint_i, joint_d: (6,) N·m/rad, N·m/(rad·s), N·m·s/rad.
+        integral_limit: N·m.
+        torque_limit: (6,) N·m, infinite where there is none.
+        thrust_limit: of each thruster, N, likewise.
+        measured: (9,) [c; ċ; u].
+        rotation: (3, 3) body to world.
+        reference: (6,) x_r.
+        bent: (6,) x_w after the contact-force filter.
+        joint_target: (6,) rad.
+        integral: (6,) N·m.
+        out_of_reach: (2,) m.
+        tilted: 1 where the ground at a foot is not level.
+        started: 1 after the first good sample, at which the applied reference begins.
+        left: geometry of the left leg.
+        right: of the right one.
+    """
+
+    period: float
+    reference_velocity: int
+    attitude_p: float
+    attitude_d: float
+    joint_p: Vector
+    joint_i: Vector
+    joint_d: Vector
+    integral_limit: float
+    torque_limit: Vector
+    thrust_limit: float
+    measured: Vector = sized(9)
+    rotation: Vector = sized(3, 3)
+    reference: Vector = sized(6)
+    bent: Vector = sized(6)
+    joint_target: Vector = sized(6)
+    integral: Vector = sized(6)
+    out_of_reach: Vector = sized(2)
+    tilted: int = ZERO
+    started: int = ZERO
+    left: LegRecord
+    right: LegRecord
+
+
+class PaperTickRecord(RecordOf):
+    """The controller with the paper's reference governor, in one record.
+
+    Attributes:
+        control: gains, references and the command.
+        governor: of the reference.
+        rows: its constraints.
+    """
+
+    control: ControlRecord
+    governor: ErgRecord
+    rows: ForceRowsRecord
+
+
+class FilterTickRecord(RecordOf):
+    """The controller in front of the contact-force filter, in one record.
+
+    Attributes:
+        control: gains, references and the command.
+        dynamics: terms of the equations of motion.
+        terms: how thrusts and torques change the contact forces.
+        governor: the filter.
+    """
+
+    control: ControlRecord
+    dynamics: DynamicsRecord
+    terms: ContactMapRecord
+    governor: ContactForceFilterRecord
+
+
+def control_record(
+    parameters: GovernedParameters, robot: Robot, kind: type[ControlRecord] = ControlRecord, **parts: ArrayLike
+) -> Records[ControlRecord]:
+    """A new :class:`ControlRecord`.
+
+    Args:
+        parameters: of the controller.
+        robot: that it controls.
+        kind: class of the record, with further parts.
+        parts: these parts, by name.
+    """
+    p, joints = parameters, parameters.joints
+    left, right = (LegGeometry.from_robot(robot, foot).record for foot in robot.feet)
+    limit = robot.thrust_limit if p.limits else np.inf
+    return make_record(
+        kind,
+        robot.sizes,
+        period=p.period,
+        reference_velocity=p.reference_velocity,
+        attitude_p=p.attitude.k_p,
+        attitude_d=p.attitude.k_d,
+        joint_p=joints.k_p * 2,
+        joint_i=joints.k_i * 2,
+        joint_d=joints.k_d * 2,
+        integral_limit=joints.integral_limit,
+        torque_limit=robot.torque_limit if p.limits else np.full(6, np.inf),
+        thrust_limit=limit if p.thrust else 0.0,
+        left=left,
+        right=right,
+        **fields(p.centre.record),
+        **parts,
+    )
+
+
+@kernel
+def measure(
+    p: ControlRecord, goal: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+) -> int:
+    """Evaluate a sample; after a bad one the last command stays, and fades. Returns what the sample is."""
+    p.verdict = _measure(p, goal, q, v, foot_position, foot_force)
+    factor = fading(p)
+    if p.verdict != GOOD:
+        for j in range(p.torque.shape[0]):
+            p.torque[j] *= factor
+        for k in range(p.thrust.shape[0]):
+            for i in range(3):
+                p.thrust[k, i] *= factor
+    return p.verdict
+
+
+@kernel
+def _measure(
+    p: ControlRecord, goal: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+) -> int:
+    """x_r, [c; ċ; u] and the body's rotation; u is held while no foot is loaded. Returns what the sample is."""
+    measured, rotation = p.measured, p.rotation
+    if q.shape != (13,) or v.shape != (12,) or foot_position.shape != (2, 3) or foot_force.shape != (2, 3):
+        return MISFIT
+    if not (all_possible(q) and all_possible(v) and is_unit(q)):
+        return BAD
+    if not (all_possible_rows(foot_position) and all_possible_rows(foot_force)):
+        return BAD
+    if not all_possible(goal.body) or goal.heading[0] != 0.0:
+        return BAD if all_finite(goal.body) and goal.heading[0] == 0.0 else MISFIT
+    if not possible_feet(goal):
+        return BAD
+    body_rotation(q, rotation)
+    for i in range(3):
+        p.reference[i] = goal.body[i]
+        p.reference[3 + i] = goal.body[3 + i] if p.reference_velocity else 0.0
+        measured[i] = q[i]
+        measured[3 + i] = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
+    normal = 0.0
+    for k in range(foot_force.shape[0]):
+        normal += foot_force[k, 2]
+    if normal > 0.0:
+        for i in range(3):
+            s = 0.0
+            for k in range(foot_force.shape[0]):
+                s += foot_force[k, 2] * foot_position[k, i]
+            measured[6 + i] = s / normal
+    elif np.isnan(measured[6]):
+        # No foot has been loaded yet: between the feet.
+        for i in range(3):
+            measured[6 + i] = 0.5 * (foot_position[0, i] + foot_position[1, i])
+    p.tilted = 0 if is_level(goal.normal) else 1
+    return GOOD
+
+
+@kernel
+def actuate(
+    p: ControlRecord, goal: GaitTargetRecord, applied: Vector, q: Vector, v: Vector, foot_force: Vector
+) -> None:
+    """The command: thrusts from the applied reference, torques from the gait's feet."""
+    thrusts(p, applied, v)
+    track_foot(0, p, p.left, goal, q, v)
+    track_foot(1, p, p.right, goal, q, v)
+
+
+@kernel
+def thrusts(p: ControlRecord, applied: Vector, v: Vector) -> None:
+    """Thruster feedback, allocation and limit."""
+    r, centre, angles = np.empty(3), np.empty(3), np.empty(4)
+    c, c_dot, foot = p.measured[0:3], p.measured[3:6], p.measured[6:9]
+    for i in range(3):
+        r[i] = c[i] - foot[i]
+    centre_feedback(r, c, c_dot, applied, FULL, p, centre)
+    roll_yaw(p.rotation, v[3:6], angles)
+    allocate(centre, p.rotation, angles, p.attitude_p, p.attitude_d, p.thrust)
+    limit_thrust(p.thrust, p.thrust_limit)
+
+
+@kernel
+def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
+    """Limit the changed command, and move x_w, by the least norm, to where K_p e + K_d ė grows by the change of the
+    total thrust."""
+    for i in range(3):
+        k_p, k_d = p.k_pt[i], p.k_dt[i]
+        squared = k_p * k_p + k_d * k_d
+        change = (bend[i] + bend[3 + i]) / squared if squared > 0.0 else 0.0
+        p.bent[i] = applied[i] + k_p * change
+        p.bent[3 + i] = applied[3 + i] + k_d * change
+    for j in range(p.torque.shape[0]):
+        p.torque[j] = min(max(p.torque[j], -p.torque_limit[j]), p.torque_limit[j])
+    limit_thrust(p.thrust, p.thrust_limit)
+
+
+def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
+    """The kernels of a tick with one control law of the legs, by governor.
+
+    Args:
+        actuate: kernel that writes the command of an applied reference.
+    """
+
+    @kernel
+    def plain_step(
+        r: ControlRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+    ) -> int:
+        """A tick without a governor: thruster law, inverse kinematics, joint PID; returns its status."""
+        if measure(r, target, q, v, foot_position, foot_force) != GOOD:
+            return BAD_SAMPLE
+        actuate(r, target, r.reference, q, v, foot_force)
+        return 0
+
+    @kernel
+    def paper_step(
+        r: ControlRecord,
+        target: GaitTargetRecord,
+        q: Vector,
+        v: Vector,
+        foot_position: Vector,
+        foot_force: Vector,
+        governor: ErgRecord,
+        rows: ForceRowsRecord,
+    ) -> int:
+        """The same with the paper's governor of the reference."""
+        if measure(r, target, q, v, foot_position, foot_force) != GOOD:
+            return BAD_SAMPLE
+        if r.started == 0:
+            for i in range(6):
+                governor.applied[i] = r.reference[i]
+            governor.repairing = 0.0
+            r.started = 1
+        verdict = governed_update(r.measured, r.reference, r.period, governor, rows)
+        actuate(r, target, governor.applied, q, v, foot_force)
+        return VIOLATED if verdict != 0 else 0
+
+    @kernel
+    def contact_step(
+        r: ControlRecord,
+        target: GaitTargetRecord,
+        q: Vector,
+        v: Vector,
+        foot_position: Vector,
+        foot_force: Vector,
+        dynamics: DynamicsRecord,
+        terms: ContactMapRecord,
+        governor: ContactForceFilterRecord,
+    ) -> int:
+        """The same without that governor, in front of the contact-force filter."""
+        if measure(r, target, q, v, foot_position, foot_force) != GOOD:
+            return BAD_SAMPLE
+        state = update_terms(dynamics, q, v)
+        actuate(r, target, r.reference, q, v, foot_force)
+        governor.normal[:] = target.normal
+        excess = answer_terms(dynamics, terms, governor, state, v, foot_force, r.torque, r.thrust)
+        limit_bent(r, r.reference, governor.bend)
+        return VIOLATED if excess > 0.0 else 0
+
+    return {"none": plain_step, "paper": paper_step, "filter": contact_step}
+
+
+STEPS = steps_of(actuate)
+"""With the paper's joint PID, by governor."""
+_PAPER, _CONTACT = STEPS["paper"], STEPS["filter"]
+
+
+@kernel
+def paper_step(
+    r: PaperTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+) -> int:
+    """The tick with the paper's governor, on one record."""
+    return _PAPER(r.control, target, q, v, foot_position, foot_force, r.governor, r.rows)
+
+
+@kernel
+def contact_step(
+    r: FilterTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_position: Vector, foot_force: Vector
+) -> int:
+    """The tick with the contact-force filter, on one record."""
+    return _CONTACT(r.control, target, q, v, foot_position, foot_force, r.dynamics, r.terms, r.governor)

@@ -1,0 +1,78 @@
+"""What the ticks of all controllers have in common: the command, and the answer to bad samples.
+
+The kernel of a tick takes an element of the controller's record, the gait's targets and what was measured, writes the
+command into the record, and returns a status. A sample or targets that are not finite are answered by the last command,
+which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.model.state.State`.
+"""
+
+from __future__ import annotations
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, MISFIT
+from harpy_pin.model.record import ZERO, RecordOf, sized
+from harpy_pin.model.state import Vector
+
+__all__ = ["BAD_SAMPLE", "FALLBACK", "VIOLATED", "TickRecord"]
+
+BAD_SAMPLE = 16
+"""Status: the state or the targets are not finite, or the gait turns and the controller cannot."""
+FALLBACK = 8
+"""Status: the program has no solution, or none was found: the last command is held, then the posture."""
+VIOLATED = 1
+"""Status: the governor's constraint does not hold with the command given."""
+
+
+class TickRecord(RecordOf):
+    """What every tick keeps.
+
+    Attributes:
+        verdict: what the last sample was, see :mod:`harpy_pin.model.entry`.
+        bad_samples: how many were bad since the last reset.
+        bad_in_a_row: how many of the last samples were bad.
+        torque: (joints,) of the command, N·m.
+        thrust: (thrusters, 3) of the command, world axes, N.
+    """
+
+    verdict: int = ZERO
+    bad_samples: int = ZERO
+    bad_in_a_row: int = ZERO
+    torque: Vector = sized("joints")
+    thrust: Vector = sized("thrusters", 3)
+
+
+@kernel
+def fading(r: TickRecord) -> float:
+    """Count bad samples by the verdict; returns the factor on the last command."""
+    if r.verdict == GOOD:
+        r.bad_in_a_row = 0
+    else:
+        r.bad_samples += 1
+        r.bad_in_a_row += 1
+    return FADE if r.bad_in_a_row > HOLD_TICKS else 1.0
+
+
+@kernel
+def write_inputs(r: TickRecord, inputs: Vector, apart: bool) -> None:
+    """The torques of inputs [u; τ]; after a bad sample the last command, which fades.
+
+    Args:
+        r: element of the tick's record; its thrusts are those of this tick.
+        inputs: (thrust variables + joints,) N and N·m.
+        apart: whether the thrusts of the command are other numbers than those of the inputs.
+    """
+    first = inputs.shape[0] - r.torque.shape[0]
+    factor = fading(r)
+    if r.verdict != GOOD:
+        for c in range(first if apart else 0, inputs.shape[0]):
+            inputs[c] *= factor
+        for k in range(r.thrust.shape[0]):
+            for i in range(3):
+                r.thrust[k, i] *= factor
+    for j in range(r.torque.shape[0]):
+        r.torque[j] = inputs[first + j]
+
+
+@kernel
+def sample_fits(r: TickRecord) -> bool:
+    """Whether the last sample and targets were of the robot's sizes, and the targets numbers."""
+    return r.verdict != MISFIT

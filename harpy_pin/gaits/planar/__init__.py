@@ -1,1 +1,0 @@
-"""The paper's plane: the robot restricted to it, its walk, and the search for a gait."""

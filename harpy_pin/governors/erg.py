@@ -1,0 +1,422 @@
+"""The paper's explicit reference governor, Algorithm 1, faithful to the print.
+
+Its known weaknesses (equations.md §2, W1–W9) are part of it: it chatters by construction, cannot move when x_w = x_r,
+and ignores how fast the constraints drift. It is here to be measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError
+from harpy_pin.governors.governor import RecordedStatus, StatusRecord, check_update
+from harpy_pin.governors.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
+from harpy_pin.model.entry import all_possible
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import Records, field, make_record, sized
+from harpy_pin.model.state import Vector
+
+__all__ = ["CONDITIONS", "ExplicitReferenceGovernor", "PaperGovernorParameters", "erg_record", "explicit_update"]
+
+FEASIBLE, INFEASIBLE, STUCK, BAD, MISFIT = 0, 1, 2, 3, 4
+"""Outcome of an update; the last two for arguments that are not finite, or do not fit."""
+STUCK_AFTER = 0.1
+"""Time of repair without a break after which the governor counts as stuck, s."""
+NO_WAY = 1e-6
+"""Change of the worst row on the way to the target, relative to its violation, that counts as no direction."""
+FARTHEST = 0.5
+"""Change of the reference (m, m/s) beyond which a user's row is not repaired."""
+INSIDE = 1e-4
+"""How far within such a row its repair ends (m, m/s)."""
+MAX_SIZE = 1000
+"""Most entries of a reference."""
+INDEPENDENT = 1e-9
+"""Share of a row outside the span of others with which it counts as independent of them."""
+SINGLE = {"INDEPENDENT": 1e-5}
+"""In single precision."""
+
+
+@fixed_arrays("applied")
+class ExplicitReferenceGovernor(KeepsViews):
+    """Explicit reference governor of the paper (Algorithm 1; equations.md E8).
+
+    While both references violate a row, only the repair of the worst row moves x_w, and the target moves away; after
+    0.1 s of it ``status.stuck`` is set. Where the repair has no direction, because both references agree in the row
+    (W2), v_t moves x_w instead: it follows the target and leaves the violated rows as they are.
+
+    This is Algorithm 1 as printed, for the paper's own rows. A user's row never stops x_w: while it is the worst, x_w
+    takes the shortest change that satisfies it, at the rate α_n, and v_t follows the target in all other directions. A
+    row that no change of up to 0.5 (m, m/s) satisfies is not repaired: x_w follows the target as without the row, and
+    ``status.infeasible`` and ``status.stuck`` are set.
+
+    Args:
+        rows: the constraints.
+        alpha_r: rate towards the target where it is allowed, 1/s (3D run: 10).
+        alpha_t: rate along the null space of the violated rows, 1/s (3D run: 15).
+        alpha_n: rate of the repair along the worst row, 1/s (3D run: 20).
+        size: length of the reference w.
+        conditions: ``algorithm`` follows Algorithm 1; ``equation`` the equations, which differ from it: v_t also acts
+            where x_w alone violates, and v_n compares the worst rows of both and is not normalised.
+
+    Raises:
+        InputError: a rate is negative or not finite, or ``conditions`` is unknown.
+    """
+
+    _applied_: Vector
+
+    @checked
+    def __init__(
+        self,
+        rows: ConstraintRows,
+        *,
+        alpha_r: float = 10.0,
+        alpha_t: float = 15.0,
+        alpha_n: float = 20.0,
+        size: int = 6,
+        conditions: Literal["algorithm", "equation"] = "algorithm",
+    ) -> None:
+        checks.one_of("conditions", conditions, CONDITIONS)
+        self.rows = rows
+        self.conditions = conditions
+        self._record = erg_record(
+            rows=len(rows.names),
+            size=size,
+            alpha_r=alpha_r,
+            alpha_t=alpha_t,
+            alpha_n=alpha_n,
+            literal=conditions == "equation",
+            own=own_rows(rows),
+        )
+        self.applied: Vector = field(self._record, "applied")
+        self.status = RecordedStatus(rows.names, self._record, field(self._record, "rate"))
+        self._at_target = self.status.h_r, field(self._record, "jacobian_r")
+        self._at_applied = self.status.h_w, field(self._record, "jacobian_w")
+        x, x_r = np.zeros(9), np.zeros(size)
+        if isinstance(rows, ForceRows):
+            governed_update.prepare(x, x_r, 0.0, self._record, rows.record)
+        else:
+            _argument_verdict.prepare(x, x_r, 0.0, self._record)
+            _first_broken.prepare(*self._at_target)
+            _explicit_update.prepare(x_r, 0.0, self._record)
+
+    def reset(self, x_r: Vector) -> None:
+        """Start over with x_w = x_r.
+
+        Args:
+            x_r: (6,) target reference [c_t; ċ_t], m and m/s.
+        """
+        self.applied[:] = checks.vector("x_r", x_r, len(self.applied))
+        self._record["repairing"] = self.status.bad_samples = 0
+
+    def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
+        """Advance x_w by one tick; see :class:`harpy_pin.governors.governor.Governor`.
+
+        Raises:
+            InputError: also where a row of one's own is no number.
+        """
+        rows = self.rows
+        try:
+            if isinstance(rows, ForceRows):
+                # The whole update in one call into compiled code.
+                verdict = governed_update(x, x_r, dt, self._record, rows._record_)
+            else:
+                verdict = _argument_verdict(x, x_r, dt, self._record)
+                if verdict == FEASIBLE:
+                    self._evaluate(x, x_r)
+                    _explicit_update(x_r, dt, self._record)
+        except Exception:
+            check_update(x, x_r, len(self.applied), dt)
+            raise
+        if verdict == MISFIT:
+            check_update(x, x_r, len(self.applied), dt)
+        return self._applied_
+
+    def _evaluate(self, x: Vector, x_r: Vector) -> None:
+        """Rows and Jacobians at both references; refuses those that are not finite."""
+        for w, h, jacobian in (x_r, *self._at_target), (self.applied, *self._at_applied):
+            self.rows.evaluate(x, w, h, jacobian)
+            broken = _first_broken(h, jacobian)
+            if broken >= 0:
+                row = self.rows.names[broken]
+                raise InputError(f"row '{row}' of the governor is no number at {w.tolist()}", name=row, value=h.copy())
+
+
+class ErgRecord(StatusRecord):
+    """What :func:`explicit_update` knows, is given and works in.
+
+    Attributes:
+        alpha_r, alpha_t, alpha_n: 1/s.
+        literal: use the conditions of the equations instead of those of the algorithm.
+        own: (rows,) 1 for a user's row, 0 for one of the paper's; all 0 by default.
+        h_r, h_w: (rows,) constraints at x_r and x_w.
+        jacobian_r, jacobian_w: (rows, size) ∂h/∂w there.
+        applied: (size,) x_w.
+        rate: (size,) ẋ_w out.
+        repairing: for how long both references have violated a row without a break, s.
+        basis: (rows, size) work space: an orthonormal basis of the violated rows.
+    """
+
+    alpha_r: float
+    alpha_t: float
+    alpha_n: float
+    literal: int
+    own: NDArray[np.int64]
+    h_r: Vector = sized("rows")
+    h_w: Vector = sized("rows")
+    jacobian_r: Vector = sized("rows", "size")
+    jacobian_w: Vector = sized("rows", "size")
+    applied: Vector = sized("size")
+    rate: Vector = sized("size")
+    repairing: float = 0.0
+    basis: Vector = sized("rows", "size")
+
+
+def erg_record(
+    *,
+    rows: int,
+    size: int,
+    alpha_r: float,
+    alpha_t: float,
+    alpha_n: float,
+    literal: bool = False,
+    own: Sequence[bool] | None = None,
+) -> Records[ErgRecord]:
+    """A new :class:`ErgRecord`.
+
+    Raises:
+        InputError: a rate is negative or not finite.
+    """
+    checks.whole("size", size, low=1, high=MAX_SIZE)
+    return make_record(
+        ErgRecord,
+        {"rows": rows, "size": size},
+        alpha_r=checks.number("alpha_r", alpha_r, low=0.0),
+        alpha_t=checks.number("alpha_t", alpha_t, low=0.0),
+        alpha_n=checks.number("alpha_n", alpha_n, low=0.0),
+        literal=literal,
+        own=np.zeros(rows, dtype=bool) if own is None else np.array(own, dtype=bool),
+    )
+
+
+@kernel
+def _argument_verdict(x: Vector, x_r: Vector, dt: float, p: ErgRecord) -> int:
+    """What the arguments are; a bad sample is told in the status, and the reference stays where it is."""
+    if x.shape != (9,) or x_r.shape != p.rate.shape or not 0.0 <= dt < np.inf:
+        return MISFIT
+    if all_possible(x) and all_possible(x_r):
+        return FEASIBLE
+    p.bad_samples += 1
+    p.infeasible, p.least_violation = 1, np.inf
+    return BAD
+
+
+@kernel
+def _first_broken(h: Vector, jacobian: Vector) -> int:
+    """The first row that is NaN, or whose derivatives are not finite; −1 without any."""
+    for r in range(h.shape[0]):
+        broken = np.isnan(h[r])
+        for i in range(jacobian.shape[1]):
+            broken = broken or not np.isfinite(jacobian[r, i])
+        if broken:
+            return r
+    return -1
+
+
+@kernel
+def _explicit_update(x_r: Vector, dt: float, p: ErgRecord) -> int:
+    return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
+
+
+@kernel
+def governed_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
+    """One tick with the force rows, see :meth:`ExplicitReferenceGovernor.update`; what it came to."""
+    verdict = _argument_verdict(x, x_r, dt, p)
+    return verdict if verdict != FEASIBLE else force_update(x, x_r, dt, p, rows)
+
+
+@kernel
+def force_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
+    """One tick with the force rows, on elements of the records and arguments that fit; what it came to."""
+    force_rows(x, x_r, rows, p.h_r, p.jacobian_r)
+    force_rows(x, p.applied, rows, p.h_w, p.jacobian_w)
+    return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
+
+
+@kernel
+def _verdict(infeasible: bool, dt: float, p: ErgRecord) -> int:
+    """Keeps the time of repair."""
+    p.repairing = p.repairing + dt if infeasible else 0.0
+    p.infeasible, p.least_violation = infeasible, 0.0
+    p.stuck = p.repairing > STUCK_AFTER
+    if not infeasible:
+        return FEASIBLE
+    return STUCK if p.repairing > STUCK_AFTER else INFEASIBLE
+
+
+@kernel(x_r="p.rate", x_w="p.rate")
+def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
+    """One tick of Algorithm 1: ẋ_w = v_r + v_t + v_n, x_w ← x_w + Δt ẋ_w.
+
+    Args:
+        x_r: (size,) target reference.
+        x_w: (size,) applied reference, updated in place.
+        dt: Δt, s.
+        p: element of :func:`erg_record`, its constraints and Jacobians filled in.
+
+    Returns:
+        Whether both references violate a row.
+    """
+    n_rows, n = p.jacobian_r.shape
+    min_r, min_w, worst = p.h_r[0], p.h_w[0], 0
+    for k in range(1, n_rows):
+        min_r = min(min_r, p.h_r[k])
+        if p.h_w[k] < min_w:
+            min_w, worst = p.h_w[k], k
+    p.rate[:] = 0.0
+    # v_r: straight to the target.
+    if min_w >= 0.0 or min_r >= 0.0:
+        for i in range(n):
+            p.rate[i] += p.alpha_r * (x_r[i] - x_w[i])
+    # v_t: the part of the way that leaves the violated rows unchanged.
+    tangential = (min_w >= 0.0 or min_r < 0.0) if p.literal else (min_w >= 0.0 and min_r < 0.0)
+    # v_n: repair along the worst row when both references violate; v_t instead, or as well, where it has no direction.
+    infeasible: bool = min_w < 0.0 and min_r < 0.0
+    if infeasible and p.own[worst]:
+        tangential = _add_shortest(dt, p, worst)
+        if not tangential:
+            for i in range(n):
+                p.rate[i] += p.alpha_r * (x_r[i] - x_w[i])
+    elif infeasible:
+        towards = min_w <= min_r if p.literal else p.h_r[worst] >= p.h_w[worst]
+        tangential |= not _add_normal(x_r, x_w, p, worst, towards)
+    if tangential:
+        _add_tangential(x_r, x_w, p)
+    for i in range(n):
+        x_w[i] += dt * p.rate[i]
+    return infeasible
+
+
+@kernel
+def _violated_basis(p: ErgRecord) -> int:
+    """Orthonormal basis of the rows that x_r violates, into ``p.basis``; returns their rank."""
+    jacobian, basis = p.jacobian_r, p.basis
+    n_rows, n = jacobian.shape
+    rank = 0
+    for k in range(n_rows):
+        if p.h_r[k] < 0.0:
+            norm = 0.0
+            for i in range(n):
+                norm += jacobian[k, i] * jacobian[k, i]
+            norm = np.sqrt(norm)
+            if norm == 0.0:
+                continue
+            for i in range(n):
+                basis[rank, i] = jacobian[k, i] / norm
+            # Gram–Schmidt, twice: normalised analytic rows, so that the rank is right (W7).
+            for _ in range(2):
+                for b in range(rank):
+                    dot = 0.0
+                    for i in range(n):
+                        dot += basis[b, i] * basis[rank, i]
+                    for i in range(n):
+                        basis[rank, i] -= dot * basis[b, i]
+            rest = 0.0
+            for i in range(n):
+                rest += basis[rank, i] * basis[rank, i]
+            rest = np.sqrt(rest)
+            if rest > INDEPENDENT:
+                for i in range(n):
+                    basis[rank, i] /= rest
+                rank += 1
+                if rank == n:
+                    break
+    return rank
+
+
+@kernel
+def _add_tangential(x_r: Vector, x_w: Vector, p: ErgRecord) -> None:
+    """v_t = α_t (I − C⁺C)(x_r − x_w), C the violated rows."""
+    n = p.rate.shape[0]
+    rank = _violated_basis(p)
+    for i in range(n):
+        p.rate[i] += p.alpha_t * (x_r[i] - x_w[i])
+    for b in range(rank):
+        dot = 0.0
+        for i in range(n):
+            dot += p.basis[b, i] * (x_r[i] - x_w[i])
+        for i in range(n):
+            p.rate[i] -= p.alpha_t * dot * p.basis[b, i]
+
+
+@kernel
+def _add_normal(x_r: Vector, x_w: Vector, p: ErgRecord, worst: int, towards: bool) -> bool:
+    """v_n along the worst row, towards the target or away from it; returns whether that is a direction at all."""
+    n = p.rate.shape[0]
+    row = p.jacobian_r[worst]
+    squared, dot = 0.0, 0.0
+    for i in range(n):
+        squared += row[i] * row[i]
+        dot += row[i] * (x_r[i] - x_w[i])
+    scale = p.alpha_n * dot if towards else -p.alpha_n * dot
+    if not p.literal:
+        scale = scale / squared if squared > 0.0 else 0.0
+    for i in range(n):
+        p.rate[i] += scale * row[i]
+    return abs(dot) > float(-NO_WAY * p.h_w[worst])
+
+
+@kernel
+def _add_shortest(dt: float, p: ErgRecord, worst: int) -> bool:
+    """The shortest way for x_w into its worst row; returns whether there is one, and a short one."""
+    n = p.rate.shape[0]
+    row = p.jacobian_w[worst]
+    norm = 0.0
+    for i in range(n):
+        norm += row[i] * row[i]
+    norm = np.sqrt(norm)
+    if not -p.h_w[worst] <= FARTHEST * norm:
+        return False
+    # At the rate of the print, α_n times the distance of the references, and no further than just inside.
+    distance = -min(p.h_w[worst], p.h_r[worst]) / norm
+    speed = min(p.alpha_n * distance, (INSIDE - p.h_w[worst] / norm) / max(dt, 1e-9))
+    for i in range(n):
+        p.rate[i] += speed * row[i] / norm
+    return True
+
+
+CONDITIONS = ("algorithm", "equation")
+"""Conditions of the terms of the update: those of Algorithm 1, or those of the equations."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperGovernorParameters:
+    """Settings of :class:`~harpy_pin.governors.ExplicitReferenceGovernor` on a walk; by default the paper's 3D run.
+
+    Attributes:
+        alpha_r: rate towards the target where it is allowed, 1/s.
+        alpha_t: rate along the null space of the violated rows, 1/s.
+        alpha_n: rate of the repair along the worst row, 1/s.
+        conditions: ``algorithm`` or ``equation``, which differ (equations.md E8).
+        friction_share: share of the assumed friction coefficient that the rows use; what is left is for errors.
+        min_normal_force: least normal force of the row on it, N.
+    """
+
+    alpha_r: float = 10.0
+    alpha_t: float = 15.0
+    alpha_n: float = 20.0
+    conditions: str = "algorithm"
+    friction_share: float = 1.0
+    min_normal_force: float = 20.0
+
+    def __post_init__(self) -> None:
+        checks.numbers(self, "alpha_r", "alpha_t", "alpha_n", "min_normal_force", low=0.0)
+        checks.one_of("conditions", self.conditions, CONDITIONS)
+        checks.number("friction_share", self.friction_share, low=0.0, high=1.0, strict=True)

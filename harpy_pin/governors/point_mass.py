@@ -1,0 +1,87 @@
+"""Reduced-order model: a point mass on a massless leg of variable length (paper, section ROM).
+
+r = c − u runs from the centre of pressure u to the body c; L = |r|, r̂ = r/L; e = c_w − c, ė = ċ_w − ċ. The contact
+force is along the leg, u_g = N r̂ (equations.md E3, E4, §2), and affine in the applied reference w = [c_w; ċ_w].
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+from harpy_pin import checks
+from harpy_pin.compiled import kernel
+from harpy_pin.model.record import Records, fields, make_record
+from harpy_pin.model.state import Vector
+from harpy_pin.model.thrust import CentreGains, CentreGainsRecord
+
+__all__ = ["Law", "axial_force", "model_record"]
+
+
+class Law(IntEnum):
+    """Which control law closes the loop around the model."""
+
+    PROJECTED = 0
+    """VLIP run: thrust tangential to the leg (Y = r̂ r̂ᵀ), leg force from u_r."""
+    FULL = 1
+    """3D run: Y = 0, u_r unused; the thrust also acts along the leg."""
+
+
+class PointMassRecord(CentreGainsRecord):
+    """The model and the control law that closes its loop.
+
+    Attributes:
+        mass: m, kg.
+        g: magnitude of gravity, m/s².
+        law: :class:`Law`.
+    """
+
+    mass: float
+    g: float
+    law: int
+
+
+def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Records[PointMassRecord]:
+    """A new :class:`PointMassRecord`.
+
+    Raises:
+        InputError: mass or gravity is not positive.
+    """
+    return make_record(
+        PointMassRecord,
+        mass=checks.number("mass", mass, low=0.0, strict=True),
+        g=checks.number("g", g, low=0.0, strict=True),
+        law=np.int64(law),
+        **fields((gains if gains is not None else CentreGains()).record),
+    )
+
+
+@kernel(r=(3,), c=(3,), c_dot=(3,), jacobian=(6,))
+def axial_force(r: Vector, c: Vector, c_dot: Vector, model: PointMassRecord, jacobian: Vector) -> float:
+    """Axial contact force as an affine map of the reference, N(w) = J w + d (equations.md §2).
+
+    Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e + K_dt ė).
+
+    Args:
+        r: (3,) c − u, m.
+        c: (3,) body position, m.
+        c_dot: (3,) body velocity, m/s.
+        model: element of a record with the fields of :func:`model_record`.
+        jacobian: (6,) J out, N/m and N·s/m.
+
+    Returns:
+        d, N.
+    """
+    length = max(np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), 1e-12)  # a body on the foot has no direction
+    d = model.mass * model.g * r[2] / length
+    for i in range(3):
+        direction = r[i] / length
+        if model.law == 0:
+            jacobian[i] = model.mass * model.k_pr * direction
+            jacobian[3 + i] = model.mass * model.k_dr * direction
+        else:
+            jacobian[i] = -model.k_pt[i] * direction
+            jacobian[3 + i] = -model.k_dt[i] * direction
+        d -= jacobian[i] * c[i] + jacobian[3 + i] * c_dot[i]
+    return float(d)

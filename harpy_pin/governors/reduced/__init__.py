@@ -1,1 +1,0 @@
-"""The reduced-order model of the paper, and the governors that act on its force."""

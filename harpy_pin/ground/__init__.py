@@ -1,0 +1,8 @@
+"""The ground below gaits and plants: stiffness, friction, strips, its surface, and the frames of contacts on it.
+
+The names that ``__init__.pyi`` lists are imported when they are first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,114 @@
+"""The frame of a contact: the third axis is the normal of the ground, the others are tangents.
+
+A friction cone is about the normal. With a foot's motion and force in its contact frame, "z" is the normal, and what is
+written for level ground holds on any. The frame is the smallest rotation that turns the vertical into the normal: of
+level ground it is the identity, digit for digit.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
+
+__all__: list[str] = []
+
+LENGTH = 1e-6
+"""Largest error of a normal's squared length."""
+
+
+@kernel
+def contact_frame(x: float, y: float, z: float, out: Vector) -> None:
+    """The frame of a normal.
+
+    Args:
+        x: first entry of the normal, which has length one and points upwards.
+        y: its second entry.
+        z: its third entry.
+        out: (3, 3) rotation from the contact's axes to the world's.
+    """
+    share = 1.0 / (1.0 + z)
+    out[0, 0], out[0, 1], out[0, 2] = 1.0 - share * x * x, -share * x * y, x
+    out[1, 0], out[1, 1], out[1, 2] = -share * x * y, 1.0 - share * y * y, y
+    out[2, 0], out[2, 1], out[2, 2] = -x, -y, z
+
+
+@kernel
+def is_level(normal: Vector) -> bool:
+    """Whether all normals (feet, 3) are vertical."""
+    level = True
+    for k in range(normal.shape[0]):
+        level = level and normal[k, 0] == 0.0 and normal[k, 1] == 0.0
+    return level
+
+
+@kernel
+def all_upward(normal: Vector) -> bool:
+    """Whether all normals (feet, 3) that are not vertical point upwards and have length one."""
+    good = True
+    for k in range(normal.shape[0]):
+        x, y, z = normal[k, 0], normal[k, 1], normal[k, 2]
+        if x != 0.0 or y != 0.0:
+            good = good and z > 0.0 and abs(x * x + y * y + z * z - 1.0) < LENGTH
+    return good
+
+
+@kernel
+def to_contact(frame: Vector, vector: Vector) -> None:
+    """A vector (3,) of world axes in those of the contact, in place."""
+    x, y, z = vector[0], vector[1], vector[2]
+    for c in range(3):
+        vector[c] = frame[0, c] * x + frame[1, c] * y + frame[2, c] * z
+
+
+@kernel
+def to_world(frame: Vector, vector: Vector) -> None:
+    """A vector (3,) of the contact's axes in those of the world, in place."""
+    x, y, z = vector[0], vector[1], vector[2]
+    for c in range(3):
+        vector[c] = frame[c, 0] * x + frame[c, 1] * y + frame[c, 2] * z
+
+
+def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
+    """Vectors of world axes in the frames of their contacts.
+
+    Args:
+        normal: (feet, 3) of the ground.
+        vectors: (feet, 3).
+    """
+    frames = np.zeros((len(normal), 3, 3))
+    _contact_frames(normal, frames)
+    turned: Vector = np.einsum("kij,ki->kj", frames, vectors)
+    return turned
+
+
+@kernel
+def _contact_frames(normal: Vector, out: Vector) -> None:
+    for k in range(normal.shape[0]):
+        contact_frame(normal[k, 0], normal[k, 1], normal[k, 2], out[k])
+
+
+@kernel
+def turn_feet(d: DynamicsRecord, frame: Vector) -> None:
+    """Feet's positions, velocities, drifts and Jacobians, of world axes, in those of their contacts, in place.
+
+    Args:
+        d: element of the record of :class:`harpy_pin.model.dynamics.Dynamics`.
+        frame: (feet, 3, 3) of each foot.
+    """
+    for k in range(frame.shape[0]):
+        r = frame[k]
+        to_contact(r, d.foot_position[k])
+        to_contact(r, d.foot_velocity[k])
+        to_contact(r, d.foot_drift[3 * k : 3 * k + 3])
+        rows = d.foot_jacobian[3 * k : 3 * k + 3]
+        for i in range(rows.shape[1]):
+            x, y, z = rows[0, i], rows[1, i], rows[2, i]
+            for c in range(3):
+                rows[c, i] = r[0, c] * x + r[1, c] * y + r[2, c] * z

@@ -1,0 +1,291 @@
+"""Compliant ground with Stribeck friction (equations.md E1, E2), and where along the way it changes.
+
+**Normal force**: −k p_z − d ṗ_z where p_z ≤ 0, with d = 0 for ṗ_z > 0, and never below zero (E1). **Friction** at
+rest is any force inside the cone; of a sliding foot it is against the motion, by :func:`stribeck` (E2).
+:func:`harpy_pin.simulation.implicit_contact.contact_step` finds both at the end of a step.
+
+Friction and stiffness may change along x, on strips such as ice or foam. A foot feels those of its place at the
+beginning of a step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError, shown
+from harpy_pin.ground.surface import TerrainRecord, flat_terrain
+from harpy_pin.ground.terrain import Plane, Terrain, read_terrain
+from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.robot import Robot, load_robot
+from harpy_pin.model.state import Vector
+
+__all__ = ["Ground", "fitting_stiffness", "resting_stiffness", "walking_stiffness"]
+
+CONES = ("circular", "per_axis")
+MAX_STIFFNESS = 1e9
+"""N/m: a robot of 4 kg sinks by 40 nm."""
+MAX_STRIPS = 16
+"""Of friction or of stiffness: the record has room for so many, so that kernels are compiled once for all grounds."""
+_RATIO = 0.9
+"""The paper's μ_c / μ_s."""
+_STIFFNESS, _DAMPING = 8000.0, 268.3
+"""Of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
+GRAVITY = 9.81
+"""m/s²."""
+DEPTH, WALKING_DEPTH = 0.005, 0.002
+"""How deep a robot at rest is in its ground, and how deep one point is that carries a walking robot alone, m."""
+
+
+class GroundRecord(RecordOf):
+    """Parameters of :class:`Ground`, and:
+
+    Attributes:
+        per_axis: 1 for that cone.
+        strips: how many strips there are.
+        strip: (16, 4) from and to, m, static and sliding coefficient of each.
+        soft_strips: how many strips of another stiffness there are.
+        soft_strip: (16, 3) from and to, m, and stiffness relative to the ground's.
+        terrain: its surface.
+    """
+
+    stiffness: float
+    damping: float
+    mu_s: float
+    mu_c: float
+    mu_v: float
+    stribeck_velocity: float
+    per_axis: int
+    strips: int
+    strip: Vector
+    soft_strips: int
+    soft_strip: Vector
+    terrain: TerrainRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """Parameters of the ground, z = 0 where nothing else is said; defaults are equations.md §3.
+
+    Attributes:
+        stiffness: normal stiffness k, N/m, at most 1e9; the paper's by default, for Harpy's 4.5 kg. Another robot walks
+            well where it is its weight over 2 mm: ``robot.mass * 9.81 / 0.002``.
+        damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not given, that of the
+            paper's damping ratio: 268.3 √(k / 8000 N/m).
+        mu_s: static friction coefficient, at most 10; the paper's 0.25 by default, where ``harpy walk`` has 0.8.
+        mu_c: Coulomb (sliding) friction coefficient; 0.9 mu_s, the paper's ratio, when not given.
+        mu_v: viscous friction, N·s/m.
+        stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
+        cone: ``circular`` (Coulomb's disc) or ``per_axis`` (x and y apart: a box, the paper's form).
+        friction_strips: (from x, to x, static coefficient) of strips with another friction, m, in the order of x and
+            apart from each other, at most 16. A strip holds its first x and not its last. Its sliding coefficient has
+            the ground's ratio mu_c / mu_s (0.9 where mu_s is zero).
+        stiffness_strips: (from x, to x, stiffness) of strips with another stiffness, N/m, at most 16; they have the
+            ground's damping ratio.
+        slope: angle by which the ground rises along x, rad, at most 1.2: short for ``terrain=Plane(slope=...)``.
+        terrain: its surface: one of :data:`harpy_pin.ground.terrain.TERRAINS`; flat where there is none.
+    """
+
+    stiffness: float = _STIFFNESS
+    damping: float | None = None
+    mu_s: float = 0.25
+    mu_c: float | None = None
+    mu_v: float = 0.85
+    stribeck_velocity: float = 0.01
+    cone: Literal["circular", "per_axis"] = "circular"
+    friction_strips: tuple[tuple[float, float, float], ...] = ()
+    stiffness_strips: tuple[tuple[float, float, float], ...] = ()
+    slope: float = 0.0
+    terrain: Terrain | None = None
+
+    def __post_init__(self) -> None:
+        stiffness = checks.number("ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
+        damping = _DAMPING * math.sqrt(stiffness / _STIFFNESS) if self.damping is None else self.damping
+        mu_s = checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
+        mu_c = _RATIO * mu_s if self.mu_c is None else self.mu_c
+        checks.keep(
+            self,
+            stiffness=stiffness,
+            damping=checks.number("ground damping", damping, low=0.0),
+            mu_s=mu_s,
+            mu_c=checks.number("friction mu_c", mu_c, low=0.0, high=mu_s),
+            mu_v=checks.number("viscous friction mu_v", self.mu_v, low=0.0),
+            stribeck_velocity=checks.number("stribeck_velocity", self.stribeck_velocity, low=0.0, strict=True),
+        )
+        checks.one_of("friction cone", self.cone, CONES)
+        checks.keep(self, slope=Plane(slope=self.slope).slope)
+        for name, most in (("friction", checks.MAX_FRICTION), ("stiffness", MAX_STIFFNESS)):
+            checks.keep(self, **{f"{name}_strips": _checked_strips(name, getattr(self, f"{name}_strips"), most)})
+        if self.terrain is not None:
+            checks.keep(self, terrain=read_terrain(self.terrain))
+            if self.slope != 0.0:
+                message = "a ground has a slope or a terrain, not both: terrain=Plane(slope=...)"
+                raise InputError(message, name="slope", value=self.slope)
+
+    @property
+    def surface(self) -> Terrain | None:
+        """Its terrain, also where it was given as a slope; None for flat ground."""
+        return Plane(slope=self.slope) if self.slope != 0.0 else self.terrain
+
+    @property
+    def record(self) -> Records[GroundRecord]:
+        """The parameters, for kernels."""
+        names = ("stiffness", "damping", "mu_s", "mu_c", "mu_v", "stribeck_velocity")
+        numbers = {name: getattr(self, name) for name in names}
+        surface = self.surface
+        assert self.mu_c is not None
+        ratio = self.mu_c / self.mu_s if self.mu_s > 0.0 else _RATIO
+        strip, soft = np.zeros((MAX_STRIPS, 4)), np.zeros((MAX_STRIPS, 3))
+        for row, (begin, end, mu) in zip(strip, self.friction_strips, strict=False):
+            row[:] = begin, end, mu, ratio * mu
+        for row, (begin, end, stiffness) in zip(soft, self.stiffness_strips, strict=False):
+            row[:] = begin, end, stiffness / self.stiffness
+        return make_record(
+            GroundRecord,
+            **numbers,
+            per_axis=self.cone == "per_axis",
+            strips=np.int64(len(self.friction_strips)),
+            strip=strip,
+            soft_strips=np.int64(len(self.stiffness_strips)),
+            soft_strip=soft,
+            terrain=flat_terrain() if surface is None else surface.record,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Names and values, the terrain's inside it, ready for JSON and exact."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        for name in ("friction_strips", "stiffness_strips"):
+            values[name] = [list(strip) for strip in values[name]]
+        if self.terrain is not None:
+            values["terrain"] = self.terrain.to_dict()
+        return values
+
+    @checked
+    def friction(self, x: ArrayLike) -> Vector:
+        """Static friction coefficient of places on the ground.
+
+        Args:
+            x: of the places, m, of any shape.
+
+        Returns:
+            The coefficients, in that shape.
+        """
+        return _at_places(x, self.mu_s, self.friction_strips)
+
+    @checked
+    def stiffness_at(self, x: ArrayLike) -> Vector:
+        """Stiffness of places on the ground, N/m.
+
+        Args:
+            x: of the places, m, of any shape.
+
+        Returns:
+            The stiffnesses, in that shape.
+        """
+        return _at_places(x, self.stiffness, self.stiffness_strips)
+
+
+def _at_places(x: ArrayLike, usual: float, strips: tuple[tuple[float, float, float], ...]) -> Vector:
+    places = np.asarray(x, dtype=np.float64)
+    found = np.full(places.shape, usual)
+    for begin, end, value in strips:
+        found[(begin <= places) & (places < end)] = value
+    return found
+
+
+def _checked_strips(of: str, strips: Any, most: float) -> tuple[tuple[float, float, float], ...]:
+    """Strips as plain numbers; see :class:`Ground` for what they must be."""
+    name = f"{of}_strips"
+
+    def refuse(message: str, value: Any) -> InputError:
+        return InputError(message, name=name, value=value)
+
+    if not isinstance(strips, list | tuple):
+        raise refuse(f"{name} must be a tuple of strips, got {shown(strips)}", strips)
+    if len(strips) > MAX_STRIPS:
+        raise refuse(f"a ground has at most {MAX_STRIPS} {name}, got {len(strips)}", strips)
+    checked: list[tuple[float, float, float]] = []
+    for strip in strips:
+        if not isinstance(strip, list | tuple) or len(strip) != 3:
+            raise refuse(f"a strip must be (from x, to x, {of}), got {shown(strip)}", strip)
+        begin, end = checks.number("from of a strip", strip[0]), checks.number("to of a strip", strip[1])
+        value = checks.number(f"{of} of a strip", strip[2], low=0.0, high=most, strict=of == "stiffness")
+        if end <= begin:
+            raise refuse(f"a strip must end behind its beginning, got {begin:g} to {end:g} m", strip)
+        if checked and begin < checked[-1][1]:
+            order = f"{begin:g} m lies before {checked[-1][1]:g} m"
+            raise refuse(f"{name} must be in the order of x and apart: {order}", strip)
+        checked.append((begin, end, value))
+    return tuple(checked)
+
+
+@kernel
+def local_friction(x: float, ground: GroundRecord) -> tuple[float, float]:
+    """Static and sliding coefficient at a place x, m, for the element of :attr:`Ground.record`."""
+    mu_s, mu_c = ground.mu_s, ground.mu_c
+    for i in range(ground.strips):
+        if ground.strip[i, 0] <= x < ground.strip[i, 1]:
+            mu_s, mu_c = ground.strip[i, 2], ground.strip[i, 3]
+    return mu_s, mu_c
+
+
+@kernel
+def local_stiffness(x: float, ground: GroundRecord) -> float:
+    """Stiffness at a place x, m, relative to the ground's, for the element of :attr:`Ground.record`."""
+    for i in range(ground.soft_strips):
+        if ground.soft_strip[i, 0] <= x < ground.soft_strip[i, 1]:
+            share: float = ground.soft_strip[i, 2]
+            return share
+    return 1.0
+
+
+@kernel
+def stribeck(speed: float, normal: float, mu_s: float, mu_c: float, ground: GroundRecord) -> float:
+    """Magnitude of the friction on a foot sliding at ``speed``, N (equations.md E2)."""
+    ratio = speed / ground.stribeck_velocity
+    mu = mu_c + (mu_s - mu_c) * np.exp(-ratio * ratio)
+    return float(mu * normal + ground.mu_v * speed)
+
+
+def resting_stiffness(robot: Robot) -> float:
+    """Stiffness of the ground in which a robot at rest, on all its contact points, is 5 mm deep, N/m.
+
+    Args:
+        robot: any; one without feet counts as one with a single foot.
+    """
+    return robot.mass * GRAVITY / (max(len(robot.feet), 1) * DEPTH)
+
+
+def walking_stiffness(robot: Robot) -> float:
+    """Stiffness of the ground on which a robot walks, N/m: a point that carries all of it is 2 mm deep.
+
+    On softer ground soles rock at touchdown, and slip.
+
+    Args:
+        robot: any.
+    """
+    return robot.mass * GRAVITY / WALKING_DEPTH
+
+
+@cache
+def fitting_stiffness(name: str, walks: bool) -> float | None:
+    """Stiffness of the ground of a robot by default, N/m; None for Harpy, whose ground is the paper's.
+
+    Args:
+        name: of the robot, in the catalogue.
+        walks: whether it walks.
+
+    Raises:
+        RobotError: the robots of the catalogue are not installed.
+    """
+    if name == "harpy":
+        return None
+    return (walking_stiffness if walks else resting_stiffness)(load_robot(name))

@@ -1,0 +1,221 @@
+"""The robot: the shapes of its links at its joints, and Harpy's real lower leg.
+
+Harpy's model is the equivalent serial chain (equations.md §3): thigh and tarsus in one link of 0.5 m, the shin at its
+end. The real shin begins at the knee motor, 0.3 m down the thigh, and stays parallel to the serial one; the tarsus
+leads from its end to the foot, parallel to the thigh: a parallelogram whose other two sides the URDF's chain draws.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import coal  # type: ignore[import-untyped]
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin.errors import RobotError
+from harpy_pin.model.kinematics import LegGeometry
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.view.palette import as_hex
+from harpy_pin.view.scene.meshes import mesh_parts
+from harpy_pin.view.scene.nodes import (
+    Box,
+    Cylinder,
+    Look,
+    Mesh,
+    Motion,
+    Motions,
+    Node,
+    Shape,
+    Sphere,
+    from_matrices,
+    node_name,
+    revolved,
+    shifted,
+    turn_z_to,
+)
+
+__all__ = ["Pantograph", "RobotNodes", "find_pantograph", "load_visuals"]
+
+GREY, CARBON, ROD = (Look(colour, light="body") for colour in ("#666b75", "#22252a", "#bfc2c7"))
+MOTOR_TOLERANCE = 0.02
+"""How far the thigh's centre of mass may be from the knee motor's place, m."""
+
+
+class RobotNodes:
+    """A robot as it looks; one without visuals, or whose mesh files are missing, is a skeleton of rods between joints.
+
+    Args:
+        robot: who is drawn.
+        height: of its body above the ground, m, from which a skeleton's rods are as thick as fits.
+
+    Attributes:
+        nodes: of all shapes.
+    """
+
+    def __init__(self, robot: Robot, height: float) -> None:
+        self.names = [f"robot/{node_name(name)}" for name in robot.model.names]
+        self.nodes: list[Node] = []
+        for number, shape in enumerate(load_visuals(robot)):
+            self._add_shape(f"{self.names[shape.parentJoint]}/{number}_{node_name(shape.name)}", shape)
+        if not self.nodes:
+            self._add_skeleton(robot, 0.02 * max(height, 0.1))
+        self._legs = [leg for leg in (find_pantograph(robot, foot) for foot in robot.feet) if leg is not None]
+        for leg in self._legs:
+            self.nodes += leg.nodes
+
+    def motions(self, joints: Vector) -> Motions:
+        """Where everything is, from (n, model joints, 4, 4) joint placements."""
+        motions = {name: from_matrices(joints[:, j]) for j, name in enumerate(self.names)}
+        for leg in self._legs:
+            motions |= leg.motions(joints)
+        return motions
+
+    def _add_shape(self, path: str, shape: pin.GeometryObject) -> None:
+        """One shape in its joint's frame, in the URDF's colour or those of its mesh file."""
+        place = shape.placement.homogeneous
+        if isinstance(shape.geometry, coal.BVHModelBase):
+            parts = mesh_parts(shape)
+            for number, part in enumerate(parts):
+                name = path if len(parts) == 1 else f"{path}/{number}"
+                self.nodes.append(Node(name, Mesh(part.vertices, part.faces), _look(part.colour), place))
+            return
+        drawn = _primitive(shape.geometry)
+        if drawn is None:
+            kind = type(shape.geometry).__name__
+            warnings.warn(f"shape '{shape.name}' ({kind}) cannot be drawn", stacklevel=2)
+        else:
+            self.nodes.append(Node(path, drawn, _look(shape.meshColor), place))
+
+    def _add_skeleton(self, robot: Robot, radius: float) -> None:
+        """Rods from each joint to its child joints and feet, and a ball at each joint."""
+        model = robot.model
+        ends = [(model.parents[j], model.jointPlacements[j].translation) for j in range(2, model.njoints)]
+        feet = [model.frames[robot.frame_id(name)] for name in robot.feet]
+        ends += [(frame.parentJoint, frame.placement.translation) for frame in feet]
+        for number, (joint, end) in enumerate(ends):
+            name, length = self.names[joint], float(np.linalg.norm(end))
+            self.nodes.append(Node(f"{name}/ball_{number}", Sphere(1.5 * radius), GREY))
+            if length > 1e-6:
+                turn = pin.Quaternion(turn_z_to((end / length)[None])[0]).matrix()
+                placement = np.eye(4)
+                placement[:3, :3], placement[:3, 3] = turn, 0.5 * end
+                self.nodes.append(Node(f"{name}/rod_{number}", Cylinder(length, radius), GREY, placement))
+
+
+def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
+    """Visual shapes of a robot's URDF, whose mesh files are looked for in the folders above it.
+
+    There are none, with a warning, where a mesh file cannot be read.
+    """
+    folders = [str(folder) for folder in robot.urdf.resolve().parents]
+    try:
+        shapes = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL, package_dirs=folders)
+    except (ValueError, RuntimeError) as error:
+        reason = str(error).strip().splitlines()[0] if str(error).strip() else "unreadable mesh"
+        warnings.warn(f"visuals of '{robot.urdf}' not drawn ({reason}); drawing a skeleton", stacklevel=2)
+        return []
+    return list(shapes.geometryObjects)
+
+
+def _primitive(shape: coal.CollisionGeometry) -> Shape | None:
+    """A shape that is no mesh; None if it is of an unknown kind."""
+    if isinstance(shape, coal.Box):
+        x, y, z = (float(2.0 * side) for side in shape.halfSide)
+        return Box((x, y, z))
+    if isinstance(shape, coal.Sphere):
+        return Sphere(float(shape.radius))
+    if isinstance(shape, coal.Ellipsoid):
+        angles = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 24)
+        ball = revolved([(float(np.cos(a)), float(np.sin(a))) for a in angles])
+        return Mesh(ball.vertices * shape.radii, ball.faces)
+    if isinstance(shape, coal.Cylinder | coal.Capsule):  # a capsule as a cylinder of the same overall length
+        ends = shape.radius if isinstance(shape, coal.Capsule) else 0.0
+        return Cylinder(float(2.0 * (shape.halfLength + ends)), float(shape.radius))
+    if isinstance(shape, coal.Cone):
+        half, radius = float(shape.halfLength), float(shape.radius)
+        return revolved([(0.0, -half), (radius, -half), (0.0, half)])
+    return None
+
+
+def _look(rgba: Iterable[float]) -> Look:
+    colour = tuple(rgba)
+    return Look(as_hex(colour[:3]), float(np.clip(colour[3], 0.0, 1.0)), light="body")
+
+
+@dataclass(frozen=True)
+class Pantograph:
+    """Lower leg of one foot.
+
+    Attributes:
+        foot: name of the foot's frame.
+        thigh_joint: index of the hip sagittal joint, whose frame is the thigh's.
+        shank_joint: index of the serial chain's knee.
+        thigh: hip sagittal axis to knee motor, m.
+        shin: length of the shin and of the tarsus, m.
+    """
+
+    foot: str
+    thigh_joint: int
+    shank_joint: int
+    thigh: float
+    shin: float
+
+    def motor(self, joints: Vector) -> Vector:
+        """(n, 3) knee motor, world, m, from (n, model joints, 4, 4) joint placements."""
+        thigh = joints[:, self.thigh_joint]
+        return np.asarray(thigh[:, :3, 3] - self.thigh * thigh[:, :3, 2])
+
+    def ankle(self, joints: Vector) -> Vector:
+        """(n, 3) end of the shin, where the tarsus begins, world, m."""
+        return np.asarray(self.motor(joints) - self.shin * joints[:, self.shank_joint, :3, 2])
+
+    @property
+    def _path(self) -> str:
+        return f"lower_leg/{node_name(self.foot)}"
+
+    @property
+    def nodes(self) -> list[Node]:
+        """Shin, tarsus, and pins where they turn: the ankle, and the serial knee at the opposite corner."""
+        half, across = shifted(z=-0.5 * self.shin), np.eye(4)
+        across[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+        return [
+            Node(f"{self._path}/shin/bar", Box((0.022, 0.014, self.shin)), CARBON, half),
+            Node(f"{self._path}/tarsus/bar", Box((0.018, 0.014, self.shin)), CARBON, half),
+            Node(f"{self._path}/ankle_pin/pin", Cylinder(0.05, 0.008), ROD, across),
+            Node(f"{self._path}/knee_pin/pin", Cylinder(0.05, 0.008), ROD, across),
+        ]
+
+    def motions(self, joints: Vector) -> Motions:
+        """The lower leg follows the joints of the equivalent chain."""
+        shank, thigh = (from_matrices(joints[:, j]).quaternion for j in (self.shank_joint, self.thigh_joint))
+        ankle = self.ankle(joints)
+        places = (
+            ("shin", self.motor(joints), shank),
+            ("tarsus", ankle, thigh),
+            ("ankle_pin", ankle, thigh),
+            ("knee_pin", joints[:, self.shank_joint, :3, 3], shank),
+        )
+        return {f"{self._path}/{name}": Motion(position=point, quaternion=turn) for name, point, turn in places}
+
+
+def find_pantograph(robot: Robot, foot: str) -> Pantograph | None:
+    """The lower leg of a foot, where the leg is of Harpy's kind; None where it is of another.
+
+    That is: a hip x, hip y, knee y chain whose upper link is longer than the lower one, with its mass (the knee motor)
+    where the shin of a parallelogram would begin. An ordinary serial leg has its mass elsewhere.
+    """
+    try:
+        leg = LegGeometry.from_robot(robot, foot)
+    except RobotError:
+        return None
+    model = robot.model
+    chain = list(model.supports[model.frames[robot.frame_id(foot)].parentJoint])[2:]
+    thigh = leg.upper - leg.lower
+    mass_at = -float(model.inertias[chain[1]].lever[2])
+    if thigh <= 0.0 or leg.lower <= 0.0 or abs(mass_at - thigh) > MOTOR_TOLERANCE:
+        return None
+    return Pantograph(foot, int(chain[1]), int(chain[2]), thigh, leg.lower)

@@ -1,0 +1,299 @@
+"""The planar walk in closed loop, compiled as a whole: a walk of ten steps takes about 40 ms.
+
+The physics step is that of the robot in space, with the terms of :mod:`reproduction.gait.planar_model`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
+from harpy_pin.ground.ground import Ground, GroundRecord
+from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.record import RecordOf, field, make_record, sized
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.step import StepRecord, implicit_step, step_record
+from reproduction.gait.joints import PlanarJoints, PlanarWalkRecord, joint_targets, planar_control, walk_record
+from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_model import NV, PlanarModel, PlanarModelRecord, planar_terms
+
+__all__ = ["PlanarSummary", "PlanarWalk"]
+
+FALL_PITCH = 0.7
+"""Pitch at which a walk counts as fallen, rad."""
+
+
+@dataclass(frozen=True)
+class PlanarSummary:
+    """What a planar walk achieved.
+
+    Attributes:
+        duration: time walked before the end or a fall, s.
+        fell: whether it fell.
+        steps: step durations walked.
+        speed: mean along x, m/s.
+        height_min: of the body, m.
+        height_max: of the body, m.
+        pitch_max: largest magnitude, rad.
+        paper_cost: time average of 10|v_x − 0.3| + |ω| + 10|z − 0.6| (equations.md §3).
+        thrust_rms: root mean square of the sum of the thrusts, N.
+        slip: path of the touching feet along the ground, mm per step.
+        torque_max: largest joint torque, N·m.
+        force_rms_x: root mean square of the ground's force along x, N.
+        variation: root mean square change of the pitch from one mid-step to the next, later half of the run, rad.
+    """
+
+    duration: float
+    fell: bool
+    steps: float
+    speed: float
+    height_min: float
+    height_max: float
+    pitch_max: float
+    paper_cost: float
+    thrust_rms: float
+    slip: float
+    torque_max: float
+    force_rms_x: float
+    variation: float
+
+
+class PlanarWalk(KeepsViews):
+    """A planar gait on a robot and a ground.
+
+    Args:
+        robot: Harpy on its free flyer, or its :class:`PlanarModel`.
+        gait: the walk.
+        ground: contact parameters; the paper's by default.
+        joints: PID gains.
+        dt: physics step, s; the controller ticks every second step.
+
+    Attributes:
+        q: (7,) configuration.
+        v: (7,) velocity.
+        integral: (4,) integral part of the joint torques, N·m.
+        t: time, s.
+    """
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot | PlanarModel,
+        gait: PlanarGait,
+        *,
+        ground: Ground | None = None,
+        joints: PlanarJoints | None = None,
+        dt: float = 5e-4,
+    ) -> None:
+        self.model = robot if isinstance(robot, PlanarModel) else PlanarModel.from_robot(robot)
+        self.gait = gait
+        self.ground = ground if ground is not None else Ground()
+        self.joints = joints if joints is not None else PlanarJoints()
+        self.dt = checks.number("dt", dt, low=1e-6)
+        self.period = 2.0 * self.dt
+        self._walk = walk_record(gait, self.joints, period=self.period)
+        self._model = self.model.record.copy()
+        self._ground = self.ground.record
+        self._step = step_record(nv=NV, feet=2, dt=self.dt)
+        self.q, self.v, self.integral = np.zeros(NV), np.zeros(NV), field(self._walk, "integral")
+        self.t = 0.0
+        self.reset(*self.initial_state())
+
+    @property
+    def static_penetration(self) -> float:
+        """Penetration of two feet at rest under the weight, m."""
+        return float(self.model.mass * self._model["gravity"][0] / (2.0 * self.ground.stiffness))
+
+    def initial_state(self) -> tuple[Vector, Vector]:
+        """Configuration (7,) and velocity (7,) at t = 0: joints on their targets, the lower foot in the ground."""
+        g, q, v = self.gait, self.model.neutral(), np.zeros(7)
+        joint_targets(0.0, q, v, self._walk[0], self._model[0])
+        q[2], q[3:] = g.start_pitch, field(self._walk, "target")
+        v[:3], v[3:] = (g.start_vx, g.start_vz, g.start_pitch_rate), field(self._walk, "rate")
+        q[1] = -float(self.model.terms(q, v)["foot_position"][:, 2].min()) - self.static_penetration
+        return q, v
+
+    def reset(self, q: ArrayLike, v: ArrayLike, *, integral: ArrayLike | None = None, t: float = 0.0) -> None:
+        """Put the walk in a state; contact forces start at zero.
+
+        Args:
+            q: (7,) configuration in the plane, m and rad, see :meth:`PlanarModel.terms`.
+            v: (7,) its rate, m/s and rad/s.
+            integral: (4,) of the joint PID; zero by default.
+            t: time, s.
+
+        Raises:
+            InputError: wrong shapes or entries that are not finite.
+        """
+        self.q, self.v = checks.vector("q", q, 7), checks.vector("v", v, 7)
+        self.integral[:] = 0.0 if integral is None else checks.vector("integral", integral, 4)
+        field(self._step, "force")[:] = 0.0
+        self.t = checks.number("t", t, low=0.0)
+
+    @checked
+    def run(self, duration: float, *, log: bool = False) -> PlanarSummary:
+        """Walk on from the present state until the time is over or the robot falls.
+
+        Args:
+            duration: s.
+            log: keep :attr:`log`: rows t, q (7), v (7), force (6), torque (4), thrust (2), feet (4) per tick.
+        """
+        ticks = checks.ticks(checks.number("duration", duration, low=0.0, strict=True), self.period)
+        self.log = np.zeros((ticks if log else 0, 31))
+        sums = make_record(SumsRecord)
+        start = self.q[0]
+        done = _run(self.t, ticks, self.q, self.v, self._walk, self._model, self._ground, self._step, self.log, sums)
+        self.log = self.log[:done]
+        self.t += done * self.period
+        walked, n = done * self.period, max(done, 1)
+        steps = walked / self.gait.step_duration
+        total = sums[0]
+        return PlanarSummary(
+            duration=walked,
+            fell=done < ticks,
+            steps=steps,
+            speed=float((self.q[0] - start) / max(walked, 1e-9)),
+            height_min=float(total["height_min"]),
+            height_max=float(total["height_max"]),
+            pitch_max=float(total["pitch_max"]),
+            paper_cost=float(total["cost"] / n),
+            thrust_rms=float(np.sqrt(total["thrust"] / n)),
+            slip=float(1e3 * total["slip"] / max(steps, 1e-9)),
+            torque_max=float(total["torque_max"]),
+            force_rms_x=float(np.sqrt(total["force"] / n)),
+            variation=float(np.sqrt(total["pitch_change"] / max(total["changes"], 1.0))),
+        )
+
+
+class SumsRecord(RecordOf):
+    """What a walk adds up.
+
+    Attributes:
+        cost: of the paper, per tick.
+        pitch_max, torque_max: largest magnitudes, rad and N·m.
+        thrust, force: squared magnitude of the thrust, squared force along x, N².
+        slip: path of touching feet, m.
+        pitch_change, changes: sum of the squared changes from one mid-step to the next, rad², and how many.
+        height_min, height_max: m.
+        pitch: at the last mid-step, rad.
+        foot_x: (2,) of the last step, m.
+    """
+
+    cost: float = 0.0
+    pitch_max: float = 0.0
+    torque_max: float = 0.0
+    thrust: float = 0.0
+    force: float = 0.0
+    slip: float = 0.0
+    pitch_change: float = 0.0
+    changes: float = 0.0
+    height_min: float = np.inf
+    height_max: float = -np.inf
+    pitch: float = np.nan
+    foot_x: Vector = sized(2)
+
+
+@kernel
+def _run(
+    t: float,
+    ticks: int,
+    q: Vector,
+    v: Vector,
+    p: PlanarWalkRecord,
+    d: PlanarModelRecord,
+    ground: GroundRecord,
+    s: StepRecord,
+    log: Vector,
+    total: SumsRecord,
+) -> int:
+    """Walk; returns the ticks done before a fall."""
+    fall_height = 0.6 * q[1]
+    step_ticks = max(round(p.step_duration / p.period), 1)
+    for tick in range(ticks):
+        planar_control(t + p.period * tick, q, v, p, d)
+        if log.shape[0] > 0:
+            row = log[tick]
+            row[0] = t + p.period * tick
+            row[1:8] = q
+            row[8:15] = v
+            row[15:21] = s.force
+            row[21:25] = p.torque
+            row[25], row[26] = p.thrust[0], p.thrust[2]
+        for _ in range(2):
+            touching = (s.force[2] > 0.0, s.force[5] > 0.0)
+            planar_step(q, v, p.torque, p.thrust, d, ground, s)
+            _add_slip(touching, d, s, total)
+        if log.shape[0] > 0:
+            for k in range(2):
+                row[27 + 2 * k], row[28 + 2 * k] = d.foot_position[k, 0], d.foot_position[k, 2]
+        _add_tick(q, v, p, s, total)
+        if tick % step_ticks == step_ticks // 2:
+            if 2 * tick > ticks and not np.isnan(total.pitch):
+                total.pitch_change += (q[2] - total.pitch) ** 2
+                total.changes += 1.0
+            total.pitch = q[2]
+        speed = 0.0
+        for i in range(v.shape[0]):
+            speed += abs(v[i])
+        if not (abs(q[2]) < FALL_PITCH and q[1] > fall_height and speed < 1e4):
+            return tick
+    return ticks
+
+
+@kernel(q=(7,), v=(7,), torque=(4,), thrust=(3,))
+def planar_step(
+    q: Vector,
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
+    model: PlanarModelRecord,
+    ground: GroundRecord,
+    step: StepRecord,
+) -> int:
+    """One time step, implicit in the contact, in place.
+
+    Args:
+        q: (7,) configuration, in and out.
+        v: (7,) velocity, in and out.
+        torque: (4,) joint torques, N·m.
+        thrust: (3,) sum of the thrusts, world axes, N.
+        model: a copy of :attr:`~reproduction.gait.planar_model.PlanarModel.record`; out: terms at the start of the
+            step.
+        ground: :attr:`harpy_pin.ground.ground.Ground.record`.
+        step: see :func:`harpy_pin.simulation.step.step_record`.
+
+    Returns:
+        Sweeps of the contact solver, see :func:`harpy_pin.simulation.step.implicit_step`.
+    """
+    planar_terms(q, v, model)
+    sweeps = implicit_step(model, ground, step, v, torque, thrust)
+    for i in range(NV):
+        q[i] += step.displacement[i]
+    return int(sweeps)
+
+
+@kernel
+def _add_slip(touching: tuple[bool, bool], d: PlanarModelRecord, s: StepRecord, total: SumsRecord) -> None:
+    """Path of the feet that touched before and after the step."""
+    for k in range(2):
+        x = d.foot_position[k, 0]
+        if touching[k] and s.force[3 * k + 2] > 0.0:
+            total.slip += abs(x - total.foot_x[k])
+        total.foot_x[k] = x
+
+
+@kernel
+def _add_tick(q: Vector, v: Vector, p: PlanarWalkRecord, s: StepRecord, total: SumsRecord) -> None:
+    total.cost += 10.0 * abs(v[0] - 0.3) + abs(v[2]) + 10.0 * abs(q[1] - 0.6)
+    total.height_min, total.height_max = min(total.height_min, q[1]), max(total.height_max, q[1])
+    total.pitch_max = max(total.pitch_max, abs(q[2]))
+    total.thrust += p.thrust[0] * p.thrust[0] + p.thrust[2] * p.thrust[2]
+    for j in range(p.torque.shape[0]):
+        total.torque_max = max(total.torque_max, abs(p.torque[j]))
+    total.force += (s.force[0] + s.force[3]) ** 2

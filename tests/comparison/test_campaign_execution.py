@@ -1,0 +1,132 @@
+"""A campaign is done to its end: neither a kill nor a lost worker changes the outcome."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from comparison.campaign import execute
+from comparison.campaign.execute import run_campaign
+from comparison.campaign.plan import code_digest, plan
+from comparison.campaign.settings import CampaignSettings
+from comparison.campaign.store import Store, read_rows
+from comparison.campaign.walks import walk_task
+from comparison.contenders import CONTENDERS
+from harpy_pin import HarpyError, InputError
+
+ROOT = Path(__file__).resolve().parents[2]
+ENVIRONMENT = {**os.environ, "COLUMNS": "140"}
+WALKS = 3 * len(CONTENDERS)
+SMALL = ("--walks", str(WALKS), "--duration", "1.5")
+
+
+def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(execute, "installed_version", lambda: None)
+    monkeypatch.setattr(execute, "walk_task", lambda *_: pytest.fail("a walk was begun"))
+    path = tmp_path / "rows.jsonl"
+    with pytest.raises(HarpyError, match=r"MuJoCo, which is not installed: pip install 'harpy-pin\[mujoco\]'"):
+        run_campaign(CampaignSettings.wide(walks=16), path)
+    assert read_rows(path) == {}
+
+
+def test_nobody_at_the_address_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(execute, "PATIENCE", 0.5)
+    with pytest.raises(InputError, match="no scheduler answers"):
+        run_campaign(CampaignSettings(walks=1), tmp_path / "rows.jsonl", scheduler="tcp://127.0.0.1:9")
+
+
+def command(path: Path, *more: str) -> list[str]:
+    return [sys.executable, "-m", "comparison", "campaign", *SMALL, "--out", str(path), *more]
+
+
+def finished(path: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command(path), cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=600)
+
+
+def give_way() -> None:
+    """A process that is watched gives way to the one that watches it, however busy the machine is."""
+    os.nice(10)
+
+
+def wait_for_rows(path: Path, count: int) -> int:
+    end = time.monotonic() + 600.0
+    while time.monotonic() < end:
+        if path.exists() and (found := path.read_bytes().count(b"\n")) >= count:
+            return found
+        time.sleep(0.005)
+    raise AssertionError("no rows")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The table of a campaign whose walks were done here, one after the other, without Dask."""
+    path, code = tmp_path_factory.mktemp("campaign") / "rows.jsonl", code_digest()
+    with Store(path) as store:
+        for task in plan(CampaignSettings(walks=WALKS, duration=1.5)):
+            store.append(task.key(code), {"measures": walk_task(task, code)})
+    done = finished(path)
+    assert done.returncode == 0, done.stderr
+    assert "filter" in done.stdout
+    return done.stdout
+
+
+def test_a_killed_campaign_goes_on_where_it_was(undisturbed: str, tmp_path: Path) -> None:
+    path = tmp_path / "rows.jsonl"
+    process = subprocess.Popen(command(path), cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.DEVNULL, preexec_fn=give_way)
+    try:
+        wait_for_rows(path, 4)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    before = read_rows(path)
+    assert 4 <= len(before) < WALKS  # killed in the middle
+    path.write_bytes(path.read_bytes() + b'{"key": "half a li')
+    done = finished(path)
+    assert done.stdout == undisturbed
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert len({line["key"] for line in lines}) == len(lines) == WALKS
+    assert [line["key"] for line in lines[: len(before)]] == list(before)  # nothing was done twice
+
+
+def test_a_killed_worker_loses_nothing(undisturbed: str, tmp_path: Path) -> None:
+    """One scheduler and two workers, each a process; one worker dies in the middle."""
+    path, address = tmp_path / "rows.jsonl", tmp_path / "scheduler.json"
+    started: list[subprocess.Popen[Any]] = []
+
+    def start(module: str, *arguments: str) -> subprocess.Popen[Any]:
+        words = [sys.executable, "-m", f"distributed.cli.{module}", *arguments, "--scheduler-file", str(address)]
+        silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        process = subprocess.Popen(words, cwd=ROOT, preexec_fn=give_way, **silent)
+        started.append(process)
+        return process
+
+    quiet = ("--no-dashboard", "--host", "127.0.0.1")
+    try:
+        start("dask_scheduler", *quiet, "--port", "0")
+        folder = ("--no-nanny", "--nthreads", "1", "--local-directory", str(tmp_path))
+        workers = [start("dask_worker", *quiet, *folder) for _ in range(2)]
+        end = time.monotonic() + 600.0
+        while not address.exists() or not address.read_text().endswith("}"):
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        words = command(path, "--scheduler", json.loads(address.read_text())["address"])
+        process = subprocess.Popen(words, cwd=ROOT, env=ENVIRONMENT, stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        assert wait_for_rows(path, 4) < WALKS
+        workers[0].send_signal(signal.SIGKILL)
+        table, _ = process.communicate(timeout=600)
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+    assert table == undisturbed
+    keys = [json.loads(line)["key"] for line in path.read_text().splitlines()]
+    assert len(set(keys)) == len(keys) == WALKS

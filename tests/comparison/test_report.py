@@ -1,0 +1,425 @@
+"""The report: its answer, its page, that the CSV holds every number and every figure, and what changed between two."""
+
+from __future__ import annotations
+
+import base64
+import copy
+import csv
+import io
+import itertools
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import comparison.cli.whole as command_line
+from comparison.cli import app
+from comparison.contenders import CONTENDERS
+from comparison.report.answer import COLUMNS, answer_of
+from comparison.report.contents import pareto_table, tables_of
+from comparison.report.diff import changes, changes_text, read_document
+from comparison.report.figures import pareto_figure, pareto_front
+from comparison.report.html import figures_of, render, write_report
+from comparison.tables import Cell, Table, from_csv, to_csv
+from harpy_pin import InputError, RunFileError
+
+NAMES = tuple(COLUMNS)
+
+
+OTHERS = ("late_slip_mm_per_step", "sliding", "low_force", "tracking_rms_mm")
+
+
+def spread(value: float | None, width: float = 0.1) -> dict[str, float | None]:
+    if value is None:
+        return {"value": None, "low": None, "high": None}
+    return {"value": value, "low": value * (1.0 - width), "high": value * (1.0 + width)}
+
+
+def document_of(
+    ticks: tuple[float, ...] = (8.0, 12.0, 14.0, 24.0, 20.0, 32.0),
+    slips: tuple[float | None, ...] = (2.0, 4.0, 3.5, 1.0, 3.0, 0.5),
+    falls: tuple[int, ...] = (0, 5, 4, 0, 2, 1),
+    *,
+    width: float = 0.1,
+) -> dict[str, Any]:
+    """A result of which only the answer is asked: of 10 walks each."""
+    whole = {
+        name: {"walks": 10, "falls": spread(fell / 10), "slip_mm_per_step": spread(slip, width)}
+        | {key: spread(1.0) for key in OTHERS}
+        for name, slip, fell in zip(NAMES, slips, falls, strict=True)
+    }
+    worst = {name: {"slip_mm_per_step": spread(159.0)} for name in NAMES}
+    worst["governed/filter"]["slip_mm_per_step"] = spread(25.0)
+    settings = {"duration": 2.5, "frictions": [0.15, 0.8]}
+    contenders = {name: {"p50_us": tick, "p99_us": 2.0 * tick} for name, tick in zip(NAMES, ticks, strict=True)}
+    return {
+        "ticks": {"friction": 0.25, "contenders": contenders},
+        "campaign": {"whole": whole, "settings": settings, "factors": {"friction": {"0.8": whole, "0.15": worst}}},
+        "checks": {"passed": True},
+        "checks_low_friction": {"passed": True},
+    }
+
+
+def words_of(document: dict[str, Any]) -> str:
+    found = answer_of(document)
+    assert found is not None
+    return " ".join(found.sentences)
+
+
+def test_words_follow_from_the_numbers() -> None:
+    text = words_of(document_of())
+    assert "slip least with: whole-body QP, 0.5 mm per step; next contact-force filter, 1 (2.0×)." in text
+    assert "The paper's governor makes more slip: 4 mm per step with it, 2 without, 3.5 in its best variant." in text
+    falls = "contact-force filter 0 of 10, no governor 0 of 10, whole-body QP 1 of 10, condensed WBC 2 of 10, "
+    assert falls + "paper's best variant 4 of 10, paper's governor 5 of 10." in text
+    cost = "no governor 8, paper's governor 12 (1.5×), paper's best variant 14 (1.8×), "
+    assert cost + "condensed WBC 20 (2.5×), contact-force filter 24 (3.0×), whole-body QP 32 (4.0×)." in text
+    assert "Every timed command equals an untimed one." in text
+
+
+def test_other_numbers_turn_the_words_around() -> None:
+    ticks, slips = (90.0, 80.0, 75.0, 70.0, 60.0, 5.0), (3.0, 1.0, 4.0, 2.0, 50.0, 40.0)
+    text = words_of(document_of(ticks, slips, (10, 0, 4, 3, 10, 9)))
+    assert "slip least with: paper's governor, 1 mm per step; next contact-force filter, 2 (2.0×)." in text
+    assert "makes less slip: 1 mm per step with it, 3 without, 4 in its best variant." in text
+    falls = "fall: paper's governor 0 of 10, contact-force filter 3 of 10, paper's best variant 4 of 10, "
+    assert falls + "whole-body QP 9" in text
+    cost = "whole-body QP 5, condensed WBC 60 (12×), contact-force filter 70 (14×), "
+    assert cost + "paper's best variant 75 (15×), paper's governor 80 (16×), no governor 90 (18×)." in text
+
+
+def test_what_the_spreads_do_not_tell_is_not_said() -> None:
+    text = words_of(document_of(width=0.9))
+    assert "and their 95 % intervals overlap." in text
+    sizes = "4 mm per step with it, 2 without, 3.5 in its best variant."
+    assert f"These walks do not show whether the paper's governor makes less slip: {sizes}" in text
+    unknown = document_of()
+    unknown["campaign"]["whole"]["wbc"]["slip_mm_per_step"] |= {"low": None, "high": None}
+    assert "and their 95 % intervals overlap." in words_of(unknown)
+
+
+@pytest.mark.parametrize("condition", ["checks", "checks_low_friction"])
+def test_times_that_were_not_verified_are_refused(condition: str) -> None:
+    document = document_of() | {condition: {"passed": False}}
+    text = words_of(document)
+    assert "DO NOT USE THESE TIMES" in text
+    assert "equals an untimed one" not in text
+
+
+def test_the_best_of_each_row_is_marked_and_ties_are_shared() -> None:
+    found = answer_of(document_of())
+    assert found is not None
+    marks = {heading: [best for _, best in cells] for heading, cells in found.rows}
+    assert marks["tick, median, µs"] == [True, False, False, False, False, False]
+    assert marks["slip, friction 0.15"] == [False, False, False, True, False, False]
+    assert marks["slip, all walks"] == [False, False, False, False, False, True]
+    assert marks["walks that fall, %"] == [True, False, False, True, False, False]
+    assert marks["under 20 N, %"] == [True] * 6
+
+
+STRESS = (
+    document_of(
+        (98765.4, 123456.7, 123456.8, 234567.8, 4.0, 345678.9),
+        (1234.5, 0.000123456, 0.000123457, 99999.9, 12.0, 1e-9),
+        (10,) * 6,
+    ),
+    document_of((1e-3, 2e-3, 3e-3, 6e-3, 5e-3, 4e-3), (None,) * 6, (0,) * 6),
+    document_of((7.0,) * 6, (0.0,) * 6),
+    document_of(width=0.9),
+)
+
+
+@pytest.mark.parametrize("document", STRESS)
+def test_the_answer_fits_the_terminal_whatever_the_numbers(document: dict[str, Any]) -> None:
+    for walks in (1, 99999):
+        changed = copy.deepcopy(document)
+        for entry in changed["campaign"]["whole"].values():
+            entry["walks"] = walks
+        found = answer_of(changed)
+        assert found is not None
+        lines = found.to_string("out/comparison/report.html").splitlines()
+        assert len(lines) <= 25
+        assert max(map(len, lines)) <= 80
+        assert lines[-1] == "Everything else: out/comparison/report.html"
+        assert not re.search(r"\x1b|…", "".join(lines))
+
+
+def test_nothing_is_answered_that_was_not_measured() -> None:
+    for section in ("ticks", "campaign"):
+        assert answer_of({key: value for key, value in document_of().items() if key != section}) is None
+
+
+def test_tables_for_a_terminal_never_break_a_cell() -> None:
+    cells = [Cell("a contender", f"measure {i}", 1234.5 + i, "mm", 1000.0, 2000.0) for i in range(12)]
+    cells.append(Cell("absent", "no times", "a reason that is far too long to stand in the column of any table"))
+    table = Table(
+        "x", "A title that is longer than the terminal is wide, so that it has to go on below it", tuple(cells)
+    )
+    text = table.to_string(80)
+    assert max(map(len, text.splitlines())) <= 80
+    for i in range(12):
+        assert f"measure {i}, mm" in text
+        assert f"{1234.5 + i:.0f} (1000–2000)" in text
+    assert "absent: a reason that is far too long" in text
+
+
+def test_text_is_escaped_wherever_it_stands_on_the_page(document: dict[str, Any], rendered: str) -> None:
+    evil = "<script>alert('&')</script><img src=x onerror=1>"
+    strange = copy.deepcopy(document)
+    strange["machine"]["cpu"] = evil
+    strange["versions"][evil] = evil
+    strange["limitations"].append(evil)
+    strange["growth"]["absent"][evil] = evil
+    pages = [Reader(rendered), Reader(render(strange))]
+    assert pages[1].text.count(evil) >= 6
+    assert "script" not in pages[1].tags
+    assert "onerror" not in pages[1].tags
+    extra = 4  # the row of the versions: <tr><td><td>, and an item of the limitations
+    assert len(pages[1].tags) == len(pages[0].tags) + extra
+
+
+def test_the_page_opens_with_the_answer(document: dict[str, Any], rendered: str) -> None:
+    found = answer_of(document)
+    assert found is not None
+    page = Reader(rendered)
+    places = [page.text.index(sentence) for sentence in found.sentences]
+    assert places == sorted(places)
+    assert places[-1] < page.text.index("Cost and quality")
+    assert found.note in page.text
+
+
+def test_the_command_prints_the_answer_and_nothing_else(
+    document: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command_line, "compare", lambda *args, **kwargs: document)
+    done = CliRunner().invoke(app, ["--quick", "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    *lines, last = done.stdout.splitlines()
+    assert last == f"Everything else: {tmp_path / 'report.html'}"
+    assert len(lines) < 25
+    assert max(map(len, lines)) <= 80
+    assert lines[0].startswith("The feet slip least with: ")
+    assert (tmp_path / "report.html").is_file()
+    assert "\x1b" not in done.stdout
+    assert done.stderr.strip() == ""
+
+
+def test_a_failed_check_fails_the_command(
+    document: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failed = document | {"checks": document["checks"] | {"passed": False}}
+    monkeypatch.setattr(command_line, "compare", lambda *args, **kwargs: failed)
+    monkeypatch.setattr(command_line, "write_report", lambda *args: None)
+    done = CliRunner().invoke(app, ["--quick", "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert "DO NOT USE THESE TIMES" in done.stdout
+    assert done.stderr.startswith("error: a timed command was not what it should be")
+
+
+@pytest.fixture(scope="module")
+def document(whole_document: dict[str, Any]) -> dict[str, Any]:
+    return whole_document
+
+
+@pytest.fixture(scope="module")
+def rendered(document: dict[str, Any]) -> str:
+    """Its page."""
+    return render(document)
+
+
+class Reader(HTMLParser):
+    """Tags, text, images and addresses of a page; checks that its tags are closed."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.text = ""
+        self.images: list[str] = []
+        self.addresses: list[str] = []
+        self.feed(page)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags += [tag, *(name for name, _ in attrs if name.startswith("on"))]
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+        self.images += [value or "" for name, value in attrs if name == "src"]
+        self.addresses += [value or "" for name, value in attrs if name == "href"]
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def pixels(figure: Any) -> bytes:
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=50, metadata={"Software": None})
+    return out.getvalue()
+
+
+def test_the_page_needs_nothing_beside_it(document: dict[str, Any], rendered: str) -> None:
+    page = Reader(rendered)
+    assert len(page.images) == 2
+    for image in page.images:
+        kind, _, data = page.images[0].partition(",")
+        assert kind == "data:image/png;base64"
+        assert base64.b64decode(data).startswith(b"\x89PNG"), image
+    assert all(address.startswith("#") for address in page.addresses)
+    text = page.text
+    desired = ("whole-body QP", "no governor", "Growth", "Machine", document["machine"]["cpu"])
+    for part in (*desired, document["versions"]["pin"], *document["limitations"]):
+        assert part in text
+    assert "do not use" not in text
+
+
+def test_the_page_leaves_out_what_was_not_measured(document: dict[str, Any]) -> None:
+    less = {key: value for key, value in document.items() if key not in ("growth", "ticks", "campaign")}
+    page = Reader(render(less))
+    assert page.images == []
+    assert "#growth" not in page.addresses
+    less["checks"] = document["checks"] | {"passed": False}
+    assert "do not use" in Reader(render(less)).text
+
+
+def test_every_number_of_the_page_is_in_the_csv(document: dict[str, Any]) -> None:
+    tables = tables_of(document)
+    lines = list(csv.DictReader(io.StringIO(to_csv(tables))))
+    assert list(lines[0]) == ["table", "row", "column", "value", "unit", "low", "high"]
+    places = [(line["table"], line["row"], line["column"]) for line in lines]
+    assert len(set(places)) == len(places)
+    read_back = from_csv(to_csv(tables))
+    assert list(read_back) == [t.name for t in tables if t.cells]
+    for table in tables:
+        if table.cells:
+            assert read_back[table.name].cells == table.cells  # to the last bit
+
+
+def test_every_figure_can_be_drawn_from_the_csv(document: dict[str, Any]) -> None:
+    tables = tables_of(document)
+    drawn = figures_of({table.name: table for table in tables})
+    again = figures_of(from_csv(to_csv(tables)))
+    assert drawn.keys() == again.keys() == {"pareto", "growth"}
+    for name in drawn:
+        assert pixels(drawn[name]) == pixels(again[name])
+
+
+def test_times_and_slips_meet_in_one_table(document: dict[str, Any]) -> None:
+    table = pareto_table(document)
+    assert len(table.rows) == len(CONTENDERS)
+    qp = document["ticks"]["contenders"]["wbc"]
+    assert table.number("whole-body QP", "tick, median") == qp["p50_us"]
+    assert qp["low_us"] <= qp["p50_us"] <= qp["high_us"]
+    assert (
+        table.number("whole-body QP", "slip per step")
+        == document["campaign"]["whole"]["wbc"]["slip_mm_per_step"]["value"]
+    )
+
+
+def test_the_front_is_what_nobody_betters() -> None:
+    points = {"a": (1.0, 5.0), "b": (2.0, 6.0), "c": (3.0, 1.0), "d": (3.0, 2.0), "e": (9.0, 1.0)}
+    assert pareto_front(points) == ["a", "c"]
+    with pytest.raises(InputError, match="no contender"):
+        pareto_figure(Table("pareto", "", (Cell("x", "tick, median", 1.0), Cell("x", "slip per step", None))))
+
+
+def test_labels_of_the_pareto_figure_do_not_cover_each_other() -> None:
+    from matplotlib.text import Text
+
+    cells: list[Cell] = []
+    for i, slip in enumerate((0.1, 0.1, 0.101, 0.12, 2.0, 0.3)):
+        name = f"governor '{i}'"
+        cells += [
+            Cell(name, "tick, median", 4.0 + 0.5 * i),
+            Cell(name, "slip per step", slip),
+            Cell(name, "falls", 0.1),
+        ]
+    figure = pareto_figure(Table("pareto", "", tuple(cells)))
+    figure.draw_without_rendering()
+    boxes = [Text.get_window_extent(text) for text in figure.axes[0].texts]  # without leaders
+    frame = figure.bbox
+    assert len(boxes) == 13
+    for i, box in enumerate(boxes):
+        assert frame.x0 <= box.x0 < box.x1 <= frame.x1
+        assert frame.y0 <= box.y0 < box.y1 <= frame.y1
+        assert not any(box.overlaps(other) for other in boxes[:i])
+
+
+def test_the_report_is_three_files(document: dict[str, Any], rendered: str, tmp_path: Path) -> None:
+    write_report(tmp_path, document)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "results.csv", "results.json"]
+    assert read_document(tmp_path / "results.json") == json.loads(json.dumps(document))
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == rendered
+
+
+def test_changes_beyond_the_spread_are_flagged(document: dict[str, Any]) -> None:
+    same = changes(document, document)
+    assert same.ratio.dropna().eq(1.0).all()
+    assert not same.spread.eq("beyond").any()
+    slower = copy.deepcopy(document)
+    tick = slower["ticks"]["contenders"]["wbc"]
+    for key in ("p50_us", "low_us", "high_us"):
+        tick[key] *= 3.0
+    slower["timing"]["governed"]["tick"]["p50_us"] *= 2.0
+    found = changes(document, slower).query("ratio != 1.0 and old != 0.0").set_index(["table", "row"])
+    assert set(found.index) == {
+        ("pareto", "whole-body QP"),
+        ("ticks", "whole-body QP"),
+        ("timing", "governed: complete tick"),
+    }
+    change = found.loc["ticks", "whole-body QP"]
+    assert (change.ratio, change.spread) == (pytest.approx(3.0), "beyond")
+    assert found.loc["timing", "governed: complete tick"].spread == "unknown"  # its spread is not in the document
+
+    text = changes_text(document, slower | {"versions": {"pin": "0"}}, 80)
+    assert re.search(r"\nticks\n.*\nwhole-body QP, p50 +\S+ +\S+ +3\.000 +beyond\n", text, re.DOTALL)
+    assert "versions differ" in text
+    assert "2 of " in text
+    assert max(map(len, text.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "cannot read"), ("{", "not JSON"), ("[]", "lacks 'timing'"), ('{"timing": {}}', "lacks 'walk'")],
+)
+def test_what_is_no_result_is_refused(content: str | None, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "x.json"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(RunFileError, match=message):
+        read_document(path)
+
+
+def test_diff_on_the_command_line(document: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "results.json"
+    path.write_text(json.dumps(document))
+    done = CliRunner().invoke(app, ["diff", str(path), str(path)])
+    assert done.exit_code == 0
+    assert re.search(r"\b0 of \d+ numbers with a known spread", done.stdout)
+
+
+def test_a_document_of_another_shape_is_one_line(document: dict[str, Any], tmp_path: Path) -> None:
+    """Whatever one entry is replaced by, the document is compared or refused, and nothing else is raised."""
+    path = tmp_path / "strange.json"
+    refused, values = 0, itertools.cycle((None, "x", [1], {"a": 1}, 1.5))
+    for key in document:
+        entries = list(document[key]) if isinstance(document[key], dict) else []
+        for inner in (None, *(entries if key == "settings" or len(entries) < 12 else entries[:4])):  # rows of a kind
+            strange = next(values)
+            other = document | {key: strange if inner is None else document[key] | {inner: strange}}
+            path.write_text(json.dumps(other, default=str))
+            try:
+                changes_text(document, read_document(path), 80)
+            except RunFileError:
+                refused += 1
+    assert refused > 0
+    path.write_text("[" * 100_000)
+    with pytest.raises(RunFileError, match="not JSON"):
+        read_document(path)

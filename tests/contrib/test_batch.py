@@ -1,0 +1,169 @@
+"""Many robots at once: each row is what a controller of its own gives, and no row disturbs another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import harpy_pin as hp
+from harpy_pin import InputError
+from harpy_pin.contrib.batch import BAD_STATE, CondensedBatch
+from harpy_pin.controllers import CondensedController, WholeBodyParameters
+from harpy_pin.model.robot import heavier
+from harpy_pin.model.state import State
+from harpy_pin.wbc.condensed import CondensedStatus
+from harpy_pin.wbc.weights import WholeBodyLimits
+
+ROBOT = hp.load_harpy()
+N = 150
+
+
+class Held:
+    """A gait whose targets are set from outside."""
+
+    def __init__(self, robot, feet):
+        self.robot, self.target = robot, hp.gaits.GaitTarget(feet)
+        self.step_duration, self.double_support = 1.0, 0.25
+
+    def update(self, t):
+        return self.target
+
+    def initial_state(self, *, penetration=0.0):
+        return pin.neutral(self.robot.model), np.zeros(self.robot.model.nv)
+
+    def describe(self):
+        return {}
+
+
+def samples(gait, rng, n, *, scale=0.03):
+    """States near a gait's start, and forces of feet that touch or do not."""
+    robot, (q0, _) = gait.robot, gait.initial_state()
+    nv, feet = robot.model.nv, len(robot.feet)
+    q = np.array([pin.integrate(robot.model, q0, scale * rng.standard_normal(nv)) for _ in range(n)])
+    force = np.zeros((n, feet, 3))
+    force[:, :, 2] = rng.uniform(-1.0, 1.0, (n, feet)) * robot.mass * 9.81
+    return q, 10.0 * scale * rng.standard_normal((n, nv)), force.clip(min=0.0)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_rows_are_what_single_controllers_give(threads):
+    """Over several ticks, so that active sets are remembered, with friction and mass of each robot's own."""
+    rng, gait = np.random.default_rng(0), hp.make_gait(ROBOT, speed=0.3)
+    batch = CondensedBatch(ROBOT, N, threads=threads, double_support=0.25)
+    batch.mu[:], batch.mass_error[:] = rng.uniform(0.1, 0.8, N), rng.uniform(-0.2, 0.3, N)
+    checked = rng.choice(N, 12, replace=False)
+    singles = {}
+    for i in checked:
+        parameters = WholeBodyParameters(limits=WholeBodyLimits(mu=batch.mu[i]), hold_ticks=0)
+        # Inertia of a heavier body, as the batch computes it.
+        singles[i] = CondensedController(Held(heavier(ROBOT, batch.mass_error[i]), 2), parameters)
+    seen = set()
+    for tick in range(4):
+        q, v, force = samples(gait, rng, N)
+        for i in range(N):
+            batch.targets.fill(gait.update(0.01 * tick + 1.5 * i / N), i)
+        torque, thrust = batch.step(q, v, force)
+        for i, single in singles.items():
+            target = gait.update(0.01 * tick + 1.5 * i / N)
+            single.gait.target.record[:] = target.record
+            command = single.step(State(0.0, q[i], v[i], np.zeros((2, 3)), np.zeros((2, 3)), force[i]))
+            np.testing.assert_allclose(torque[i], command.torque, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(thrust[i], command.thrust, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(batch.force[i], single.solver.force, rtol=0, atol=1e-11)
+            assert batch.status[i] == single.solver.status
+            seen.add(int(batch.status[i]))
+    assert len(seen) > 1  # limits were met
+
+
+def test_single_precision_is_near():
+    rng, gait = np.random.default_rng(1), hp.make_gait(ROBOT, speed=0.3)
+    double, single = CondensedBatch(ROBOT, N), CondensedBatch(ROBOT, N, dtype=np.float32)
+    given = [array.astype(np.float32) for array in samples(gait, rng, N)]
+    for batch in (double, single):
+        batch.targets.fill(gait.update(0.3))
+    exact, _ = double.step(*given)
+    rounded, _ = single.step(*given)
+    assert rounded.dtype == np.float32
+    # Targets and results are rounded to float32; what lies between is not.
+    assert np.median(np.abs(exact - rounded)) < 1e-4
+
+
+def test_a_bad_row_spoils_no_other():
+    rng, gait = np.random.default_rng(2), hp.make_gait(ROBOT, speed=0.3)
+    q, v, force = samples(gait, rng, N)
+    clean, spoiled = CondensedBatch(ROBOT, N), CondensedBatch(ROBOT, N)
+    bad = np.arange(0, N, 7)
+    for _ in range(2):
+        expected = clean.step(q, v, force)[0].copy()
+        broken = v.copy()
+        broken[bad[0::3], 0], broken[bad[1::3], 7], broken[bad[2::3], 3] = np.nan, np.inf, 1e300
+        torque, thrust = spoiled.step(q, broken, force)
+        good = np.setdiff1d(np.arange(N), bad)
+        np.testing.assert_array_equal(torque[good], expected[good])
+        assert np.isfinite(torque).all()
+        assert np.isfinite(thrust).all()
+    nan = bad[0::3]
+    assert (spoiled.status[nan] == BAD_STATE).all()
+    assert (torque[nan] == 0.0).all()
+    # A row that was bad is answered as any other once it is good again.
+    spoiled.reset(bad)
+    clean.reset(bad)
+    np.testing.assert_array_equal(spoiled.step(q, v, force)[0], clean.step(q, v, force)[0])
+
+
+def test_forces_are_in_their_cones():
+    rng, gait = np.random.default_rng(3), hp.make_gait(ROBOT, speed=0.3)
+    batch = CondensedBatch(ROBOT, 2000)
+    batch.mu[:] = rng.uniform(0.1, 1.0, 2000)
+    batch.step(*samples(gait, rng, 2000, scale=0.1))
+    tangential = np.linalg.norm(batch.force[:, :, :2], axis=2)
+    assert (tangential <= batch.mu[:, None] * batch.force[:, :, 2] + 1e-9).all()
+    assert (np.abs(batch.torque) <= ROBOT.torque_limit).all()
+    assert (batch.status < CondensedStatus.TORQUE_CLIPPED * 2).all()
+
+
+def test_arrays_are_read_where_they_are():
+    class Foreign:
+        """An array of another library, which NumPy reads through DLPack alone."""
+
+        def __init__(self, array):
+            self._array = array
+
+        def __dlpack__(self, **how):
+            return self._array.__dlpack__(**how)
+
+        def __dlpack_device__(self):
+            return self._array.__dlpack_device__()
+
+    rng, gait = np.random.default_rng(4), hp.make_gait(ROBOT, speed=0.3)
+    given = samples(gait, rng, N)
+    batch = CondensedBatch(ROBOT, N)
+    assert batch._array("q", given[0]) is given[0]
+    assert np.shares_memory(batch._array("q", Foreign(given[0])), given[0])
+    expected = batch.step(*given)[0].copy()
+    batch.reset()
+    np.testing.assert_array_equal(batch.step(*map(Foreign, given))[0], expected)
+    assert np.from_dlpack(batch.torque) is not None
+
+
+def test_what_does_not_fit_is_refused():
+    batch = CondensedBatch(ROBOT, 3)
+    q, v, force = np.zeros((3, 13)), np.zeros((3, 12)), np.zeros((3, 2, 3))
+    with pytest.raises(InputError, match="q must have shape"):
+        batch.step(q[:2], v, force)
+    with pytest.raises(InputError, match="foot_force"):
+        batch.step(q, v, force[:, :1])
+    with pytest.raises(InputError, match="numbers"):
+        batch.step([["a"]], v, force)
+    with pytest.raises(InputError, match="float64 or float32"):
+        CondensedBatch(ROBOT, 3, dtype=np.int32)
+    with pytest.raises(InputError):
+        CondensedBatch(ROBOT, 0)
+    with pytest.raises(InputError, match="estimates no friction"):
+        CondensedBatch(ROBOT, 3, WholeBodyParameters(estimate_friction=True))
+    with pytest.raises(InputError, match="mu"):
+        batch.mu = np.ones(1)
+    batch.mu[1] = np.nan
+    with pytest.raises(InputError, match="mu"):
+        batch.step(q, v, force)

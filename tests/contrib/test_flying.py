@@ -1,0 +1,330 @@
+"""Jumps and flights in the plants, against momentum, ballistics and friction cones; and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import harpy_pin as hp
+from harpy_pin.contrib.flight import Fly, Flying, FlyingGait, Jump
+from harpy_pin.contrib.flight.flying_gait import PHASES
+
+FRICTION = 0.6
+WEIGHT = 4.02 * 9.81
+
+
+def walked(flights, *, controller="condensed", plant="compliant", duration=3.2, noise=False, **more):
+    disturbances = hp.Disturbances(noise=hp.Noise.typical() if noise else hp.Noise())
+    ground = hp.Ground(mu_s=FRICTION, terrain=more.pop("terrain", None))
+    return hp.walk(
+        hp.Scenario(
+            gait=Flying(flights=flights, **more),
+            controller=controller,
+            plant=plant,
+            ground=ground,
+            duration=duration,
+            disturbances=disturbances,
+        )
+    )
+
+
+def ticks(run, phase):
+    return np.flatnonzero(run["flight_phase"].ravel() == PHASES.index(phase))
+
+
+def middle(run, tick):
+    return run["foot_position"][tick].mean(axis=0)
+
+
+@pytest.fixture(scope="module")
+def jumped():
+    return walked(Jump(height=0.31, forward=0.4))
+
+
+def test_a_jump_is_as_high_and_as_far_as_asked_for_and_stands(jumped):
+    air, land = ticks(jumped, "air"), ticks(jumped, "land")
+    assert jumped.ending == "completed"
+    assert jumped["q"][air, 2].max() - jumped["q"][air[0], 2] == pytest.approx(0.31, abs=0.015)
+    assert (middle(jumped, land[-1]) - middle(jumped, air[0]))[:2] == pytest.approx((0.4, 0.0), abs=0.02)
+    end = jumped["q"][-1]
+    assert 2.0 * np.hypot(end[3], end[4]) < 0.02
+    assert end[2] == pytest.approx(jumped["q"][0, 2], abs=0.02)
+
+
+def test_the_feet_leave_the_ground_by_what_the_body_rises(jumped):
+    assert jumped["foot_position"][ticks(jumped, "air"), :, 2].min(axis=1).max() > 0.2
+
+
+def test_the_rise_is_that_of_ballistics_with_the_carried_share(jumped):
+    """v² / 2 g (1 − carried)."""
+    air = ticks(jumped, "air")
+    speed = jumped["v"][air[0], 2]
+    rise = jumped["q"][air, 2].max() - jumped["q"][air[0], 2]
+    assert rise == pytest.approx(speed**2 / (2.0 * 0.5 * 9.81), rel=0.04)
+
+
+def test_momentum_in_the_air_changes_by_thrust_and_gravity_alone(jumped):
+    """Linear and angular momentum about the centre of mass, by Pinocchio, against the thrusts logged."""
+    robot = hp.load_harpy()
+    model, data = robot.model, robot.model.createData()
+    air = ticks(jumped, "air")[20:-5]
+    frames = [robot.frame_id(name) for name in robot.thrusters]
+    impulse, begin = np.zeros(6), None
+    for k in air:
+        q, v = jumped["q"][k], jumped["v"][k]
+        pin.computeCentroidalMomentum(model, data, q, v)
+        now = np.concatenate((data.hg.linear, data.hg.angular))
+        if begin is None:
+            begin = now
+        pin.updateFramePlacements(model, data)
+        last = now
+        for frame, force in zip(frames, jumped["thrust"][k], strict=True):
+            impulse[:3] += 1e-3 * force
+            impulse[3:] += 1e-3 * np.cross(data.oMf[frame].translation - data.com[0], force)
+        impulse[2] -= 1e-3 * WEIGHT
+        assert np.abs(jumped["foot_force"][k]).max() == 0.0
+    assert last[:3] - begin[:3] == pytest.approx(impulse[:3], abs=0.05)
+    assert last[3:] - begin[3:] == pytest.approx(impulse[3:], abs=0.02)
+
+
+@pytest.mark.parametrize("controller", ["condensed", "wbc"])
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+def test_forces_stay_in_their_cones_at_take_off_and_landing(controller, plant):
+    """Those asked for at every tick, those of the plant within Coulomb's; and no more than twice the weight."""
+    run = walked(Jump(height=0.31, forward=0.42), controller=controller, plant=plant, noise=True)
+    assert run.ending == "completed"
+    on_ground = np.concatenate([ticks(run, phase) for phase in ("bend", "push", "land")])
+    wanted = run["desired_force"].reshape(len(run), -1, 3)[on_ground]
+    tangent, normal = np.linalg.norm(wanted[..., :2], axis=2), wanted[..., 2]
+    assert (normal > -1e-6).all()
+    assert (tangent <= 0.75 * FRICTION * normal + 1e-5).all()
+    force = run["foot_force"]
+    assert (np.linalg.norm(force[..., :2], axis=2) <= FRICTION * np.maximum(force[..., 2], 0.0) + 0.1).all()
+    land = ticks(run, "land")
+    assert np.linalg.norm(force[land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
+    assert (run["slip_path"][land[-1]] - run["slip_path"][land[0]]).sum() < 1e-3
+
+
+@settings(max_examples=6, deadline=None)
+@given(height=st.floats(0.12, 0.42), forward=st.floats(-0.3, 0.4), left=st.floats(-0.1, 0.1))
+def test_jumps_land_where_they_should(height, forward, left):
+    """Higher ones miss by up to 4 cm, see docs/flight.md."""
+    run = walked(Jump(height=height, forward=forward, left=left), duration=3.8)
+    air, land = ticks(run, "air"), ticks(run, "land")
+    assert run.ending == "completed"
+    assert (middle(run, land[-1]) - middle(run, air[0]))[:2] == pytest.approx((forward, left), abs=0.03)
+    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
+
+
+@pytest.mark.parametrize("controller", ["condensed", "wbc"])
+def test_a_jump_whose_lag_is_known_lands_softly_where_it_should(controller):
+    fans = hp.Actuators(thrusters=hp.Thrusters(lag=0.1))
+    scenario = hp.Scenario(
+        gait=Flying(flights=Jump(height=0.31, forward=0.42)),
+        controller={"name": controller, "parameters": {"thrust_lag": 0.1}},
+        ground=hp.Ground(mu_s=FRICTION),
+        disturbances=hp.Disturbances(noise=hp.Noise.typical(), actuators=fans),
+        duration=3.6,
+    )
+    run = hp.walk(scenario)
+    air, land = ticks(run, "air"), ticks(run, "land")
+    assert run.ending == "completed"
+    assert (middle(run, land[-1]) - middle(run, air[0]))[:2] == pytest.approx((0.42, 0.0), abs=0.03)
+    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
+
+
+def test_the_plan_is_that_of_the_controllers_lag():
+    gait = FlyingGait(hp.make_commanded_gait(hp.load_harpy()), Jump(forward=0.2))
+    before = gait._plans._plans
+    hp.make_controller("condensed", gait, mu=FRICTION)
+    assert gait._plans._plans is before
+    hp.make_controller("condensed", gait, mu=FRICTION, thrust_lag=0.05)
+    assert gait._plans._plans is not before
+    with pytest.raises(hp.InputError, match="lag"):
+        gait.expect_lag(-1.0)
+
+
+def test_hovering_with_noise_stays_within_two_centimetres():
+    run = walked(Fly(hover=3.0), duration=8.5, noise=True)
+    air = ticks(run, "air")
+    still = air[np.ptp(np.stack([run["body_plan"][air - 1], run["body_plan"][air]]), axis=0).max(axis=1) == 0.0][500:]
+    assert len(still) > 2000
+    assert np.linalg.norm(run["q"][still, :3] - run["body_plan"][still], axis=1).max() < 0.02
+    thrust = run["thrust"][still].sum(axis=1).mean(axis=0)
+    assert thrust == pytest.approx((0.0, 0.0, WEIGHT), abs=0.5)
+
+
+def test_it_flies_to_a_slope_and_walks_on():
+    slope = np.radians(15.0)
+    run = walked(
+        Fly(forward=1.2, acceleration=2.0),
+        terrain=hp.ground.Ramp(slope=slope, start=0.6, length=3.0),
+        velocity=((0.0, 0.3, 0.0, 0.0),),
+        duration=9.0,
+        noise=True,
+    )
+    assert run.ending == "completed"
+    land = ticks(run, "land")
+    feet = middle(run, land[-1])
+    assert feet[0] == pytest.approx(1.2, abs=0.03)
+    assert feet[2] == pytest.approx(0.6 * np.tan(slope), abs=0.02)
+    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
+    assert run["q"][-1, 0] - feet[0] > 0.2
+
+
+@pytest.mark.parametrize("rise", [-0.03, 0.03])
+def test_touchdown_is_felt_where_the_ground_is_not_as_expected(rise):
+    """The gait knows flat ground; where it lands there is a platform, or a pit."""
+    robot = hp.load_harpy()
+    terrain = hp.ground.Ramp(slope=float(np.arctan(rise / 0.1)), start=0.4, length=0.1)
+    gait = FlyingGait(hp.make_commanded_gait(robot), Fly(forward=0.8, acceleration=2.0))
+    run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=FRICTION, terrain=terrain), duration=7.0), gait=gait)
+    assert run.ending == "completed"
+    assert middle(run, -1)[2] == pytest.approx(rise, abs=0.005)
+    assert run["q"][-1, 2] == pytest.approx(run["q"][0, 2] + rise, abs=0.02)
+
+
+def test_several_flights_one_after_the_other_and_time_begins_anew():
+    robot = hp.load_harpy()
+    gait = FlyingGait(hp.make_commanded_gait(robot), [Jump(height=0.15), Jump(height=0.2)], start=0.1)
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=FRICTION), duration=6.0)
+    first = hp.walk(scenario, gait=gait)
+    phases = first["flight_phase"].ravel()
+    changes = [PHASES[int(k)] for k in phases[np.flatnonzero(np.diff(phases, prepend=-1))]]
+    one = ["stand", "bend", "push", "air", "land"]
+    assert changes == [*one, *one, "stand", "gait"]
+    assert gait.phase == "gait"
+    again = hp.walk(scenario, gait=gait)
+    assert np.array_equal(first["q"], again["q"])
+
+
+def test_a_scenario_keeps_its_flights(tmp_path):
+    part = Flying(flights=(Jump(forward=0.2), Fly(left=0.5, hover=1.0)), velocity=(0.2, 0.0, 0.0))
+    scenario = hp.Scenario(gait=part, duration=0.02)
+    assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
+    hp.walk(scenario, save=tmp_path / "run.npz")
+    assert hp.Scenario.of(hp.Run.load(tmp_path / "run.npz")) == scenario
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Jump(height=-1.0), "height"),
+        (lambda: Jump(forward=float("nan")), "forward"),
+        (lambda: Jump(carried=1.0), "carried"),
+        (lambda: Fly(hover=-1.0), "hover"),
+        (lambda: Flying(flights=()), "at least one"),
+        (lambda: Flying(flights="hop"), "a Jump or a Fly"),
+        (lambda: Flying(flights={"kind": "jump", "tall": 1.0}), "tall"),
+        (lambda: hp.Scenario(gait="flying", controller="governed"), "neither jumps nor flies"),
+        (lambda: hp.build(hp.Scenario(gait=Flying(flights=Jump(forward=3.0)))), "too far"),
+        (lambda: hp.build(hp.Scenario(gait=Flying(flights=Jump(height=0.05)))), "at least"),
+        (lambda: FlyingGait(hp.make_gait(hp.load_harpy()), Jump()), "at rest"),
+        (lambda: FlyingGait(hp.Standing(hp.load_robot("solo12")), Jump()), "thrusters or rotors"),
+    ],
+)
+def test_what_cannot_fly_is_refused(make, says):
+    with pytest.raises(hp.InputError, match=says):
+        make()
+
+
+def test_bad_samples_are_ignored_and_times_refused():
+    gait = FlyingGait(hp.make_commanded_gait(hp.load_harpy()), Jump())
+    before = gait.update(0.1).body.copy()
+    state = hp.build(hp.Scenario(duration=0.1)).simulator.state.copy()
+    state.q[0] = np.nan
+    gait.observe(state)
+    assert np.array_equal(gait.update(0.1).body, before)
+    with pytest.raises(hp.InputError, match="finite"):
+        gait.update(float("inf"))
+
+
+# --- A quadrotor on four legs -----------------------------------------------------------------------------------------
+
+
+LEGS = {"fl": (1, 1), "fr": (1, -1), "hl": (-1, 1), "hr": (-1, -1)}
+WEIGHT_ROTORS = 1.52 * 9.81
+
+
+def link(name, mass=0.0, inertia=1e-5, below=0.0):
+    if mass == 0.0:
+        return f'<link name="{name}"/>'
+    moments = f'<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>'
+    return (
+        f'<link name="{name}"><inertial><origin xyz="0 0 {-below}"/><mass value="{mass}"/>{moments}</inertial></link>'
+    )
+
+
+def joint(name, parent, child, place, axis=None):
+    turns = "" if axis is None else f'<axis xyz="{axis}"/><limit lower="-2.5" upper="2.5" effort="3" velocity="20"/>'
+    kind = "fixed" if axis is None else "revolute"
+    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{turns}</joint>'
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory):
+    parts = [link("base", 1.2, 0.012)]
+    for leg, (x, y) in LEGS.items():
+        parts += [
+            link(f"{leg}_rotor"),
+            joint(f"{leg}_mount", "base", f"{leg}_rotor", f"{0.15 * x} {0.15 * y} 0.03"),
+            link(f"{leg}_thigh", 0.05, 1e-4, 0.05),
+            joint(f"{leg}_hip", "base", f"{leg}_thigh", f"{0.1 * x} {0.1 * y} 0", "0 1 0"),
+            link(f"{leg}_side", 0.01),
+            joint(f"{leg}_roll", f"{leg}_thigh", f"{leg}_side", "0 0 0", "1 0 0"),
+            link(f"{leg}_shank", 0.02, 2e-5, 0.05),
+            joint(f"{leg}_knee", f"{leg}_side", f"{leg}_shank", "0 0 -0.1", "0 1 0"),
+            link(f"{leg}_foot"),
+            joint(f"{leg}_tip", f"{leg}_shank", f"{leg}_foot", "0 0 -0.1"),
+        ]
+    path = tmp_path_factory.mktemp("urdf") / "quad.urdf"
+    path.write_text(f'<robot name="quad">{"".join(parts)}</robot>')
+    turns = dict(zip(LEGS, (1, -1, -1, 1), strict=True))
+    rotors = [hp.Rotor(f"{leg}_rotor", limit=(0.0, 9.0), drag=0.02 * turn) for leg, turn in turns.items()]
+    return hp.load_robot(path, feet=[f"{leg}_foot" for leg in LEGS], rotors=rotors)
+
+
+def flown(robot, flight, duration):
+    gait = FlyingGait(hp.Standing(robot, [0.7, 0.0, -1.4] * 4), flight)
+    scenario = hp.Scenario(
+        ground=hp.Ground(mu_s=0.6, stiffness=4000.0),
+        duration=duration,
+        disturbances=hp.Disturbances(noise=hp.Noise.typical()),
+    )
+
+    def make(gait):
+        return hp.make_controller("condensed", gait, mu=0.6, **gait.parameters)
+
+    return hp.walk(scenario, gait=gait, controller=make)
+
+
+def test_a_rotorcraft_with_legs_flies_to_a_place_and_stands(robot):
+    run = flown(robot, Fly(height=0.3, forward=0.5, hover=0.5), 7.0)
+    phase = run["flight_phase"].ravel()
+    air, land = (np.flatnonzero(phase == PHASES.index(name)) for name in ("air", "land"))
+    assert run.ending == "completed"
+    assert run["foot_position"][-1].mean(axis=0)[:2] == pytest.approx((0.5, 0.0), abs=0.02)
+    assert run["foot_position"][air, :, 2].min(axis=1).max() == pytest.approx(0.3, abs=0.03)
+    assert 0.05 < 2.0 * np.abs(run["q"][air, 4]).max() < 0.3
+    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT_ROTORS
+    assert 2.0 * np.hypot(run["q"][-1, 3], run["q"][-1, 4]) < 0.02
+
+
+def test_it_jumps(robot):
+    run = flown(robot, Jump(height=0.1), 3.2)
+    air = np.flatnonzero(run["flight_phase"].ravel() == PHASES.index("air"))
+    assert run.ending == "completed"
+    assert run["q"][air, 2].max() - run["q"][air[0], 2] == pytest.approx(0.1, abs=0.015)
+    assert run["foot_position"][-1].mean(axis=0)[:2] == pytest.approx((0.0, 0.0), abs=0.02)
+
+
+def test_rotors_that_do_not_carry_the_robot_are_refused(robot):
+    weak = replace(robot, rotors=tuple(hp.Rotor(r.frame, limit=(0.0, 3.0), drag=r.drag) for r in robot.rotors))
+    with pytest.raises(hp.InputError, match="to spare"):
+        FlyingGait(hp.Standing(weak, [0.7, 0.0, -1.4] * 4), Jump())

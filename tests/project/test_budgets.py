@@ -1,0 +1,39 @@
+"""Budgets of the house: lines of each part, lines of a file, and public names."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+import harpy_pin
+
+ROOT = Path(__file__).resolve().parents[2]
+CONTRIB = "harpy_pin/contrib/"
+LINES = {"harpy_pin": 41_000, CONTRIB: 3_200, "reproduction": 4_950, "comparison": 12_650, "tests": 31_600}
+"""Most lines of the Python files that Git tracks in a folder; those of ``harpy_pin`` are counted without contrib."""
+LONGEST_FILE = 484
+MOST_PUBLIC_NAMES = 70
+
+
+def lines_of(folder: str) -> dict[str, int]:
+    listed = subprocess.run(["git", "ls-files", "-z", folder], cwd=ROOT, capture_output=True, text=True)
+    if listed.returncode:
+        pytest.skip("not a checkout")
+    names = [name for name in listed.stdout.split("\0") if name.endswith(".py") and (ROOT / name).is_file()]
+    return {name: (ROOT / name).read_bytes().count(b"\n") for name in names}
+
+
+@pytest.mark.parametrize("folder", LINES)
+def test_lines_of_a_folder(folder):
+    counted = {name: count for name, count in lines_of(folder).items() if folder == CONTRIB or CONTRIB not in name}
+    assert sum(counted.values()) <= LINES[folder]
+
+
+def test_no_file_is_long():
+    assert {name: count for name, count in lines_of(".").items() if count > LONGEST_FILE} == {}
+
+
+def test_public_names():
+    assert len(harpy_pin.__all__) <= MOST_PUBLIC_NAMES

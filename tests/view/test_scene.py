@@ -1,0 +1,193 @@
+"""The scene: meshes in their colours and places, and ground that is not flat."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from needs import needs_robots
+
+import harpy_pin as hp
+from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.view.page.charts import charts_of
+from harpy_pin.view.page.shown import Shown
+from harpy_pin.view.scene import meshes
+from harpy_pin.view.scene.forces import friction_used
+from harpy_pin.view.scene.frames import Frames
+from harpy_pin.view.scene.ground import about_normals, surface_of
+from harpy_pin.view.scene.meshes import mesh_parts, thin_out
+from harpy_pin.view.scene.robot_nodes import load_visuals
+from harpy_pin.view.scene.scene import scene_of
+
+
+def ball(rings):
+    """A ball of one metre as triangles."""
+    polar, turn = np.meshgrid(np.linspace(0.0, np.pi, rings), np.linspace(0.0, 2.0 * np.pi, 2 * rings), indexing="ij")
+    points = np.stack((np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)), axis=-1)
+    number = np.arange(points[..., 0].size).reshape(points.shape[:2])
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+    faces = np.concatenate((np.stack((a, b, c), -1).reshape(-1, 3), np.stack((a, c, d), -1).reshape(-1, 3)))
+    return points.reshape(-1, 3), faces
+
+
+def area(vertices, faces):
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+
+
+@pytest.mark.parametrize("most", [200, 1000, 4000])
+def test_a_mesh_keeps_its_shape(most):
+    vertices, faces = ball(80)
+    fewer, kept = thin_out(vertices, faces, most)
+    assert most // 4 < len(kept) <= most
+    np.testing.assert_allclose(np.linalg.norm(fewer, axis=1), 1.0, atol=0.1)
+    assert area(fewer, kept) == pytest.approx(4.0 * np.pi, rel=0.15)
+    assert kept.min() >= 0
+    assert kept.max() < len(fewer)
+    same, untouched = thin_out(vertices, faces, len(faces))
+    assert same is vertices
+    assert untouched is faces
+
+
+@needs_robots
+def test_a_file_of_several_colours_is_drawn_in_them():
+    """Go2's URDF paints everything white; its thighs are silver and white in their file."""
+    pytest.importorskip("trimesh")
+    pytest.importorskip("collada")
+    thigh = next(s for s in load_visuals(hp.load_robot("go2")) if Path(s.meshPath).name == "thigh.dae")
+    parts = mesh_parts(thigh)
+    colours = {part.colour for part in parts}
+    assert len(colours) == 2
+    assert any(max(colour[:3]) < 0.8 for colour in colours)
+    vertices = np.asarray(thigh.geometry.vertices())
+    drawn = np.concatenate([part.vertices for part in parts])
+    np.testing.assert_allclose(drawn.min(axis=0), vertices.min(axis=0), atol=2e-3)
+    np.testing.assert_allclose(drawn.max(axis=0), vertices.max(axis=0), atol=2e-3)
+
+
+@needs_robots
+def test_a_colour_of_the_urdf_comes_first():
+    hip = next(s for s in load_visuals(hp.load_robot("a1")) if Path(s.meshPath).name == "hip.dae")
+    (part,) = mesh_parts(hip)
+    np.testing.assert_allclose(part.colour, hip.meshColor, atol=1e-6)
+    assert len(part.faces) <= meshes.MAX_TRIANGLES
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["solo12", "bolt", "anymal_c"])
+def test_without_trimesh_all_is_drawn_as_pinocchio_reads_it(name, monkeypatch):
+    shapes = [s for s in load_visuals(hp.load_robot(name)) if hasattr(s.geometry, "num_tris")][:4]
+    with_it = [mesh_parts(shape) for shape in shapes]
+    monkeypatch.setattr(meshes, "_read_parts", lambda path, scale: None)
+    for shape, parts in zip(shapes, with_it, strict=True):
+        (part,) = mesh_parts(shape)
+        np.testing.assert_allclose(part.colour, np.clip(shape.meshColor, 0.0, 1.0), atol=1e-6)
+        low = np.min([p.vertices.min(axis=0) for p in parts], axis=0)
+        np.testing.assert_allclose(part.vertices.min(axis=0), low, atol=5e-3)
+
+
+@needs_robots
+def test_without_trimesh_wrong_surfaces_are_said_once(monkeypatch):
+    shapes = [s for s in load_visuals(hp.load_robot("go2")) if Path(s.meshPath).suffix == ".dae"]
+    monkeypatch.setattr(meshes, "_read_parts", lambda path, scale: None)
+    meshes._warn_of_wrong_surfaces.cache_clear()
+    with pytest.warns(UserWarning, match="trimesh and pycollada") as said:
+        parts = [mesh_parts(shape) for shape in [*shapes, *shapes]]
+    assert len(parts) > 1
+    assert len(said) == 1
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["go2", "anymal_c"])
+def test_every_corner_of_a_file_of_several_parts_is_drawn(name):
+    """Pinocchio numbers the corners of each part from zero, so that the corners of the last ones are in no triangle."""
+    pytest.importorskip("trimesh")
+    pytest.importorskip("collada")
+    for shape in load_visuals(hp.load_robot(name)):
+        if not hasattr(shape.geometry, "num_tris"):
+            continue
+        drawn = np.concatenate([part.vertices[np.unique(part.faces)] for part in mesh_parts(shape)])
+        vertices = np.asarray(shape.geometry.vertices())
+        np.testing.assert_allclose(drawn.min(axis=0), vertices.min(axis=0), atol=5e-3)
+        np.testing.assert_allclose(drawn.max(axis=0), vertices.max(axis=0), atol=5e-3)
+
+
+@needs_robots
+def test_logs_of_flat_feet_and_of_old_names_lead_to_their_robot():
+    from pages import make_run
+
+    from harpy_pin.view.robot_of import robot_of
+
+    for name in ("g1", "talos", "solo12", "go2"):
+        robot = hp.load_robot(name)
+        run = make_run(robot, rows=5)
+        assert robot_of(run).feet == robot.feet
+        assert robot_of(run).name == name
+        run.metadata["robot"] = robot.model.name  # as in logs of before
+        assert robot_of(run).name == name
+    assert set(CATALOGUE) >= {"g1", "talos"}
+
+
+def test_a_run_under_a_gait_of_ones_own_is_viewed(tmp_path):
+    """The example of the page on gaits, through its file."""
+    from harpy_pin.view import write_html
+    from harpy_pin.view.robot_of import robot_of
+
+    class Slower:
+        def __init__(self, inner):
+            self.inner, self.robot = inner, inner.robot
+            self.initial_state = inner.initial_state
+
+        def update(self, t):
+            return self.inner.update(0.5 * t if t < 2.0 else t - 1.0)
+
+    gait = Slower(hp.make_gait(hp.load_harpy()))
+    run = hp.walk(hp.Scenario(controller="condensed", duration=0.1), gait=gait)
+    run.save(tmp_path / "slower.npz")
+    again = hp.Run.load(tmp_path / "slower.npz")
+    write_html(again, robot_of(again), tmp_path / "slower.html")
+    assert (tmp_path / "slower.html").stat().st_size > 100_000
+
+
+PLANE = hp.ground.Plane(slope=0.3, heading=0.4)
+
+
+@pytest.fixture(scope="module")
+def run() -> hp.Run:
+    return hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.6, terrain=PLANE), duration=0.5))
+
+
+def test_the_surface_is_that_of_the_run(run):
+    assert surface_of(run) == PLANE
+    assert surface_of(hp.walk(hp.Scenario(duration=0.01))) is None
+
+
+def test_vectors_about_the_normal(run):
+    rng = np.random.default_rng(0)
+    place, vector = rng.normal(size=(5, 2, 3)), rng.normal(size=(5, 2, 3))
+    frame = pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), PLANE.normal(0.0, 0.0)).matrix()
+    np.testing.assert_allclose(about_normals(PLANE, place, vector), vector @ frame, atol=1e-12)
+    assert about_normals(None, place, vector) is vector
+
+
+def test_cones_stand_on_the_surface(run):
+    robot = hp.load_harpy()
+    motions = scene_of(run, robot, Frames.from_run(run, robot, fps=30.0)).motions
+    for foot in robot.feet:
+        for quaternion in motions[f"friction_cone/{foot}"].quaternion:
+            up = pin.Quaternion(quaternion).matrix() @ (0.0, 0.0, 1.0)
+            np.testing.assert_allclose(up, PLANE.normal(0.0, 0.0), atol=1e-9)
+
+
+def test_what_is_told_of_friction_is_about_the_normal(run):
+    """The condensed controller keeps three quarters of the friction; about the vertical it would be far more."""
+    force = run["foot_force"][100:]
+    own = friction_used(about_normals(PLANE, run["foot_position"][100:], force), np.full(force.shape[:2], 0.6))
+    assert np.median(own[own > 0.0]) < 0.8
+    robot = hp.load_harpy()
+    charts = charts_of(Shown("walk", "#123456", run, robot, Frames.from_run(run, robot, fps=30.0), True))
+    margin = next(chart for chart in charts if "friction margin" in chart.title)
+    values = np.concatenate([np.asarray(line.values, dtype=float) for line in margin.lines])
+    assert np.nanmin(values) > -1e-6

@@ -1,0 +1,55 @@
+"""The task of the centre of mass: its rows against Pinocchio, and the optimum against Newton's law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from condensed_cases import NV, ROBOT, WEIGHTS, random_case
+from hypothesis import given
+from hypothesis import strategies as st
+
+import harpy_pin as hp
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
+from harpy_pin.wbc.centre_of_mass import body_row
+from harpy_pin.wbc.condensed import CondensedSolver
+
+
+def centred_case(seed, spread=0.2):
+    rng = np.random.default_rng(seed)
+    q, v, targets = random_case(rng, spread=spread)
+    dynamics = hp.Dynamics(ROBOT)
+    dynamics.update(q, v)
+    targets.demand_of_centre(dynamics)
+    return rng, q, v, targets, dynamics
+
+
+@given(st.integers(0, 10_000))
+def test_rows_are_pinocchios(seed):
+    rng, q, v, targets, dynamics = centred_case(seed)
+    a, row, data = rng.standard_normal(NV), np.empty(NV), ROBOT.model.createData()
+    pin.centerOfMass(ROBOT.model, data, q, v, a)
+    pin.forwardKinematics(ROBOT.model, data, q, v, a)
+    body = pin.getClassicalAcceleration(ROBOT.model, data, 1, pin.LOCAL_WORLD_ALIGNED).linear
+    for k, expected in enumerate((*data.acom[0][:2], body[2])):
+        value = body_row(k, dynamics.record, targets.record, v, dynamics.rotation, row)
+        drift = targets.body[k] - value
+        np.testing.assert_allclose(row @ a + drift, expected, atol=1e-10 * (1.0 + abs(drift)))
+
+
+@given(st.integers(0, 10_000))
+def test_the_optimum_obeys_newton(seed):
+    """The acceleration of the centre of mass is that of all forces on the robot, and with little else to weigh and
+    nothing at a limit it is the demanded one."""
+    _, q, v, targets, dynamics = centred_case(seed, spread=0.05)
+    targets.held[:], targets.force_range[:] = 1.0, (-1e4, 1e4)
+    targets.body[:] *= 0.1
+    weights = WholeBodyWeights(**{**vars(WEIGHTS), "orientation": 1e-6, "thrust": 1e-6, "force": 1e-9})
+    law = CondensedSolver(ROBOT, weights, WholeBodyLimits(mu=10.0, torque_scale=100.0))
+    inputs = law.solve(dynamics, v, dynamics.rotation, targets)
+    data = ROBOT.model.createData()
+    pin.centerOfMass(ROBOT.model, data, q, v, law.acceleration)
+    total = law.force.sum(axis=0) + inputs[:6].reshape(2, 3).sum(axis=0)
+    expected = total / ROBOT.mass + ROBOT.model.gravity.linear
+    np.testing.assert_allclose(data.acom[0], expected, atol=1e-6 * (1.0 + np.abs(expected).max()))
+    if int(law.status) == 0 and not (law.limits.pyramid @ law.force.T < 1e-6).any():
+        np.testing.assert_allclose(data.acom[0][:2], targets.body[:2], atol=1e-2 * (1.0 + np.abs(targets.body).max()))
