@@ -240,6 +240,18 @@ class Shield:
             self.saving = True
             raise
 
+    @contextmanager
+    def whole(self) -> Iterator[None]:
+        """A piece of the work that no signal cuts in two: one that comes meanwhile is received at its end."""
+        before, self.saving = self.saving, True
+        try:
+            yield
+        finally:
+            self.saving = before
+        if self.late is not None and not before:
+            number, self.late = self.late, None
+            self._receive(number, None)
+
     def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)

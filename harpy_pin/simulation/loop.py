@@ -73,7 +73,7 @@ def run_closed_loop(
     loop = _Loop(simulator, controller, recorder, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
     with Shield() as shield:
         try:
-            loop.run()
+            loop.run(shield)
         except KeyboardInterrupt:
             loop.ending = "interrupted"
         finally:
@@ -156,8 +156,8 @@ class _Loop:
     ending: str = "completed"
     failure: Exception | None = None
 
-    def run(self) -> None:
-        """Walk tick by tick until the last one, a fall, or a controller that fails."""
+    def run(self, shield: Shield) -> None:
+        """Walk tick by tick until the last one, a fall, or a controller that fails; no signal cuts a row in two."""
         simulator, tick, compiled = self.simulator, 0, None
         simulator.counts[:] = 0
         height = float(simulator.q[2]) - simulator.ground_below
@@ -166,7 +166,8 @@ class _Loop:
         self._shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
         while tick < self.ticks and self.ending == "completed":
             if compiled is not None:
-                done, ending = compiled.run(tick, self.ticks, self.pushes)
+                with shield.whole():
+                    done, ending = compiled.run(tick, self.ticks, self.pushes)
                 tick += done
                 if self.on_piece is not None:
                     self.on_piece(simulator.t)
@@ -174,11 +175,12 @@ class _Loop:
                     self.ending = VERDICTS[ending]
                     continue
             simulator.t = start + tick * self.period
-            command = self._control()
+            command = self._control(shield)
             if command is None:
                 return
-            simulator.advance(command, self.pushes, steps=self.substeps)
-            self.ending = simulator.verdict(fall_height)
+            with shield.whole():
+                simulator.advance(command, self.pushes, steps=self.substeps)
+                self.ending = simulator.verdict(fall_height)
             if self.ending != "completed":
                 return
             if tick == 0 and self.on_tick is None and self.sensors is None:
@@ -188,7 +190,7 @@ class _Loop:
             if self.on_piece is not None and tick % TOLD == 1:
                 self.on_piece(simulator.t)
 
-    def _control(self) -> Command | None:
+    def _control(self, shield: Shield) -> Command | None:
         """The command at the present state, logged; None where the controller failed."""
         state = self.simulator.state
         try:
@@ -199,7 +201,8 @@ class _Loop:
             command = self.controller.step(measured)
             elapsed = perf_counter_ns() - begin
             command = _checked(command, self._shapes)
-            self.simulator.log(self.recorder, command, elapsed, self._telemetry)
+            with shield.whole():
+                self.simulator.log(self.recorder, command, elapsed, self._telemetry)
         except Exception as error:
             self.ending, self.failure = f"controller failed: {reason(error)}", error
             return None
