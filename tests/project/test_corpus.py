@@ -1,4 +1,4 @@
-"""Inputs that a fuzzer once broke something with, used again: see ``tests/support/fuzzing.py``."""
+"""Inputs that once broke something, used again."""
 
 from __future__ import annotations
 
