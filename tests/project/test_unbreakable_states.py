@@ -80,4 +80,6 @@ def test_hostile_states(who, name, fuzz):
         assert controller.failures == failures
     if kind != "governed":
         assert searched <= max_systems(controller) or controller._solver.fallback_solves
-        print(f"{'':24s} at most {searched} linear systems in one tick; the searches end after {max_systems(controller)}")
+        print(
+            f"{'':24s} at most {searched} linear systems in one tick; the searches end after {max_systems(controller)}"
+        )

@@ -23,9 +23,19 @@ def test_an_interrupt_at_any_call_keeps_every_tick_once(tmp_path, compiled):
     robot = hp.load_harpy()
     gait, simulator = hp.make_gait(robot), hp.Simulator(robot)
     controller = hp.make_controller("condensed", gait, mu=0.5)
-    places, moment, cut = 0, -1, 0
+    cut = places = 0
 
-    def walk(save):
+    def walk(save, moment=None):
+        nonlocal places
+
+        def press(frame, event, argument):
+            nonlocal places
+            if frame.f_code.co_filename in OWN and event in ("call", "c_return"):
+                places += 1
+                if places == moment:
+                    os.kill(os.getpid(), signal.SIGINT)
+
+        places = 0
         simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
         controller.reset()
         sys.setprofile(press)
@@ -34,20 +44,12 @@ def test_an_interrupt_at_any_call_keeps_every_tick_once(tmp_path, compiled):
         finally:
             sys.setprofile(None)
 
-    def press(frame, event, argument):
-        nonlocal places
-        if frame.f_code.co_filename in OWN and event in ("call", "c_return"):
-            places += 1
-            if places == moment:
-                os.kill(os.getpid(), signal.SIGINT)
-
     handler, path = signal.getsignal(signal.SIGINT), tmp_path / "run.npz"
     whole = walk(path)
     for moment in range(1, places + 1):
-        places = 0
         path.unlink(missing_ok=True)
         try:
-            run = walk(path)
+            run = walk(path, moment)
         except Interrupted as interrupt:
             run = interrupt.run
             cut += 0 < len(run) < len(whole)
