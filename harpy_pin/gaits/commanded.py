@@ -75,53 +75,30 @@ class CommandedParameters:
 
 
 class CommandedRecord(RecordOf, CommandedParameters):
-    """What the walk of :class:`CommandedGait` remembers, besides its parameters.
+    """What the walk of :class:`CommandedGait` remembers, besides its parameters."""
 
-    Attributes:
-        most_speed: what the legs reach, m/s.
-        most_sideways: largest velocity to the side, m/s.
-        terrain: the ground, on whose edges no foot is set.
-        command: (3,) given: forward, to the left (m/s), turn (rad/s).
-        last_command: (3,) the last one that is all numbers.
-        goal: (3,) command within the limits.
-        velocity: (3,) that is walked: forward, to the left (m/s), turn (rad/s).
-        rate: (3,) of it, m/s² and rad/s².
-        path: (3,) x, y (m) and heading (rad) of the place that the walk goes about.
-        leftover: (3,) sway (m) and its velocity (m/s) at the end of the last walk, and the time in which they go, s.
-        foot: (2, 2) x and y of each foot's target, world, m.
-        foot_velocity: (2, 2) of each foot's target, m/s.
-        foothold: (2, 2) where each foot lands, m.
-        in_air: (2,) 1 for a swing foot, else 0.
-        left: (2,) time until it lands, s.
-        time: of the last update, s.
-        switch: when the next row of the script begins, s.
-        phase: of the walk in steps, 0 to 2.
-        walking: 1 while steps are made, else 0.
-        begun: share of the first step that is done.
-        refused: updates with a command that was not all numbers.
-    """
-
-    most_speed: float
-    most_sideways: float
-    terrain: TerrainRecord
-    command: Vector = sized(3)
-    last_command: Vector = sized(3)
-    goal: Vector = sized(3)
-    velocity: Vector = sized(3)
-    rate: Vector = sized(3)
-    path: Vector = sized(3)
+    most_speed: float  # what the legs reach, m/s
+    most_sideways: float  # largest velocity to the side, m/s
+    terrain: TerrainRecord  # the ground, on whose edges no foot is set
+    command: Vector = sized(3)  # given: forward, to the left (m/s), turn (rad/s)
+    last_command: Vector = sized(3)  # the last one that is all numbers
+    goal: Vector = sized(3)  # command within the limits
+    velocity: Vector = sized(3)  # that is walked: forward, to the left (m/s), turn (rad/s)
+    rate: Vector = sized(3)  # of it, m/s² and rad/s²
+    path: Vector = sized(3)  # x, y (m) and heading (rad) of the place that the walk goes about
+    # sway (m) and its velocity (m/s) at the end of the last walk, and the time in which they go, s
     leftover: Vector = sized(3)
-    foot: Vector = sized(2, 2)
-    foot_velocity: Vector = sized(2, 2)
-    foothold: Vector = sized(2, 2)
-    in_air: Vector = sized(2)
-    left: Vector = sized(2)
-    time: float = 0.0
-    switch: float = inf
-    phase: float = 0.0
-    walking: float = 0.0
-    begun: float = 0.0
-    refused: float = 0.0
+    foot: Vector = sized(2, 2)  # x and y of each foot's target, world, m
+    foot_velocity: Vector = sized(2, 2)  # of each foot's target, m/s
+    foothold: Vector = sized(2, 2)  # where each foot lands, m
+    in_air: Vector = sized(2)  # 1 for a swing foot, else 0
+    left: Vector = sized(2)  # time until it lands, s
+    time: float = 0.0  # of the last update, s
+    switch: float = inf  # when the next row of the script begins, s
+    phase: float = 0.0  # of the walk in steps, 0 to 2
+    walking: float = 0.0  # 1 while steps are made, else 0
+    begun: float = 0.0  # share of the first step that is done
+    refused: float = 0.0  # updates with a command that was not all numbers
 
 
 @fixed_arrays("applied", "command", "record")

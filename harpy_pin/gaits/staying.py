@@ -27,27 +27,16 @@ DEGREE = 5
 
 
 class StayingRecord(RecordOf):
-    """What :class:`Staying` knows.
+    """What :class:`Staying` knows."""
 
-    Attributes:
-        feet: (feet, 3) places of the feet about the body's origin, world axes, m.
-        height: of the body, m.
-        shift: (3,) how far the body goes, world axes, m.
-        shift_period: there and back, s.
-        penetration_offset: how much deeper than the ground an unloaded foot aims, m.
-        begin: of the last move, s.
-        duration: of it, s.
-        way: (6, 3) coefficients of the offset's polynomial in the time since its begin.
-    """
-
-    feet: Vector
-    height: float
-    shift: Vector
-    shift_period: float
-    penetration_offset: float
-    begin: float = 0.0
-    duration: float = 0.0
-    way: Vector = sized(DEGREE + 1, 3)
+    feet: Vector  # (feet, 3) places of the feet about the body's origin, world axes, m
+    height: float  # of the body, m
+    shift: Vector  # (3,) how far the body goes, world axes, m
+    shift_period: float  # there and back, s
+    penetration_offset: float  # how much deeper than the ground an unloaded foot aims, m
+    begin: float = 0.0  # of the last move, s
+    duration: float = 0.0  # of it, s
+    way: Vector = sized(DEGREE + 1, 3)  # coefficients of the offset's polynomial in the time since its begin
 
 
 class Staying(KeepsViews):

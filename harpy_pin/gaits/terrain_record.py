@@ -36,35 +36,20 @@ LIFTED = 0.015
 
 
 class OnTerrainRecord(RecordOf):
-    """What :class:`~harpy_pin.gaits.on_terrain.OnTerrain` knows.
+    """What :class:`~harpy_pin.gaits.on_terrain.OnTerrain` knows."""
 
-    Attributes:
-        terrain: the surface.
-        reach: half the side of the square around the body whose plane the body follows, m.
-        own_swings: 1 where the gait says the world heights of swing feet.
-        leans: 1 where the body leans with the ground.
-        normal_error: angle by which the normals told are wrong, about y, rad.
-        offset: (3,) how far the body is from where the gait has it, world axes, m.
-        time: of the last update, s.
-        swing_time: duration of a swing, s; zero where it is not known where feet land.
-        landing: (feet, 2) where the swing of each foot ends: ahead of the body, and beside the path, m.
-        aside: (feet, 2) how far from the gait's place each foot carries, or was lifted, m.
-        next_aside: (feet, 2) how far from it the place is where a swing foot will land, m.
-        moving: (feet,) 1 for a swing foot.
-    """
-
-    terrain: TerrainRecord
-    reach: float
-    own_swings: int
-    leans: int
-    normal_error: float
-    offset: Vector = sized(3)
-    time: float = 0.0
-    swing_time: float = 0.0
-    landing: Vector = sized("feet", 2)
-    aside: Vector = sized("feet", 2)
-    next_aside: Vector = sized("feet", 2)
-    moving: Vector = sized("feet")
+    terrain: TerrainRecord  # the surface
+    reach: float  # half the side of the square around the body whose plane the body follows, m
+    own_swings: int  # 1 where the gait says the world heights of swing feet
+    leans: int  # 1 where the body leans with the ground
+    normal_error: float  # angle by which the normals told are wrong, about y, rad
+    offset: Vector = sized(3)  # how far the body is from where the gait has it, world axes, m
+    time: float = 0.0  # of the last update, s
+    swing_time: float = 0.0  # duration of a swing, s; zero where it is not known where feet land
+    landing: Vector = sized("feet", 2)  # where the swing of each foot ends: ahead of the body, and beside the path, m
+    aside: Vector = sized("feet", 2)  # how far from the gait's place each foot carries, or was lifted, m
+    next_aside: Vector = sized("feet", 2)  # how far from it the place is where a swing foot will land, m
+    moving: Vector = sized("feet")  # 1 for a swing foot
 
 
 @kernel

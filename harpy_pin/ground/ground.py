@@ -46,16 +46,7 @@ DEPTH, WALKING_DEPTH = 0.005, 0.002
 
 
 class GroundRecord(RecordOf):
-    """Parameters of :class:`Ground`, and:
-
-    Attributes:
-        per_axis: 1 for that cone.
-        strips: how many strips there are.
-        strip: (16, 4) from and to, m, static and sliding coefficient of each.
-        soft_strips: how many strips of another stiffness there are.
-        soft_strip: (16, 3) from and to, m, and stiffness relative to the ground's.
-        terrain: its surface.
-    """
+    """Parameters of :class:`Ground`, and:"""
 
     stiffness: float
     damping: float
@@ -63,12 +54,12 @@ class GroundRecord(RecordOf):
     mu_c: float
     mu_v: float
     stribeck_velocity: float
-    per_axis: int
-    strips: int
-    strip: Vector
-    soft_strips: int
-    soft_strip: Vector
-    terrain: TerrainRecord
+    per_axis: int  # 1 for that cone
+    strips: int  # how many strips there are
+    strip: Vector  # (16, 4) from and to, m, static and sliding coefficient of each
+    soft_strips: int  # how many strips of another stiffness there are
+    soft_strip: Vector  # (16, 3) from and to, m, and stiffness relative to the ground's
+    terrain: TerrainRecord  # its surface
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,29 +26,18 @@ REPEATS = 2
 
 
 class TerrainRecord(RecordOf):
-    """The surface of the ground.
+    """The surface of the ground."""
 
-    Attributes:
-        level: 1 for the plane z = 0, of which nothing else is read.
-        slope: (2,) rise of the plane per metre along x and y.
-        above: its height at the origin, m.
-        pieces: of the profile.
-        profile: (64, 3) where each piece begins, m, its height there, m, and its rise per metre; zero before the first.
-        cells: (3,) points of the grid along x and y, and 0 without a grid, 1 with one, 2 with one that repeats.
-        resolution: distance of its points, m.
-        corner: (2,) place of its first point, m.
-        grid: (64, 64) its heights, m.
-    """
-
-    level: int
-    slope: Vector
-    above: float
-    pieces: int
+    level: int  # 1 for the plane z = 0, of which nothing else is read
+    slope: Vector  # (2,) rise of the plane per metre along x and y
+    above: float  # its height at the origin, m
+    pieces: int  # of the profile
+    # (64, 3) where each piece begins, m, its height there, m, and its rise per metre; zero before the first
     profile: Vector
-    cells: Vector
-    resolution: float
-    corner: Vector
-    grid: Vector
+    cells: Vector  # (3,) points of the grid along x and y, and 0 without a grid, 1 with one, 2 with one that repeats
+    resolution: float  # distance of its points, m
+    corner: Vector  # (2,) place of its first point, m
+    grid: Vector  # (64, 64) its heights, m
 
 
 def flat_terrain() -> Records[TerrainRecord]:

@@ -40,33 +40,21 @@ share. In a walk of Harpy no pivot is below a third."""
 
 
 class ContactMapRecord(RecordOf):
-    """What the kernels of this module share.
+    """What the kernels of this module share."""
 
-    Attributes:
-        rows: (3 feet,) indices of the foot directions that touch, packed to the front.
-        factor: (nv, nv) factor L of M = Lᵀ L (:mod:`harpy_pin.model.cholesky`).
-        contact: (nv, 3 feet) L⁻ᵀ J_fᵀ, one column per touching direction.
-        inputs: (nv, n_y) L⁻ᵀ X, one column per input.
-        response: (nv, n_y) M⁻¹ (X + J_fᵀ A), change of the acceleration per input.
-        gain: (3 feet, n_y) A of the touching directions.
-        delassus: (3 feet, 3 feet) factor of D = J_f M⁻¹ J_fᵀ, stored like the other; that of D² + ε² if redundant.
-        redundant: 1 where the contacts are redundant, else 0.
-        drive: (nv,) L⁻ᵀ (X y − n − B v).
-        settling: (3 feet,) −J̇ v − κ v_foot, m/s²; packed to the front.
-        force: (3 feet,) f(y) of the touching directions, N.
-    """
-
+    # indices of the foot directions that touch, packed to the front
     rows: NDArray[np.int64] = sized("3 feet", whole=True)
-    factor: Vector = sized("nv", "nv")
-    contact: Vector = sized("nv", "3 feet")
-    inputs: Vector = sized("nv", "thrusts + joints")
-    response: Vector = sized("nv", "thrusts + joints")
-    gain: Vector = sized("3 feet", "thrusts + joints")
+    factor: Vector = sized("nv", "nv")  # factor L of M = Lᵀ L (:mod:`harpy_pin.model.cholesky`)
+    contact: Vector = sized("nv", "3 feet")  # L⁻ᵀ J_fᵀ, one column per touching direction
+    inputs: Vector = sized("nv", "thrusts + joints")  # L⁻ᵀ X, one column per input
+    response: Vector = sized("nv", "thrusts + joints")  # M⁻¹ (X + J_fᵀ A), change of the acceleration per input
+    gain: Vector = sized("3 feet", "thrusts + joints")  # A of the touching directions
+    # factor of D = J_f M⁻¹ J_fᵀ, stored like the other; that of D² + ε² if redundant
     delassus: Vector = sized("3 feet", "3 feet")
-    redundant: int = ZERO
-    drive: Vector = sized("nv")
-    settling: Vector = sized("3 feet")
-    force: Vector = sized("3 feet")
+    redundant: int = ZERO  # 1 where the contacts are redundant, else 0
+    drive: Vector = sized("nv")  # L⁻ᵀ (X y − n − B v)
+    settling: Vector = sized("3 feet")  # −J̇ v − κ v_foot, m/s²; packed to the front
+    force: Vector = sized("3 feet")  # f(y) of the touching directions, N
 
 
 def contact_terms(robot: Robot) -> Records[ContactMapRecord]:

@@ -162,27 +162,17 @@ class Dynamics(KeepsViews):
 
 
 class DynamicsRecord(EquationsRecord):
-    """Terms of a robot at a state: the attributes of :class:`Dynamics`, and what they are computed from.
-
-    Attributes:
-        body: (feet + thrusters,) index of the body of each foot, then of each thruster.
-        offset: (feet + thrusters, 3) their places there, m.
-        body_axis: (rotors, 3) axes of the rotors in the body's frame.
-        drag: (rotors,) m.
-        rotor_lower: (rotors,) least thrust, N.
-        rotor_upper: (rotors,) most thrust, N.
-        tree: bodies and joints.
-    """
+    """Terms of a robot at a state: the attributes of :class:`Dynamics`, and what they are computed from."""
 
     foot_velocity: Vector = sized("feet", 3)
-    body: NDArray[np.int64]
-    offset: Vector
-    body_axis: Vector
+    body: NDArray[np.int64]  # (feet + thrusters,) index of the body of each foot, then of each thruster
+    offset: Vector  # (feet + thrusters, 3) their places there, m
+    body_axis: Vector  # (rotors, 3) axes of the rotors in the body's frame
     rotor_axis: Vector = sized("rotors", 3)
-    drag: Vector
-    rotor_lower: Vector
-    rotor_upper: Vector
-    tree: TreeRecord
+    drag: Vector  # (rotors,) m
+    rotor_lower: Vector  # (rotors,) least thrust, N
+    rotor_upper: Vector  # (rotors,) most thrust, N
+    tree: TreeRecord  # bodies and joints
 
 
 def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Records[DynamicsRecord]:

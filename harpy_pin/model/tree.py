@@ -27,54 +27,31 @@ class TreeRecord(RecordOf):
 
     Bodies are numbered from the base, which is 0; a parent comes before its children. Positions and motions in "base
     axes" are relative to the base's origin.
-
-    Attributes:
-        parent: (bodies,) of each body.
-        kind: (bodies,) of the joint to its parent; see above.
-        place: (bodies,) of the joint's first number in q.
-        column: (bodies,) of the joint in v.
-        axis: (bodies, 3) of the joint, in its own frame.
-        placement: (bodies, 3, 3) axes of the joint's frame in those of the parent body, at zero.
-        origin: (bodies, 3) of the joint's frame in the parent body's, m.
-        mass: (bodies,) kg.
-        centre: (bodies, 3) of mass, in the body's frame, m.
-        inertia: (bodies, 3, 3) about the centre of mass, in the body's axes, kg m².
-        unbounded: joints of kind UNBOUNDED, by which q is longer.
-        armature: (nv,) inertia of the rotors, kg m².
-        gravity: (3,) world axes, m/s².
-        rotation: (3, 3) base axes to world.
-        axes: (bodies, 3, 3) body axes to base axes.
-        position: (bodies, 3) of the body's frame, base axes, m.
-        screw: (bodies, 6) motion of unit joint velocity, linear (at the base's origin) and angular, base axes.
-        twist: (bodies, 6) velocity, linear (at the base's origin) and angular, base axes.
-        drift: (bodies, 6) acceleration at zero joint acceleration, less gravity, in the same axes.
-        force: (bodies, 6) that gives the subtree of a body that acceleration.
-        moment: (bodies, 4) mass of the subtree of a body, and mass times centre of mass.
-        composite: (bodies, 3, 3) inertia of the same about the base's origin.
     """
 
-    parent: NDArray[np.int64]
-    kind: NDArray[np.int64]
-    place: NDArray[np.int64]
-    column: NDArray[np.int64]
-    axis: Vector
-    placement: Vector
-    origin: Vector
-    mass: Vector
-    centre: Vector
-    inertia: Vector
-    unbounded: int
-    armature: Vector
-    gravity: Vector
-    rotation: Vector = sized(3, 3)
-    axes: Vector
-    position: Vector = sized("bodies", 3)
+    parent: NDArray[np.int64]  # (bodies,) of each body
+    kind: NDArray[np.int64]  # (bodies,) of the joint to its parent; see above
+    place: NDArray[np.int64]  # (bodies,) of the joint's first number in q
+    column: NDArray[np.int64]  # (bodies,) of the joint in v
+    axis: Vector  # (bodies, 3) of the joint, in its own frame
+    placement: Vector  # (bodies, 3, 3) axes of the joint's frame in those of the parent body, at zero
+    origin: Vector  # (bodies, 3) of the joint's frame in the parent body's, m
+    mass: Vector  # (bodies,) kg
+    centre: Vector  # (bodies, 3) of mass, in the body's frame, m
+    inertia: Vector  # (bodies, 3, 3) about the centre of mass, in the body's axes, kg m²
+    unbounded: int  # joints of kind UNBOUNDED, by which q is longer
+    armature: Vector  # (nv,) inertia of the rotors, kg m²
+    gravity: Vector  # (3,) world axes, m/s²
+    rotation: Vector = sized(3, 3)  # base axes to world
+    axes: Vector  # (bodies, 3, 3) body axes to base axes
+    position: Vector = sized("bodies", 3)  # of the body's frame, base axes, m
+    # motion of unit joint velocity, linear (at the base's origin) and angular, base axes
     screw: Vector = sized("bodies", 6)
-    twist: Vector = sized("bodies", 6)
-    drift: Vector = sized("bodies", 6)
-    force: Vector = sized("bodies", 6)
-    moment: Vector = sized("bodies", 4)
-    composite: Vector = sized("bodies", 3, 3)
+    twist: Vector = sized("bodies", 6)  # velocity, linear (at the base's origin) and angular, base axes
+    drift: Vector = sized("bodies", 6)  # acceleration at zero joint acceleration, less gravity, in the same axes
+    force: Vector = sized("bodies", 6)  # that gives the subtree of a body that acceleration
+    moment: Vector = sized("bodies", 4)  # mass of the subtree of a body, and mass times centre of mass
+    composite: Vector = sized("bodies", 3, 3)  # inertia of the same about the base's origin
 
 
 def tree_record(model: pin.Model) -> Records[TreeRecord]:
