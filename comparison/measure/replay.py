@@ -19,9 +19,6 @@ from harpy_pin.model.record import Record
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import QuadraticProgram, make_solver
 
-GOVERNED_PHASES = ("plan", "governor", "actuate")
-"""Gait and measurement; governor; thruster law, inverse kinematics and joint PID."""
-
 WBC_PHASES = ("kinematics", "build", "solve", "finish")
 """Gait and rigid-body terms; task accelerations and the program's arrays; ProxQP; torques and thrusts."""
 
@@ -64,28 +61,6 @@ class TickReplay:
         row, joints = self.commands[i], len(command.torque)
         row[:joints] = command.torque
         row[joints:] = command.thrust.ravel()
-
-
-class GovernedChain(TickReplay):
-    """Times the phases of :data:`GOVERNED_PHASES`; each ends where the next begins."""
-
-    phases = GOVERNED_PHASES
-
-    def time_block(self, begin: int, end: int) -> None:
-        """See :meth:`TickReplay.time_block`."""
-        plan, govern, actuate = self.controller.plan, self.controller.govern, self.controller.actuate
-        clock = perf_counter_ns
-        for i in range(begin, min(end, len(self.states))):
-            state = self.states[i]
-            t0 = clock()
-            plan(state)
-            t1 = clock()
-            govern(state)
-            t2 = clock()
-            command = actuate(state)
-            t3 = clock()
-            self.laps[i] = t1 - t0, t2 - t1, t3 - t2
-            self._keep(i, command)
 
 
 class WholeBodyChain(TickReplay):

@@ -13,15 +13,7 @@ from typing import Any
 import numpy as np
 
 from comparison.measure.controllers import CONTENDERS, make_contender
-from comparison.measure.replay import (
-    GOVERNED_PHASES,
-    WBC_PHASES,
-    GovernedChain,
-    IsolatedGovernor,
-    IsolatedSolver,
-    TickReplay,
-    WholeBodyChain,
-)
+from comparison.measure.replay import WBC_PHASES, IsolatedGovernor, IsolatedSolver, TickReplay, WholeBodyChain
 from comparison.measure.states import StateSequence
 from comparison.measure.timing import Bench, Laps, Timed, TimingSettings, ratio_of_medians, summarise
 from comparison.measure.verification import ExpectedReplay, record_expected
@@ -45,9 +37,6 @@ OPTIMAL = 1e-6
 
 PHASES = {
     "tick": "complete tick",
-    "plan": "gait, measurement",
-    "governor": "governor",
-    "actuate": "thrust law, IK, PID",
     "kinematics": "gait, rigid-body terms",
     "build": "build: tasks, program",
     "solve": "solve: active set, else ProxQP",
@@ -61,7 +50,7 @@ PHASES = {
 }
 """What is timed, as readers see it."""
 
-_CHAINS = {"governed/chain": GOVERNED_PHASES, "wbc/chain": WBC_PHASES}
+_CHAINS = {"wbc/chain": WBC_PHASES}
 
 
 def count_passes(settings: TimingSettings, sequences: int) -> int:
@@ -126,7 +115,6 @@ class _TimingRun:
         governed = make_contender("governed", robot, friction)
         self.replays: dict[str, TickReplay] = {
             **{f"{name}/tick": TickReplay(make_contender(name, robot, friction)) for name in CONTENDERS},
-            "governed/chain": GovernedChain(governed),
             "wbc/chain": WholeBodyChain(make_contender("wbc", robot, friction)),
         }
         self.governor, self.strained = (

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict
-from typing import Any, NoReturn
-
-from numpy.typing import ArrayLike
+from typing import NoReturn
 
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, LaggedTickRecord, condensed_step, lagged_step
@@ -38,10 +34,12 @@ class CondensedController(GaitController):
         solver: the program of the last tick, with its forces and status.
     """
 
+    parameters: WholeBodyParameters
+
     @checked
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
-        self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
-        super().__init__(gait, p.period)
+        p = parameters if parameters is not None else WholeBodyParameters()
+        super().__init__(gait, p)
         condensed = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
         lag = thrust_lag_record(self.robot, p)
         if lag is None:
@@ -51,8 +49,15 @@ class CondensedController(GaitController):
         self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
         self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self.tasks.record["condensed"])
         self._clipped = field(self.solver.record, "clipped")
-        self._told = field(self.solver.record, "status_and_systems")
         self._begin(self.tasks.record)
+        status_and_systems = field(self.solver.record, "status_and_systems")
+        self._signals |= {
+            "held": self.targets.held,
+            "desired_force": self.solver.force,
+            "condensed_status": status_and_systems[0, ...],
+            "law_systems": status_and_systems[1, ...],
+            **self.tasks.telemetry(),
+        }
         self._step.prepare(self.tasks.record, self.target.record, *self._measured(State(0.0, *self._sample)))
 
     def _make_anew(self) -> None:
@@ -90,21 +95,3 @@ class CondensedController(GaitController):
             name="task",
             value=task,
         )
-
-    def telemetry(self) -> Mapping[str, ArrayLike]:
-        """x_r, planned and held feet, the program's forces, and its status."""
-        return {
-            "x_r": self.target.body[:6],
-            "stance": self.target.stance,
-            "held": self.targets.held,
-            "desired_force": self.solver.force,
-            "condensed_status": self._told[0, ...],
-            "law_systems": self._told[1, ...],
-            "bad_samples": self._bad_samples,
-            **self.tasks.telemetry(),
-            **self._gait_signals(),
-        }
-
-    def describe(self) -> Mapping[str, Any]:
-        """Gait, gains, weights and limits."""
-        return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}

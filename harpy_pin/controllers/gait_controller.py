@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from math import isfinite
 from typing import Any, ClassVar
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin.compiled import BACKEND, Kernel
 from harpy_pin.compiled.calls import Call
 from harpy_pin.compiled.chain import Chain
+from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, sample_fits
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, FullGait, Gait, GaitTarget, calls_of, check_target, own_target
@@ -46,16 +48,18 @@ class GaitController(KeepsViews, ABC):
     _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_chain")
     _step: Kernel[int]  # of a tick: record, targets, what was measured, and further parts
     _parts: tuple[NDArray[Any], ...] = ()
-    _by_phases = False  # whether a tick is more than that kernel
+    _in_python = False  # whether a tick is Python's, not that kernel alone
     _chain: Chain | None = None  # gait and controller in one crossing from Python
     _chained = False  # whether that was looked for
+    parameters: GovernedParameters | WholeBodyParameters
     _record_: Records[Any]  # of the controller
     _command: Command  # of the last tick, in the record
+    _signals: dict[str, ArrayLike]  # of the last tick, by name
 
-    def __init__(self, gait: Gait, period: float) -> None:
+    def __init__(self, gait: Gait, parameters: GovernedParameters | WholeBodyParameters) -> None:
         self.gait: FullGait = own_target(gait)
         self.robot = gait.robot
-        self.period = period
+        self.parameters, self.period = parameters, parameters.period
         self.target: GaitTarget = self.gait.target
         self._observe: Callable[[State], None] | None = getattr(self.gait, "observe", None)
         self._gait_signals: Callable[[], Mapping[str, ArrayLike]] = getattr(self.gait, "telemetry", dict)
@@ -71,6 +75,7 @@ class GaitController(KeepsViews, ABC):
         self._command = Command(field(record, "torque"), field(record, "thrust"))
         self.command = (self._command.torque, self._command.thrust)
         self._bad_samples, self._verdict = field(record, "bad_samples"), field(record, "verdict")
+        self._signals = {"bad_samples": self._bad_samples}
         q, v = self.gait.initial_state()
         self._sample = (q.copy(), v.copy(), *np.zeros((3, len(self.robot.feet), 3)))
         self._nothing = (np.full(q.shape, np.nan), *self._sample[1:])
@@ -117,7 +122,7 @@ class GaitController(KeepsViews, ABC):
         if self._convert:
             state = as_state(state, self.robot)
         try:
-            return self._phases(state)
+            return self._tick(state)
         except Exception:
             fit = as_state(state, self.robot)
             if fit is state:
@@ -134,22 +139,38 @@ class GaitController(KeepsViews, ABC):
             self.target = check_target(target, self.robot)
         return target
 
-    def _phases(self, state: State) -> Command:
-        """One tick: the gait's targets, then everything else in one call.
+    def _tick(self, state: State) -> Command:
+        """One tick: the gait's targets, then everything else.
 
         A time at which no gait has targets is answered as a bad sample.
         """
+        answer = self._answer_in_python if self._in_python else self._answer
         if -LONGEST < state.t < LONGEST:
-            status = self._step(self._record_, self._plan(state)._record_, *self._measured(state), *self._parts)
+            status = answer(self._plan(state)._record_, state)
             if not self._chained:
                 self._join()
         else:
-            status = self._step(
-                self._record_, self.target._record_, *self._measured(State(0.0, *self._nothing)), *self._parts
-            )
+            status = answer(self.target._record_, State(0.0, *self._nothing))
         if status == BAD_SAMPLE:
             self._refuse_misfit(state)
         return self._command
+
+    def _answer(self, target: Records[Any], state: State) -> int:
+        """Everything after the gait's targets, in one kernel; returns the status of the tick."""
+        return self._step(self._record_, target, *self._measured(state), *self._parts)
+
+    def _answer_in_python(self, target: Records[Any], state: State) -> int:
+        """The same where that is Python's."""
+        raise NotImplementedError
+
+    def telemetry(self) -> Mapping[str, ArrayLike]:
+        """Signals of the last tick, by name: those of the controller, then those of its gait."""
+        of_target = {"x_r": self.target.body[:6], "stance": self.target.stance}
+        return {**of_target, **self._signals, **self._gait_signals()}
+
+    def describe(self) -> Mapping[str, Any]:
+        """Gait and parameters."""
+        return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
         """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
@@ -163,7 +184,7 @@ class GaitController(KeepsViews, ABC):
     def _kernels(self, state: State) -> tuple[Call, ...] | None:
         """The kernels of gait and controller; None where one of them does more, as a class of the user's may."""
         calls = calls_of(self.gait, state)
-        if calls is None or self._by_phases or not type(self).__module__.startswith("harpy_pin."):
+        if calls is None or self._in_python or not type(self).__module__.startswith("harpy_pin."):
             return None
         measured = self._measured(state)
         return *calls, Call(self._step, self._record_, self.target.record, *measured, *self._parts)

@@ -16,17 +16,18 @@ from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.governed_tick import STEPS, actuate, control_record, limit_bent, measure
 from harpy_pin.controllers.parameters import GovernedParameters
+from harpy_pin.controllers.tick import BAD_SAMPLE
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import LONGEST, Gait
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.contact_frame import in_contact_frames
-from harpy_pin.model.entry import GOOD, as_state
+from harpy_pin.model.entry import GOOD
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import field
-from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.record import Records, field
+from harpy_pin.model.state import State, Vector
 
 __all__ = ["GovernedController"]
 
@@ -36,9 +37,8 @@ class GovernedController(GaitController):
     """Walks the paper's way.
 
     ``step`` is one compiled call for the paper's governor, for the contact-force filter, and without either. For both
-    together, for a governor of your own and with an estimate of the friction it is a chain of :meth:`plan`,
-    :meth:`govern`, :meth:`actuate` and :meth:`hold`, which may always be called (and timed) apart. A state whose time,
-    q, v, foot positions or forces are not all finite numbers is a bad sample, which
+    together, for a governor of your own and with an estimate of the friction, Python calls the same kernels one after
+    the other. A state whose time, q, v, foot positions or forces are not all finite numbers is a bad sample, which
     :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: it changes neither integrals nor references.
 
     Args:
@@ -64,6 +64,7 @@ class GovernedController(GaitController):
     """
 
     _made_anew = (*GaitController._made_anew, "_actuate")
+    parameters: GovernedParameters
     _applied_: Vector
     _reference_: Vector
 
@@ -76,37 +77,38 @@ class GovernedController(GaitController):
         *,
         force_filter: ContactForceFilter | None = None,
     ) -> None:
-        parameters = GovernedParameters() if parameters is None else parameters
-        self.parameters = p = checks.instance("parameters", parameters, GovernedParameters)
+        given = GovernedParameters() if parameters is None else parameters
+        p = checks.instance("parameters", given, GovernedParameters)
         why = getattr(gait, "not_governed", "")
         if why:
             message = f"the paper's controller {why}: walk this gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
-        super().__init__(gait, p.period)
+        super().__init__(gait, p)
         if len(self.robot.joints) != 6:
             raise InputError(f"this controller moves 6 joints, '{self.robot.name}' has {len(self.robot.joints)}")
         self._governor, self._force_filter = governor, force_filter
-        if p.legs == "feedforward":
-            record = control_record(p, self.robot, ForwardTickRecord, forward=forward_record(self.gait, p.feedforward))
-        else:
-            record = control_record(p, self.robot)
-        self.reference: Vector = field(record, "reference")
-        self.applied: Vector = self.reference if governor is None else governor.applied
-        self.bent: Vector = field(record, "bent")
-        self.out_of_reach: Vector = field(record, "out_of_reach")
-        self._seen = field(record, "measured")
-        self._joint_target = field(record, "joint_target")
-        self._centre_of_pressure = self._seen[6:]
         self._assumed = _assumed_friction(governor, force_filter) if p.estimate_friction else []
         self.friction: FrictionEstimator | None = None
         if p.estimate_friction:
             assumed = max(float(value.max()) / share for value, share in self._assumed)
             self.friction = FrictionEstimator(p.friction, assumed=assumed, feet=len(self.robot.feet), period=p.period)
-        self._begin(record)
-        if not self._by_phases:
-            self._step.prepare(record, self.target.record, *self._measured(State(0.0, *self._sample)), *self._parts)
+        if p.legs == "feedforward":
+            record = control_record(p, self.robot, ForwardTickRecord, forward=forward_record(self.gait, p.feedforward))
         else:
-            self._prepare_phases()
+            record = control_record(p, self.robot)
+        self._begin(record)
+        self.reference: Vector = field(record, "reference")
+        self.applied: Vector = self.reference if governor is None else governor.applied
+        self.bent: Vector = field(record, "bent")
+        self.out_of_reach: Vector = field(record, "out_of_reach")
+        self._seen = field(record, "measured")
+        self._signals |= {"joint_target": field(record, "joint_target"), "out_of_reach": self.out_of_reach}
+        self._signals["centre_of_pressure"] = self._seen[6:]
+        if self.friction is not None:
+            self._signals["friction_estimate"] = self.friction.estimate
+        if force_filter is not None:
+            self._signals |= {"demanded_force": force_filter.force, "bend": force_filter.bend}
+        self._prepare()
         self.reset()
 
     def _make_anew(self) -> None:
@@ -116,22 +118,23 @@ class GovernedController(GaitController):
         forward = "forward" in (self._record_.dtype.names or ())
         steps = FORWARD_STEPS if forward else STEPS
         self._actuate = actuate_forward if forward else actuate
-        self._step, self._parts = steps["none"], ()
-        self._by_phases = self.friction is not None
+        self._step, self._parts, joined = steps["none"], (), governor is None and force_filter is None
         if type(governor) is ExplicitReferenceGovernor and isinstance(governor.rows, ForceRows):
             self._step, self._parts = steps["paper"], (governor._record, governor.rows.record)
-        elif governor is not None:
-            self._by_phases = True
-        if type(force_filter) is ContactForceFilter and governor is None:
-            self._step = steps["filter"]
+            joined = force_filter is None
+        elif type(force_filter) is ContactForceFilter and governor is None:
+            self._step, joined = steps["filter"], True
             self._parts = (force_filter.dynamics._record_, force_filter._terms_, force_filter._record_)
-        elif force_filter is not None:
-            self._by_phases = True
+        self._in_python = not joined or self.friction is not None
 
-    def _prepare_phases(self) -> None:
-        """Begin to compile the kernels that the phases call."""
+    def _prepare(self) -> None:
+        """Begin to compile the kernels of a tick."""
         record, target, example = self._record_, self.target.record, State(0.0, *self._sample)
-        measure.prepare(record, target, *self._measured(example))
+        measured = self._measured(example)
+        if not self._in_python:
+            self._step.prepare(record, target, *measured, *self._parts)
+            return
+        measure.prepare(record, target, *measured)
         self._actuate.prepare(record, target, self.applied, example.q, example.v, example.foot_force)
         if self._force_filter is not None:
             limit_bent.prepare(record, self.applied, self._force_filter.bend)
@@ -160,7 +163,6 @@ class GovernedController(GaitController):
     def reset(self) -> None:
         """Forget the integrals and the last command; the applied reference restarts at the target."""
         super().reset()
-        self._blind = False
         for name in ("integral", "started"):
             self._record_[name] = 0
         self._seen[6:] = np.nan
@@ -171,44 +173,27 @@ class GovernedController(GaitController):
         if self.friction is not None:
             self.friction.reset()
 
-    def _phases(self, state: State) -> Command:
-        """One call where the governors are this library's; otherwise the phases one after the other."""
-        if not self._by_phases:
-            return super()._phases(state)
-        self.plan(state)
-        self.govern(state)
-        self.actuate(state)
-        return self.hold(state)
-
-    def plan(self, state: State) -> Vector:
-        """Targets of the gait, and the body's target x_r = [c_t; ċ_t].
-
-        Args:
-            state: measured, see :class:`~harpy_pin.model.state.State`.
-
-        Returns:
-            (6,) x_r.
-
-        Raises:
-            InputError: it is no state of the robot.
-        """
-        try:
-            if -LONGEST < state.t < LONGEST:
-                verdict = measure(self._record_, self._plan(state)._record_, *self._measured(state))
-            else:
-                verdict = measure(self._record_, self.target._record_, *self._measured(State(0.0, *self._nothing)))
-        except (AttributeError, TypeError):
-            as_state(state, self.robot)
-            raise
-        self._blind = verdict != GOOD
-        if self._blind:
-            self._refuse_misfit(state)
-        elif self.friction is not None:
+    def _answer_in_python(self, target: Records[Any], state: State) -> int:
+        """The kernels' parts around governors of any kind, and an estimate of the friction."""
+        record, governor, force_filter = self._record_, self._governor, self._force_filter
+        if measure(record, target, *self._measured(state)) != GOOD:
+            return BAD_SAMPLE
+        if self.friction is not None:
             self._estimate(self.friction, state)
-        return self._reference_
+        if governor is not None:
+            if not record["started"][0]:
+                governor.reset(self._reference_)
+                record["started"] = 1
+            self._applied_ = governor.update(self._seen, self._reference_, self.period)
+        self._actuate(record, target, self._applied_, state.q, state.v, state.foot_force)
+        if force_filter is not None:
+            force_filter.normal[:] = self.target.normal
+            force_filter.update(state, self._command)
+            limit_bent(record, self._applied_, force_filter._bend_)
+        return 0
 
     def _estimate(self, friction: FrictionEstimator, state: State) -> None:
-        """Estimate the friction, and tell the governors: each foot's where they know feet, else the lowest."""
+        """Estimate the friction for the governors: each foot's where they know feet, else the lowest."""
         force, velocity = state.foot_force, state.foot_velocity
         if self._record_["tilted"][0]:
             force, velocity = (in_contact_frames(self.target.normal, vectors) for vectors in (force, velocity))
@@ -216,87 +201,20 @@ class GovernedController(GaitController):
         for assumed, share in self._assumed:
             assumed[:] = share * (friction.estimate if len(assumed) > 1 else friction.least)
 
-    def govern(self, state: State) -> Vector:
-        """Applied reference.
-
-        Args:
-            state: as given to :meth:`plan`.
-
-        Returns:
-            (6,) x_w.
-        """
-        if self._blind:
-            return self._applied_
-        if self._governor is not None:
-            if not self._record_["started"][0]:
-                self._governor.reset(self._reference_)
-                self._record_["started"] = 1
-            self._applied_ = self._governor.update(self._seen, self._reference_, self.period)
-        return self._applied_
-
-    def actuate(self, state: State) -> Command:
-        """Thrusts from the applied reference, torques from the gait's feet by the parameters' control law.
-
-        Args:
-            state: as given to :meth:`plan`.
-        """
-        if self._blind:
-            return self._command
-        try:
-            given = (self._record_, self.target._record_, self._applied_, state.q, state.v, state.foot_force)
-            self._actuate(*given)
-        except (AttributeError, TypeError):
-            as_state(state, self.robot)
-            raise
-        return self._command
-
-    def hold(self, state: State) -> Command:
-        """The command, changed by the contact-force filter if there is one.
-
-        Args:
-            state: as given to :meth:`plan`.
-        """
-        command, governor = self._command, self._force_filter
-        if governor is not None and not self._blind:
-            governor.normal[:] = self.target.normal
-            governor.update(state, command)
-            limit_bent(self._record_, self._applied_, governor._bend_)
-        return command
-
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """x_r, x_w, planned stance, joint targets, and the governors' rows."""
-        force_filter = self.force_filter
-        signals: dict[str, ArrayLike] = {
-            "x_r": self.reference,
-            "x_w": self.applied if force_filter is None else self.bent,
-            "stance": self.target.stance,
-            "joint_target": self._joint_target,
-            "out_of_reach": self.out_of_reach,
-            "centre_of_pressure": self._centre_of_pressure,
-            "bad_samples": self._bad_samples,
-        }
-        if self.friction is not None:
-            signals["friction_estimate"] = self.friction.estimate
-        if self.governor is not None:
-            status = self.governor.status
-            signals |= {"h_r": status.h_r, "h_w": status.h_w, "infeasible": status.infeasible}
-        if force_filter is not None:
-            status = force_filter.status
-            signals |= {
-                "demanded_force": force_filter.force,
-                "bend": force_filter.bend,
-                "contact_h_r": status.h_r,
-                "contact_h_w": status.h_w,
-                "contact_infeasible": status.infeasible,
-            }
+        signals = {**super().telemetry(), "x_w": self.applied if self._force_filter is None else self.bent}
+        if self._governor is not None:
+            signals |= self._governor.status.signals()
+        if self._force_filter is not None:
+            signals |= {f"contact_{name}": signal for name, signal in self._force_filter.status.signals().items()}
         return signals
 
     def describe(self) -> Mapping[str, Any]:
         """Gait, gains and governor."""
         governor, force_filter = self.governor, self.force_filter
         return {
-            "gait": dict(self.gait.describe()),
-            "control": asdict(self.parameters),
+            **super().describe(),
             "governor": " + ".join(type(g).__name__ for g in (governor, force_filter) if g is not None) or "none",
             "force_filter": asdict(force_filter.parameters) if force_filter is not None else "none",
             "rows": list(governor.status.names) if governor is not None else [],

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,6 +75,8 @@ class WholeBodyController(GaitController):
         added: tasks and ranges that :meth:`add` has put in, with the ``program`` that is solved; None without any.
     """
 
+    parameters: WholeBodyParameters
+
     @checked
     def __init__(
         self,
@@ -85,8 +85,8 @@ class WholeBodyController(GaitController):
         *,
         solver: Callable[[QuadraticProgram], QPSolver] | None = None,
     ) -> None:
-        self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
-        super().__init__(gait, p.period)
+        p = parameters if parameters is not None else WholeBodyParameters()
+        super().__init__(gait, p)
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
         self._lag = thrust_lag_record(self.robot, p)
         self.tasks = Tasks(
@@ -110,18 +110,20 @@ class WholeBodyController(GaitController):
         self._outcome, self._iterations = field(record, "outcome"), field(record, "iterations")
         self._violation = field(record, "violation")
         self._begin(record)
+        of_solver = {"qp_status": self._outcome, "qp_iterations": self._iterations, "qp_violation": self._violation}
+        self._signals |= {"held": self.targets.held, **of_solver, **self.tasks.telemetry()}
         self._prepare_tick()
 
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is Python's."""
         super()._make_anew()
         p, solver, problem = self.parameters, self._solver, self.problem
-        self._by_phases = True
+        self._in_python = True
         if p.formulation not in QP_STEPS or type(solver) is not WarmStartedActiveSet:
             return
         if self.added is not None or self._lag is not None:
             return  # rows come from Python, or a tick is two solves
-        self._by_phases = False
+        self._in_python = False
         self._step = QP_STEPS[p.formulation]
         solutions = (solver.solution.z, solver.dual.solution.z)
         records = (problem.record, problem.terms, problem.program._record_, solver._record_, solver.dual._record_)
@@ -130,7 +132,7 @@ class WholeBodyController(GaitController):
     def _prepare_tick(self) -> None:
         """Begin to compile the tick, and load what it needs, or may need once."""
         record, target, example = self._record_, self.target.record, State(0.0, *self._sample)
-        if not self._by_phases:
+        if not self._in_python:
             self._step.prepare(record, target, *self._measured(example), *self._parts)
             return
         begin_tick.prepare(record, target, *self._measured(example))
@@ -188,7 +190,7 @@ class WholeBodyController(GaitController):
         if self._solver is not self._solving.solver:
             self._solver = self._solving.solver
             self._solution = self._solver.solution
-        if not self._by_phases:
+        if not self._in_python:
             self._make_anew()
             self._prepare_tick()
         return result
@@ -203,10 +205,10 @@ class WholeBodyController(GaitController):
         if self._lag is not None:
             self._lag["settled"] = 0
 
-    def _phases(self, state: State) -> Command:
+    def _tick(self, state: State) -> Command:
         """One call where nothing of the program is Python's; otherwise the phases one after the other."""
-        if not self._by_phases:
-            return super()._phases(state)
+        if not self._in_python:
+            return super()._tick(state)
         self.prepare(state)
         gave_way = self._lag is None or self._choose_thrusts(self._lag, state)
         self.build(state)
@@ -330,20 +332,5 @@ class WholeBodyController(GaitController):
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """x_r, planned and held feet, forces of the program, and the solver's status."""
-        solution = self.solution
-        return {
-            "x_r": self.target.body[:6],
-            "stance": self.target.stance,
-            "held": self.targets.held,
-            "desired_force": self.targets.to_world(self.problem.contact_force(solution.z)),
-            "qp_status": int(solution.status),
-            "qp_iterations": solution.iterations,
-            "qp_violation": solution.violation,
-            "bad_samples": self._bad_samples,
-            **self.tasks.telemetry(),
-            **self._gait_signals(),
-        }
-
-    def describe(self) -> Mapping[str, Any]:
-        """Gait, gains, weights and limits."""
-        return {"gait": dict(self.gait.describe()), "control": asdict(self.parameters)}
+        force = self.targets.to_world(self.problem.contact_force(self._solution.z))
+        return {**super().telemetry(), "desired_force": force}

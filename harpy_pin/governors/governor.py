@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import ZERO, Record, RecordOf, field
+from harpy_pin.model.record import ZERO, Record, RecordOf, field, flag
 from harpy_pin.model.state import Vector
 
 __all__ = ["Governor", "GovernorStatus", "RecordedStatus", "StatusRecord", "check_update"]
@@ -67,6 +68,10 @@ class GovernorStatus(KeepsViews):
         self.bad_samples += 1
         self.infeasible, self.least_violation = True, float("inf")
 
+    def signals(self) -> dict[str, ArrayLike]:
+        """What is logged of it, by name."""
+        return {"h_r": self.h_r, "h_w": self.h_w, "infeasible": self.infeasible}
+
     @property
     def active(self) -> tuple[str, ...]:
         """Names of the rows that the target reference violates."""
@@ -94,6 +99,15 @@ class RecordedStatus(GovernorStatus):
     def __init__(self, names: tuple[str, ...], record: Record, rate: Vector) -> None:
         self._record = record
         super().__init__(names, field(record, "h_r"), field(record, "h_w"), rate)
+        self._signals: dict[str, ArrayLike] = {
+            "h_r": self.h_r,
+            "h_w": self.h_w,
+            "infeasible": flag(record, "infeasible"),
+        }
+
+    def signals(self) -> dict[str, ArrayLike]:
+        """See :meth:`GovernorStatus.signals`; arrays that stay where they are."""
+        return self._signals
 
     infeasible: bool = _recorded("infeasible", bool)
     stuck: bool = _recorded("stuck", bool)

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from functools import cache
 from inspect import get_annotations
 from math import prod
+from sys import byteorder
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 import numpy as np
@@ -32,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
 
-__all__ = ["ZERO", "Record", "RecordOf", "Records", "field", "fields", "make_record", "same_layout", "sized"]
+__all__ = ["ZERO", "Record", "RecordOf", "Records", "field", "fields", "flag", "make_record", "same_layout", "sized"]
 
 Record = NDArray[np.void]
 """A structured array of shape (1,)."""
@@ -168,6 +169,12 @@ def make_record(kind: type[RecordOf] | None = None, sizes: Mapping[str, int] = N
 def field(record: Record, name: str) -> NDArray[Any]:
     """A field as a view into the record; of a number an array without axes."""
     view: NDArray[Any] = record[name][0, ...]
+    return view
+
+
+def flag(record: Record, name: str) -> NDArray[np.bool_]:
+    """A field that is 0 or 1 as a truth value without axes: a view into its lowest byte."""
+    view: NDArray[np.bool_] = field(record, name).reshape(1).view(np.bool_)[0 if byteorder == "little" else -1, ...]
     return view
 
 

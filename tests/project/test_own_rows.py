@@ -119,18 +119,14 @@ def test_changes_of_the_objective_do_not_pile_up(formulation, slack, gait, state
 
 @pytest.mark.parametrize("names", [("none", "wbc"), ("filter", "none")])
 def test_one_gait_serves_two_controllers(names, gait, states):
-    """Their stages interleaved, and in two threads: commands as with a gait each."""
+    """Tick by tick in turns: commands as with a gait each."""
     first, second = (controller_of(name, gait) for name in names)
     alone = controller_of(names[0], hp.make_gait(gait.robot))
     assert first.target is not second.target
     for now, later in itertools.pairwise(states[:20]):
-        stages = (first.plan, first.govern, first.actuate, first.hold)
-        stages[0](now)
         second.step(later)
         gait.update(later.t + 0.1)
-        for stage in stages[1:]:
-            command = stage(now)
-        assert equal(command, alone.step(now))
+        assert equal(first.step(now), alone.step(now))
 
 
 def test_one_gait_in_two_threads(gait, states):

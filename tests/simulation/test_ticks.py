@@ -7,7 +7,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
-from harpy_pin.scenario import Commanded, Condensed, Disturbances, Scenario, Straight, build
+from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario, Straight, build
 from harpy_pin.simulation.ticks import CompiledLoop
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compiled loops are C")
@@ -18,6 +18,9 @@ WALKS = {
     "standing": Scenario(controller="condensed", gait=Straight(speed=0.0), disturbances=Disturbances(pushes=PUSH[:1])),
     "commanded": Scenario(controller="condensed", gait=Commanded(velocity=COMMAND)),
     "slippery": Scenario(controller=Condensed(parameters={"estimate_friction": True}), ground=hp.Ground(mu_s=0.1)),
+    "paper": Scenario(controller=Governed(limits=True), ground=hp.Ground(mu_s=0.25)),
+    "filter": Scenario(controller=Governed(governor="filter"), ground=hp.Ground(mu_s=0.15)),
+    "no governor": Scenario(controller=Governed(governor="none")),
     "clipped": Scenario(
         controller="condensed", disturbances=Disturbances(pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),))
     ),
