@@ -1,8 +1,8 @@
-"""A walk that goes where it is told: forward, sideways and turning velocity, which may change at any time."""
+"""A walk that follows a velocity command: forward, sideways and turning, which may change at any time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import inf
 from typing import Any
@@ -16,12 +16,12 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
-from harpy_pin.gaits.steering import FROZEN, LONGEST_GAP, advance, restart
-from harpy_pin.gaits.straight import TUNED_STIFFNESS, check_steps, penetration_offset_on
-from harpy_pin.gaits.velocity import check_script, three_numbers, warn_of_capped
+from harpy_pin.gaits.steering import FEET_APART, FROZEN, LONGEST_GAP, MAX_TURN, advance, restart
+from harpy_pin.gaits.straight import TUNED_STIFFNESS, StepParameters, penetration_offset_on
+from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_of_capped
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
-from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -33,45 +33,22 @@ SPARE = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class CommandedParameters:
-    """Rhythm and shape of the steps, those of :class:`~harpy_pin.gaits.straight.GaitParameters`, and what it may do.
+class CommandedParameters(StepParameters):
+    """Rhythm and shape of the steps, see :class:`~harpy_pin.gaits.straight.StepParameters`, and how fast it changes.
 
     Attributes:
-        step_duration: T, one step, s.
-        double_support: δ, share of T with both feet on the ground.
-        height: of the body, m.
-        width: lateral distance of each foot from the path, m.
-        sway: amplitude of the body's lateral motion, period 2 T, towards the stance foot, m.
-        clearance: height of the swing foot at mid-swing, m.
-        penetration_offset: how much deeper than the ground a stance foot aims, m.
-        release: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
-        settle: see :class:`~harpy_pin.gaits.straight.GaitParameters`.
         acceleration: largest change of the applied velocity, m/s².
         turn_acceleration: largest change of the applied turning velocity, rad/s².
-        most_turn: largest turning velocity, rad/s.
-        feet_apart: least distance to the side between a foothold and the other foot, m.
     """
 
-    step_duration: float = 0.75
-    double_support: float = 0.3
-    height: float = 0.6
-    width: float = 0.125
-    sway: float = 0.025
-    clearance: float = 0.08
-    penetration_offset: float = 0.005
-    release: float = 0.4
-    settle: float = 0.9
     acceleration: float = 0.4
     turn_acceleration: float = 0.8
-    most_turn: float = 1.0
-    feet_apart: float = 0.1
 
     def __post_init__(self) -> None:
-        checks.numbers(self, "acceleration", "turn_acceleration", "most_turn", low=0.0, high=100.0, strict=True)
-        checks.number("feet_apart", self.feet_apart, low=0.0)
-        checks.number("double_support", self.double_support, low=0.01, high=0.9)
-        checks.number("width", self.width, low=0.5 * self.feet_apart, strict=True)
-        check_steps(self)
+        super().__post_init__()
+        checks.numbers(self, "acceleration", "turn_acceleration", low=0.0, high=100.0, strict=True)
+        checks.number("double_support", self.double_support, low=0.01)
+        checks.number("width", self.width, low=0.5 * FEET_APART, strict=True)
 
 
 class CommandedRecord(RecordOf, CommandedParameters):
@@ -102,8 +79,8 @@ class CommandedRecord(RecordOf, CommandedParameters):
 
 
 @fixed_arrays("applied", "command", "record")
-class CommandedGait(KeepsViews):
-    """Targets of a walk that follows a command, which may change at every tick.
+class CommandedGait(FollowsVelocity):
+    """Targets of a walk of Harpy's kind of biped that follows a velocity command.
 
     The command is (forward, sideways to the left, turning to the left), in m/s and rad/s, in the frame of the heading.
     It begins standing at the origin, and ends standing: at zero command the walk slows down, places its feet side by
@@ -111,8 +88,8 @@ class CommandedGait(KeepsViews):
 
     The velocity that is applied follows the command at bounded acceleration. A command is scaled down as a whole where
     its velocity is above :attr:`most_speed` (turning counts by ``width``: \\|v\\| + \\|ω\\| width), sideways above
-    :attr:`most_sideways`, or its turning above ``most_turn``. One that holds NaN or infinity is ignored: the last
-    finite one is kept, and :attr:`refused` counts the updates.
+    :attr:`most_sideways`, or its turning above 1 rad/s. One that holds NaN or infinity is ignored: the last finite one
+    is kept, and :attr:`refused` counts the updates.
 
     It is a gait with memory, for one controller, in one thread: :meth:`update` goes on from the last time to the next.
     Time zero, or one that is more than a step before the last, begins the walk anew; one that is less before it, as of
@@ -120,8 +97,8 @@ class CommandedGait(KeepsViews):
 
     Args:
         robot: a biped with Harpy's kind of legs, left foot first.
-        command: what to follow. A script: rows (t, forward, sideways, turning), each valid from its time, s, on; or a
-            function from the time to these three; or nothing, then :attr:`command` is set while the robot walks.
+        velocity: the command; or rows of a script, (t, forward, sideways, turning), each valid from its time, s, on;
+            or a function from the time to these three.
         parameters: rhythm and shape of the steps.
 
     Attributes:
@@ -130,28 +107,23 @@ class CommandedGait(KeepsViews):
         applied: (3,) the velocity that is applied; read only.
         record: all that the walk remembers, for kernels.
         most_speed: m/s; what the legs reach, see :meth:`_speeds`.
-        most_sideways: m/s; faster, a foot would land closer than ``feet_apart`` to the other.
+        most_sideways: m/s; faster, a foot would land closer than 0.1 m to the other.
         not_governed: why the paper's controller cannot follow it.
 
     Raises:
-        InputError: the robot is no biped, the script is none, or the legs do not reach so far as to stand and turn.
+        InputError: the robot is no biped, the velocity is none, or the legs do not reach so far as to stand and turn.
     """
 
     not_governed = "faces x and cannot turn"
 
     @checked
     def __init__(
-        self,
-        robot: Robot,
-        command: Sequence[ArrayLike] | Callable[[float], ArrayLike] | None = None,
-        parameters: CommandedParameters | None = None,
+        self, robot: Robot, velocity: Velocity = (0.0, 0.0, 0.0), parameters: CommandedParameters | None = None
     ) -> None:
         self.geometry = two_legs(robot)
         self.robot = robot
         self.parameters = p = parameters if parameters is not None else CommandedParameters()
         self.step_duration, self.double_support = p.step_duration, p.double_support
-        self._function = command if callable(command) else None
-        self.script = () if command is None or callable(command) else check_script(command)
         self.most_speed, self.most_sideways = self._speeds()
         self.record = make_record(
             CommandedRecord,
@@ -161,30 +133,12 @@ class CommandedGait(KeepsViews):
             terrain=flat_terrain(),
         )
         self._state = self.record[0]
-        self._given: Vector = field(self.record, "command")
-        self.command: Vector = self._given if self._function is None else read_only(self._given)
-        self.applied: Vector = read_only(field(self.record, "velocity"))
+        commands = self._follow(velocity)
         self.target = GaitTarget()
         restart.prepare(self.record)
         advance.prepare(0.0, self.record, self.target.record)
-        warn_of_capped(
-            [row[1:] for row in self.script],
-            speed=self.most_speed,
-            radius=p.width,
-            sideways=self.most_sideways,
-            turn=p.most_turn,
-        )
+        warn_of_capped(commands, speed=self.most_speed, radius=p.width, sideways=self.most_sideways, turn=MAX_TURN)
         self._begin()
-
-    @property
-    def walking(self) -> bool:
-        """Whether it steps; otherwise it stands."""
-        return bool(self.record["walking"][0])
-
-    @property
-    def refused(self) -> int:
-        """Updates whose command was no number, since the walk began."""
-        return int(self.record["refused"][0])
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.robot.name}')"
@@ -210,8 +164,7 @@ class CommandedGait(KeepsViews):
             switch, self._state["switch"] = float(self._state["switch"]), inf
             self._advance(switch)
             self._take_row()
-        if self._function is not None:
-            self._given[:] = three_numbers(self._function(t))
+        self._ask_function(t)
         self._advance(t)
         return self.target
 
@@ -240,7 +193,7 @@ class CommandedGait(KeepsViews):
             **asdict(self.parameters),
             "most_speed": self.most_speed,
             "most_sideways": self.most_sideways,
-            "command": [list(row) for row in self.script],
+            "command": [[t, *command.tolist()] for t, command in self.script],
         }
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
@@ -253,18 +206,8 @@ class CommandedGait(KeepsViews):
         }
 
     def _begin(self) -> None:
-        """Stand at the start, before the first row of the script."""
         restart(self.record)
-        self._row = 0
-        self._state["switch"] = self.script[0][0] if self.script else inf
-        if self.script:
-            self.command[:] = 0.0
-
-    def _take_row(self) -> None:
-        """Command what the next row of the script says."""
-        self.command[:] = self.script[self._row][1:]
-        self._row += 1
-        self._state["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
+        super()._begin()
 
     def _advance(self, t: float) -> None:
         if not advance(t, self.record, self.target.record):
@@ -286,7 +229,7 @@ class CommandedGait(KeepsViews):
         speed = (self._reach() - SPARE - p.sway - unforeseen) / half
         if speed <= 0.0:
             raise InputError("this gait is out of the robot's reach", name="gait")
-        return speed, (2.0 * p.width - p.feet_apart) / p.step_duration
+        return speed, (2.0 * p.width - FEET_APART) / p.step_duration
 
     def _reach(self) -> float:
         """Radius of the largest circle on the ground around where a foot stands that its leg reaches, m.
@@ -323,21 +266,18 @@ class CommandedGait(KeepsViews):
 
 @checked
 def make_commanded_gait(
-    robot: Robot,
-    command: Sequence[ArrayLike] | Callable[[float], ArrayLike] | None = None,
-    *,
-    stiffness: float = TUNED_STIFFNESS,
+    robot: Robot, velocity: Velocity = (0.0, 0.0, 0.0), *, stiffness: float = TUNED_STIFFNESS
 ) -> CommandedGait:
     """The default commanded walk of a robot.
 
     Args:
         robot: a biped of Harpy's kind.
-        command: what to follow, see :class:`CommandedGait`.
+        velocity: to follow, see :class:`CommandedGait`.
         stiffness: of the ground that the walk is for, N/m, see :func:`~harpy_pin.gaits.straight.make_gait`.
 
     Raises:
         InputError: a value out of its domain, or a ground so soft that the feet cannot reach so deep.
     """
     return CommandedGait(
-        robot, command, CommandedParameters(penetration_offset=penetration_offset_on(robot, stiffness))
+        robot, velocity, CommandedParameters(penetration_offset=penetration_offset_on(robot, stiffness))
     )

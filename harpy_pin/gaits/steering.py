@@ -21,8 +21,12 @@ from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTargetRecord
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
 
-__all__ = ["FROZEN", "LONGEST_GAP"]
+__all__ = ["FEET_APART", "FROZEN", "LONGEST_GAP", "MAX_TURN"]
 
+MAX_TURN = 1.0
+"""Largest turning velocity, rad/s."""
+FEET_APART = 0.1
+"""Least distance to the side between a foothold and the other foot, m."""
 LONGEST_GAP = 1e3
 """Longest time from one update to the next, s."""
 FINEST = 5e-3
@@ -90,8 +94,8 @@ def _take_command(p: CommandedRecord) -> None:
         share = most / reach
     if share * abs(c[1]) > p.most_sideways:
         share = p.most_sideways / abs(c[1])
-    if share * abs(c[2]) > p.most_turn:
-        share = p.most_turn / abs(c[2])
+    if share * abs(c[2]) > MAX_TURN:
+        share = MAX_TURN / abs(c[2])
     for i in range(3):
         p.goal[i] = share * c[i]
 
@@ -232,9 +236,9 @@ def _plan(p: CommandedRecord, k: int, left: float) -> None:
     x += p.width * nx
     y += p.width * ny
     gap = (x - p.foot[1 - k, 0]) * nx + (y - p.foot[1 - k, 1]) * ny
-    if gap < p.feet_apart:
-        x += (p.feet_apart - gap) * nx
-        y += (p.feet_apart - gap) * ny
+    if gap < FEET_APART:
+        x += (FEET_APART - gap) * nx
+        y += (FEET_APART - gap) * ny
     if not p.terrain.level:
         x, y = place_that_carries(p.terrain, x, y, p.foothold[k, 0], p.foothold[k, 1])
     p.foothold[k, 0], p.foothold[k, 1] = x, y

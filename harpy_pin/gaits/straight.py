@@ -18,7 +18,6 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, OutOfReachError
-from harpy_pin.gaits.bezier import bezier
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTarget, GaitTargetRecord, refuse_time, two_legs
 from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -35,11 +34,10 @@ MAX_OFFSET = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class GaitParameters:
-    """A straight walk at the paper's speed and rhythm; defaults tuned for little slip (docs/reproduction.md).
+class StepParameters:
+    """Rhythm and shape of steps at the paper's rhythm; defaults tuned for little slip (docs/reproduction.md).
 
     Attributes:
-        speed: along x, m/s; zero is standing on both feet.
         step_duration: T, one step, s (the paper's 0.75 s; its cycle is 1.5 s).
         double_support: δ, share of T with both feet on the ground.
         height: of the body, m.
@@ -48,14 +46,11 @@ class GaitParameters:
         clearance: height of the swing foot at mid-swing, m.
         penetration_offset: how much deeper than the ground a stance foot aims, m: its penetration under the body's
             weight on that ground (see :func:`make_gait`).
-        touchdown_bend: where the middle control point of the swing lies between lift-off (0) and touchdown (1).
-            Towards 1 the foot is brought over its foothold early and comes down almost vertically.
         release: share of the swing after which a foot's target begins to hold in the world (see
             :attr:`GaitTarget.world_frame_blend`): it must be clear of the ground.
         settle: share of the stance in which it goes back to holding in the body.
     """
 
-    speed: float = 0.3
     step_duration: float = 0.75
     double_support: float = 0.3
     height: float = 0.6
@@ -63,28 +58,30 @@ class GaitParameters:
     sway: float = 0.025
     clearance: float = 0.08
     penetration_offset: float = 0.005
-    touchdown_bend: float = 0.5
     release: float = 0.4
     settle: float = 0.9
 
     def __post_init__(self) -> None:
-        checks.number("speed", self.speed, low=-100.0, high=100.0)
+        checks.numbers(self, "step_duration", "height", low=0.0, strict=True)
+        checks.numbers(self, "width", "sway", "clearance", "penetration_offset", low=0.0)
         checks.number("double_support", self.double_support, low=0.0, high=0.9)
-        checks.number("width", self.width, low=0.0)
-        checks.number("touchdown_bend", self.touchdown_bend, low=0.0, high=1.0)
-        check_steps(self)
+        checks.number("release", self.release, low=0.0, high=1.0 - CHANGE_OVER)
+        checks.number("settle", self.settle, low=0.0, high=1.0, strict=True)
 
 
-def check_steps(parameters: Any) -> None:
-    """Check the numbers that the parameters of straight and commanded walks share.
+@dataclass(frozen=True, kw_only=True)
+class GaitParameters(StepParameters):
+    """A straight walk, by default at the paper's speed.
 
-    Raises:
-        InputError: one is out of its domain.
+    Attributes:
+        speed: along x, m/s; zero is standing on both feet.
     """
-    checks.numbers(parameters, "step_duration", "height", low=0.0, strict=True)
-    checks.numbers(parameters, "sway", "clearance", "penetration_offset", low=0.0)
-    checks.number("release", parameters.release, low=0.0, high=1.0 - CHANGE_OVER)
-    checks.number("settle", parameters.settle, low=0.0, high=1.0, strict=True)
+
+    speed: float = 0.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks.number("speed", self.speed, low=-100.0, high=100.0)
 
 
 class StraightRecord(RecordOf, GaitParameters):
@@ -130,9 +127,7 @@ class StraightGait(KeepsViews):
         self.stance_curve[:, 0] = np.linspace(front, -front, 5)  # at walking speed: at rest on the ground
         # In swing: lift off and land at rest on the ground (P1, P3), no vertical speed at either end.
         glide = 0.25 * p.speed * swing_time
-        lift_off, touchdown = -front - glide, front + glide
-        middle = lift_off + p.touchdown_bend * (touchdown - lift_off)
-        self.swing_curve[:, 0] = (-front, lift_off, middle, touchdown, front)
+        self.swing_curve[:, 0] = (-front, -front - glide, 0.0, front + glide, front)
         self.swing_curve[2, 2] = p.clearance * 8.0 / 3.0
         for curve in (self.stance_curve, self.swing_curve):
             curve[:, 1] = p.width
@@ -294,3 +289,26 @@ def _foot(k: int, on_ground: bool, fraction: float, p: StraightRecord, o: GaitTa
         o.world_frame_blend[k] = max(1.0 - fraction / p.settle, 0.0)
     else:
         o.world_frame_blend[k] = min(max((fraction - p.release) / CHANGE_OVER, 0.0), 1.0)
+
+
+@kernel(points=(5, 3), position=(3,), velocity=(3,), acceleration=(3,))
+def bezier(points: Vector, s: float, duration: float, position: Vector, velocity: Vector, acceleration: Vector) -> None:
+    """Point, velocity and acceleration of a Bezier curve, by de Casteljau's scheme.
+
+    Args:
+        points: (5, 3) control points, m.
+        s: curve parameter in [0, 1].
+        duration: time in which s goes from 0 to 1, s.
+        position: (3,) out, m.
+        velocity: (3,) out, m/s.
+        acceleration: (3,) out, m/s².
+    """
+    r = 1.0 - s
+    for i in range(3):
+        p0, p1, p2, p3, p4 = points[0, i], points[1, i], points[2, i], points[3, i], points[4, i]
+        a0, a1, a2, a3 = r * p0 + s * p1, r * p1 + s * p2, r * p2 + s * p3, r * p3 + s * p4
+        b0, b1, b2 = r * a0 + s * a1, r * a1 + s * a2, r * a2 + s * a3
+        c0, c1 = r * b0 + s * b1, r * b1 + s * b2
+        position[i] = r * c0 + s * c1
+        velocity[i] = 4.0 * (c1 - c0) / duration
+        acceleration[i] = 12.0 * (b2 - 2.0 * b1 + b0) / (duration * duration)

@@ -1,4 +1,4 @@
-"""What a walk is told to do: one velocity, rows of a script, or a function of time."""
+"""The velocity that a walk follows: numbers that may change at any time, rows of a script, or a function of time."""
 
 from __future__ import annotations
 
@@ -13,32 +13,88 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
+from harpy_pin.model.memory import KeepsViews, read_only
+from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Vector
 
-__all__ = ["Velocity", "as_command", "check_script", "read_velocity"]
+__all__ = ["FollowsVelocity", "Velocity", "read_velocity"]
 
 MAX_COMMAND = 1e6
 """Largest entry of a command: far beyond what is clipped, and far from numbers that overflow."""
 
 Velocity = ArrayLike | Sequence[ArrayLike] | Callable[[float], ArrayLike]
 """(forward, to the left, turning[, height]); rows with a time before these; or a function from the time to these."""
-ENTRIES = (3, 4)
-"""Of a command: forward, to the left (m/s), turning (rad/s), and where there are four the change of the height (m)."""
+Script = tuple[tuple[float, Vector], ...]
+"""Rows (t, command), each valid from its time, s, on."""
 
 
-def as_command(value: ArrayLike) -> Vector:
-    """(4,) command of three or four numbers.
+class FollowsVelocity(KeepsViews):
+    """A gait that follows a velocity command, which may change at every tick.
 
-    Raises:
-        InputError: it has another number of entries, or one that is not finite or beyond 1e6.
+    Its record has the fields ``command``, ``velocity`` (the one that is applied), ``switch``, ``walking`` and
+    ``refused``.
     """
-    given = np.asarray(value, dtype=object)
-    size = given.size if given.ndim == 1 and given.size in ENTRIES else ENTRIES[0]
-    command = np.zeros(4)
-    command[:size] = checks.vector("velocity", value, size)
-    for entry in command.tolist():
-        checks.number("velocity", entry, low=-MAX_COMMAND, high=MAX_COMMAND)
-    return command
+
+    record: Records[Any]
+    command: Vector
+    applied: Vector
+    script: Script
+
+    def _follow(self, velocity: Velocity) -> tuple[Vector, ...]:
+        """Take what is to be followed; returns the commands that are known beforehand.
+
+        Raises:
+            InputError: see :func:`read_velocity`.
+        """
+        self._given: Vector = field(self.record, "command")
+        self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
+        self.command = self._given if self._function is None else read_only(self._given)
+        self.applied = read_only(field(self.record, "velocity"))
+        return self._given.copy(), *(command for _, command in self.script)
+
+    @property
+    def walking(self) -> bool:
+        """Whether it steps; otherwise it stands."""
+        return bool(self.record["walking"][0])
+
+    @property
+    def refused(self) -> int:
+        """Updates whose command was not finite, since the walk began."""
+        return int(self.record["refused"][0])
+
+    def _begin(self) -> None:
+        """Go back to before the first row of the script."""
+        self._row = 0
+        self.record["switch"] = self.script[0][0] if self.script else inf
+        if self.script:
+            self.command[:] = 0.0
+
+    def _take_row(self) -> None:
+        """Command what the next row of the script says."""
+        self.command[:] = self.script[self._row][1]
+        self._row += 1
+        self.record["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
+
+    def _ask_function(self, t: float) -> None:
+        """Command what the function says, if there is one; entries that are not finite are refused later, and counted.
+
+        Raises:
+            InputError: it returned no command.
+        """
+        if self._function is None:
+            return
+        given = self._function(t)
+        try:
+            array = np.asarray(given)
+            if array.dtype.kind == "O":
+                array = array.astype(np.float64)
+        except (TypeError, ValueError, OverflowError):
+            array = np.empty(0)
+        if array.dtype.kind not in "fiu" or array.ndim != 1 or not 3 <= len(array) <= len(self._given):
+            message = f"the function of the velocity must return (forward, sideways, turning), got {given!r:.60}"
+            raise InputError(message, name="velocity", value=given)
+        self._given[: len(array)] = array
+        self._given[len(array) :] = 0.0
 
 
 def is_sequence(value: object) -> bool:
@@ -48,39 +104,48 @@ def is_sequence(value: object) -> bool:
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
-def read_velocity(
-    velocity: Velocity,
-) -> tuple[Vector, tuple[tuple[float, Vector], ...], Callable[[float], ArrayLike] | None]:
+def read_velocity(velocity: Velocity, entries: int) -> tuple[Vector, Script, Callable[[float], ArrayLike] | None]:
     """What is given, in three forms.
 
     Args:
         velocity: see :data:`Velocity`.
+        entries: of a command: 3, or 4 with the change of the height, m, which may be left out.
 
     Returns:
-        The command at first, zero where rows or a function follow; the rows (t, command) of a script; the function.
+        The command at first, zero where rows or a function follow; the rows of a script; the function.
 
     Raises:
-        InputError: it is none of the three, or the times of the rows do not grow from zero or later.
+        InputError: it is none of the three, a number is not finite or beyond 1e6, or the times of the rows do not grow
+            from zero or later.
     """
     if callable(velocity):
-        return np.zeros(4), (), velocity
+        return np.zeros(entries), (), velocity
     if not is_sequence(velocity):
         raise InputError(f"velocity must be numbers, rows or a function, got {shown(velocity)}", name="velocity")
     rows: Any = velocity
     if not len(rows) or not (is_sequence(rows[0]) or isinstance(rows[0], Mapping)):
-        return as_command(rows), (), None
+        return _as_command(rows, entries), (), None
     script: list[tuple[float, Vector]] = []
-    last = -inf
     for row in rows:
-        if not is_sequence(row) or len(row) - 1 not in ENTRIES:
-            message = f"a row of the velocity must be (t, forward, sideways, turning[, height]), got {shown(row)}"
-            raise InputError(message, name="velocity", value=row)
+        if not is_sequence(row) or not 4 <= len(row) <= 1 + entries:
+            form = "(t, forward, sideways, turning" + (", height)" if entries == 4 else ")")
+            raise InputError(f"a row of the velocity must be {form}, got {shown(row)}", name="velocity", value=row)
         t = checks.number("time of a row of the velocity", row[0], low=0.0)
-        if t <= last:
+        if script and t <= script[-1][0]:
             raise InputError(f"the times of the velocity's rows must grow, got {t:g} s", name="velocity", value=t)
-        script.append((t, as_command(row[1:])))
-        last = t
-    return np.zeros(4), tuple(script), None
+        script.append((t, _as_command(row[1:], entries)))
+    return np.zeros(entries), tuple(script), None
+
+
+def _as_command(value: ArrayLike, entries: int) -> Vector:
+    """A command of three numbers or of all entries, as a new array."""
+    given = np.asarray(value, dtype=object)
+    size = entries if given.shape == (entries,) else 3
+    command = np.zeros(entries)
+    command[:size] = checks.vector("velocity", value, size)
+    for entry in command.tolist():
+        checks.number("velocity", entry, low=-MAX_COMMAND, high=MAX_COMMAND)
+    return command
 
 
 ROUNDING = 1e-9
@@ -124,42 +189,3 @@ def warn_of_capped(
                 level, frame = level + 1, frame.f_back
             warnings.warn(message, stacklevel=level)  # whoever made the gait
             return
-
-
-def check_script(script: Iterable[ArrayLike]) -> tuple[tuple[float, float, float, float], ...]:
-    """A script of commands as rows (t, forward, sideways, turning), s, m/s and rad/s.
-
-    Raises:
-        InputError: a row has other than four finite numbers, or the times do not grow from zero or later.
-    """
-    if isinstance(script, str | type) or not isinstance(script, Iterable):
-        raise InputError(
-            f"a command must be rows of (t, forward, sideways, turning), got {shown(script)}", name="command"
-        )
-    rows: list[tuple[float, float, float, float]] = []
-    for row in script:
-        t, *velocity = checks.vector("row of the command", row, 4).tolist()
-        for value in velocity:
-            checks.number("command", value, low=-MAX_COMMAND, high=MAX_COMMAND)
-        if t < 0.0 or (rows and t <= rows[-1][0]):
-            raise InputError(f"the times of a command must grow from zero or later, got {t:g} s", name="command")
-        rows.append((t, velocity[0], velocity[1], velocity[2]))
-    return tuple(rows)
-
-
-def three_numbers(given: ArrayLike) -> Vector:
-    """What a function of the command returned; entries that are not finite are refused later, and counted.
-
-    Raises:
-        InputError: other than three numbers.
-    """
-    try:
-        array = np.asarray(given)
-        if array.dtype.kind == "O":
-            array = array.astype(np.float64)
-    except (TypeError, ValueError, OverflowError):
-        array = np.empty(0)
-    if array.shape == (3,) and array.dtype.kind in "fiu":
-        return array
-    message = f"the function of the command must return (forward, sideways, turning), got {given!r:.60}"
-    raise InputError(message, name="command", value=given)

@@ -16,7 +16,7 @@ from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.straight import make_gait
-from harpy_pin.gaits.velocity import check_script, is_sequence, read_velocity
+from harpy_pin.gaits.velocity import is_sequence, read_velocity
 from harpy_pin.gaits.walking.schedules import BY_FEET, FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
@@ -118,7 +118,7 @@ class Straight(GaitPart):
 
 @dataclass(frozen=True, kw_only=True)
 class Commanded(GaitPart):
-    """Harpy goes where it is told, under a whole-body controller.
+    """Harpy follows a velocity command, under a whole-body controller.
 
     Attributes:
         velocity: (forward, sideways, turning) in m/s, m/s and rad/s, in the frame of the heading; or rows (t, forward,
@@ -133,17 +133,14 @@ class Commanded(GaitPart):
     stiffness: float | None = None
 
     def __post_init__(self) -> None:
-        rows = _rows(self.velocity)
-        if len(rows) == 3 and not any(is_sequence(row) for row in rows):
-            rows = ((0.0, *rows),)
-        checks.keep(self, velocity=check_script(rows))
+        checks.keep(self, velocity=_rows(self.velocity, 3))
         checks.keep(self, stiffness=_checked_stiffness(self.stiffness))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         stiffness = stiffness if self.stiffness is None else self.stiffness
-        return make_commanded_gait(robot, check_script(self.velocity), stiffness=stiffness)
+        return make_commanded_gait(robot, self.velocity, stiffness=stiffness)
 
     @classmethod
     @checked
@@ -154,7 +151,7 @@ class Commanded(GaitPart):
 
 @dataclass(frozen=True, kw_only=True)
 class Walking(GaitPart):
-    """A robot of the catalogue with two or four feet walks where it is told, see :class:`harpy_pin.gaits.WalkingGait`.
+    """A robot of the catalogue with two or four feet follows a velocity, see :class:`harpy_pin.gaits.WalkingGait`.
 
     Attributes:
         schedule: ``trot`` (default), ``crawl``, ``pace`` or ``bound`` on four feet, ``walk`` (default) or ``step`` on
@@ -172,9 +169,7 @@ class Walking(GaitPart):
         if self.schedule is not None:
             checks.one_of("schedule", self.schedule, ("stand", *FOUR_FEET, *TWO_FEET))
         if self.velocity is not None:
-            first, rows, _ = read_velocity(_rows(self.velocity))
-            script = rows or ((0.0, first),)
-            checks.keep(self, velocity=tuple((t, *command.tolist()) for t, command in script))
+            checks.keep(self, velocity=_rows(self.velocity, 4))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
@@ -263,18 +258,19 @@ def _checked_stiffness(value: float | None) -> float | None:
     return None if value is None else checks.number("stiffness", value, low=0.0, high=MAX_STIFFNESS, strict=True)
 
 
-def _rows(velocity: Any) -> Any:
-    """A velocity, or rows of them, which text may say as ``VX VY W; Ts VX VY W; ...``.
+def _rows(velocity: Any, entries: int) -> tuple[tuple[float, ...], ...]:
+    """A velocity as rows of numbers; text may say them as ``VX VY W; Ts VX VY W; ...``.
 
     Raises:
-        InputError: it is neither.
+        InputError: it is no velocity.
     """
     if isinstance(velocity, str):
         velocity = [_row(part, first=k == 0) for k, part in enumerate(velocity.split(";"))]
     if not is_sequence(velocity) or not len(velocity):
         message = f"velocity must be (forward, sideways, turning) or rows of (t, ...), got {shown(velocity)}"
         raise InputError(message, name="velocity", value=velocity)
-    return velocity
+    first, rows, _ = read_velocity(velocity, entries)
+    return tuple((t, *command.tolist()) for t, command in rows or ((0.0, first),))
 
 
 def _row(text: str, *, first: bool) -> list[float]:

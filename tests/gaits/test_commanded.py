@@ -13,6 +13,7 @@ from harpy_pin import InputError
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks
 from harpy_pin.gaits import CommandedGait, CommandedParameters
+from harpy_pin.gaits.steering import FEET_APART, MAX_TURN
 from harpy_pin.log.measures import body_angles
 from harpy_pin.model.kinematics import leg_inverse
 
@@ -43,7 +44,7 @@ def test_targets_are_continuous_whatever_is_commanded(script):
     body, heading, feet, _ = follow(gait, np.arange(0.0, script[-1][0] + 2.0, h))
     # The command's limits, in the turning frame, and the sway with its growth and its end.
     rate = np.pi / P.step_duration
-    most = P.acceleration + 2.0 * P.most_turn * gait.most_speed + 3.0 * P.sway * (rate + P.most_turn) ** 2 + 2.0
+    most = P.acceleration + 2.0 * MAX_TURN * gait.most_speed + 3.0 * P.sway * (rate + MAX_TURN) ** 2 + 2.0
     assert np.linalg.norm(body[:, 2], axis=1).max() < most
     for signal, bound in ((body, most), (heading, 1.01 * P.turn_acceleration)):
         place, velocity = signal[:, 0], signal[:, 1]
@@ -67,8 +68,8 @@ def test_a_foot_that_carries_stays_and_feet_never_meet(script):
     assert stance.any(axis=1).all()
     apart = np.linalg.norm((feet[:, 0, 0] - feet[:, 0, 1])[:, :2], axis=1)
     landed = (stance[1:] & ~stance[:-1]).any(axis=1)
-    assert apart[1:][landed].min(initial=1.0) >= P.feet_apart - 1e-3
-    assert apart.min() >= 0.5 * P.feet_apart
+    assert apart[1:][landed].min(initial=1.0) >= FEET_APART - 1e-3
+    assert apart.min() >= 0.5 * FEET_APART
 
 
 @given(scripts)
@@ -179,7 +180,7 @@ def test_a_wild_command_is_scaled_down_as_a_whole(wild):
     binding = (
         (np.hypot(u[0], u[1]) + abs(u[2]) * P.width) / gait.most_speed,
         abs(u[1]) / gait.most_sideways,
-        abs(u[2]) / P.most_turn,
+        abs(u[2]) / MAX_TURN,
     )
     assert max(binding) == pytest.approx(1.0, abs=1e-12)
     assert 0.3 < gait.most_speed < 1.0

@@ -15,7 +15,7 @@ from scipy.interpolate import BPoly
 import harpy_pin as hp
 from harpy_pin import InputError, make_gait
 from harpy_pin.gaits import GaitParameters, StraightGait
-from harpy_pin.gaits.bezier import bezier
+from harpy_pin.gaits.straight import bezier
 
 PERIOD = 1.5
 coordinates = arrays(float, (5, 3), elements=st.floats(-2, 2))
@@ -29,7 +29,6 @@ WALKS = {
     "backwards": {"speed": -0.2},
     "quick steps": {"step_duration": 0.3, "speed": 0.5},
     "no sway": {"sway": 0.0},
-    "vertical touchdown off": {"touchdown_bend": 0.5},
     "no press": {"penetration_offset": 0.0},
 }
 

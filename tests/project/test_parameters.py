@@ -17,7 +17,6 @@ BAD = {
     hp.gaits.GaitParameters: {
         **{"speed": (math.nan, "fast"), "step_duration": (0.0, -1.0), "double_support": (-0.1, 1.0), "height": (0.0,)},
         **{"width": (-0.1,), "sway": (math.inf,), "clearance": (-0.01,), "penetration_offset": (-0.01,)},
-        "touchdown_bend": (1.5,),
     },
     PlanarGait: {
         **{"half_step": (0.0, "far"), "end_height": (math.nan,), "double_support": (0.95,), "thrust_k_p": (-1,)}

@@ -350,7 +350,7 @@ def test_parts_that_do_not_fit_are_refused(values, says):
         (hp.WholeBody, {"parameters": {"solver": "best"}}, "unknown solver"),
         (hp.Straight, {"speed": np.inf}, "speed"),
         (hp.Straight, {"stiffness": 0.0}, "stiffness"),
-        (hp.Commanded, {"velocity": (0.1, 0.2)}, "row of the command"),
+        (hp.Commanded, {"velocity": (0.1, 0.2)}, "velocity must have shape"),
         (hp.Commanded, {"velocity": ()}, "velocity must be"),
         (hp.Commanded, {"velocity": "fast"}, "velocity must look like"),
         (hp.Mujoco, {"preset": "hard"}, "valid names: default, elliptic, menagerie, overdamped, soft, stiff"),

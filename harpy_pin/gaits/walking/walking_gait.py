@@ -15,7 +15,7 @@ from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
-from harpy_pin.gaits.velocity import Velocity, as_command, read_velocity, warn_of_capped
+from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_of_capped
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pace import Pace, pace_of
@@ -26,7 +26,7 @@ from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.model.entry import as_state
-from harpy_pin.model.memory import KeepsViews, fixed_arrays, read_only
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -74,7 +74,7 @@ a posture."""
 
 
 @fixed_arrays("applied", "command", "record")
-class WalkingGait(KeepsViews):
+class WalkingGait(FollowsVelocity):
     """Targets of a robot on two or four feet that walks where it is told.
 
     It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. All
@@ -143,18 +143,14 @@ class WalkingGait(KeepsViews):
         pace = pace_of(robot, q, build, group, clearance, max_speed=optional("max_speed", max_speed, 20.0))
         self._build = build
         self.step_duration, self.double_support = pace.step_duration, pace.double_support
-        first, self.script, self._function = read_velocity(velocity)
-        self.record = self._make_record(
+        self.record: Records[WalkingRecord] = self._make_record(
             build, pace, group, start_time=0.0 if feet == 2 and not soles else START * natural, clearance=clearance
         )
         self._measured = self.record["measured"]
-        self._given: Vector = field(self.record, "command")
-        self._given[:] = first
-        self.command: Vector = self._given if self._function is None else read_only(self._given)
-        self.applied: Vector = read_only(field(self.record, "velocity"))
+        commands = self._follow(velocity)
         self.target = GaitTarget(len(robot.feet))
         warn_of_capped(
-            [first, *(command for _, command in self.script)],
+            commands,
             speed=self.max_speed,
             radius=float(np.hypot(*field(self.record, "nominal").T).max()),
             sideways=inf,
@@ -261,16 +257,6 @@ class WalkingGait(KeepsViews):
         """Largest velocity of a foot's place, m/s: a command beyond it is scaled down."""
         return float(self.record["max_speed"][0])
 
-    @property
-    def walking(self) -> bool:
-        """Whether it steps; otherwise it stands."""
-        return bool(self.record["walking"][0])
-
-    @property
-    def refused(self) -> int:
-        """Updates whose command was not finite, since the walk began."""
-        return int(self.record["refused"][0])
-
     def observe(self, state: State) -> None:
         """Take up what was measured, for the next update; a state with entries that are not finite is ignored.
 
@@ -307,8 +293,7 @@ class WalkingGait(KeepsViews):
             self._begin()
         while t >= self.record["switch"][0]:
             self._take_row()
-        if self._function is not None:
-            self._given[:] = as_command(self._function(t))
+        self._ask_function(t)
         advance(float(t), self.record, self.target.record)
         return self.target
 
@@ -354,16 +339,3 @@ class WalkingGait(KeepsViews):
             "steps": field(self.record, "steps"),
             "refused_commands": field(self.record, "refused"),
         }
-
-    def _begin(self) -> None:
-        """Before the first row of the script."""
-        self._row = 0
-        self.record["switch"] = self.script[0][0] if self.script else inf
-        if self.script:
-            self.command[:] = 0.0
-
-    def _take_row(self) -> None:
-        """Command what the next row of the script says."""
-        self.command[:] = self.script[self._row][1]
-        self._row += 1
-        self.record["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
