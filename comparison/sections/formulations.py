@@ -60,8 +60,7 @@ def _configurations(friction: float) -> dict[str, WholeBodyParameters]:
             for reuse in (False, True) if solver in ("proxqp", "daqp") else (False,):
                 name = f"{formulation}, {solver}" + (", active set reused" if reuse else "")
                 found[name] = WholeBodyParameters(formulation=formulation, solver=solver, reuse=reuse, limits=limits)
-    slack = WholeBodyLimits(mu=friction, slack=100.0)
-    return {**found, "command with slack, proxqp, active set reused": WholeBodyParameters(limits=slack)}
+    return found
 
 
 def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:

@@ -28,8 +28,7 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condensed_record import condensed_record
-from harpy_pin.wbc.condensed.condensed_solver import solve_condensed
+from harpy_pin.wbc.condensed.condensed_solver import condensed_record, solve_condensed
 
 __all__ = ["BatchTargets", "CondensedBatch"]
 
@@ -147,7 +146,7 @@ class CondensedBatch(KeepsViews):
         self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
         pieces = len(self._cuts) - 1
         self._threads = Threads(pieces)
-        tasks.record["condensed"]["cones"]["mu"] = np.inf  # that of each robot counts
+        tasks.record["condensed"]["mu"] = np.inf  # that of each robot counts
         self._records = [tasks.record.copy() for _ in range(pieces)]
         self._target_records = [gait.target.record.copy() for _ in range(pieces)]
         tree = tasks.record["dynamics"]["tree"]

@@ -14,8 +14,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.record import field
 from harpy_pin.model.state import State
-from harpy_pin.wbc.condensed.condensed_record import condensed_record
-from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver
+from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_record
 
 __all__ = ["CondensedController"]
 

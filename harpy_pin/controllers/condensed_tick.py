@@ -25,7 +25,7 @@ from harpy_pin.wbc.condensed.condensed_solver import hold_last, solve_condensed
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
-    from harpy_pin.wbc.condensed.condensed_record import CondensedRecord
+    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
 
 __all__ = ["CondensedTasksRecord", "CondensedTickRecord", "LaggedTickRecord"]
 
@@ -86,11 +86,11 @@ def lagged_step(r: LaggedTickRecord, target: GaitTargetRecord, q: Vector, v: Vec
     r.verdict = task_terms(r, target, q, v, foot_force)
     if r.verdict == GOOD:
         keep_thrusts(lag, d.tree.rotation)
-        bound_thrusts(lag, False, p.thrust_lower, p.thrust_upper)
+        bound_thrusts(lag, False, p.input_lower, p.input_upper)
         count_from_kept(lag, d, 1.0)
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
         command_thrusts(lag, d, p.inputs, r.thrust)
-        bound_thrusts(lag, True, p.thrust_lower, p.thrust_upper)
+        bound_thrusts(lag, True, p.input_lower, p.input_upper)
         p.inputs[:] = p.last_inputs
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
         add_kept(lag, p.inputs)

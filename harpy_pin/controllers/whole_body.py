@@ -224,20 +224,18 @@ class WholeBodyController(GaitController):
         Returns:
             Whether torques are beyond their limits in its solution without limits, which both programs share.
         """
-        bounds = self.problem.thrust_bounds
+        lower, upper = self.problem.thrust_bounds
         advance_thrusts(lag)
         if self._verdict == GOOD:
             keep_thrusts(lag, self.dynamics.rotation)
             count_from_kept(lag, self.dynamics.record, 1.0)
         self._solving.swap_active()
-        for bound in bounds:
-            bound_thrusts(lag, False, *bound)
+        bound_thrusts(lag, False, lower, upper)
         self.build(state)
         if self._verdict == GOOD and self.solve().usable:
             self.problem.inputs(self.solution.z, self._wanted)
             command_thrusts(lag, self.dynamics.record, self._wanted, self._command.thrust)
-        for bound in bounds:
-            bound_thrusts(lag, True, *bound)
+        bound_thrusts(lag, True, lower, upper)
         self._solving.swap_active()
         return self._solving.beyond
 

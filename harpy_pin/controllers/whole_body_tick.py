@@ -1,6 +1,6 @@
 """The tick of the whole-body QP: one kernel for the library and the exported C, of the parts that its phases call.
 
-Kernels have it for the formulations of :data:`FORMULATION_KERNELS`, with this library's own solver: the last active set
+Kernels have it for the formulations of :data:`IN_ONE_CALL`, with this library's own solver: the last active set
 and its exchange, then the dual method (:mod:`harpy_pin.wbc.active_set_warm_start`).
 """
 
@@ -27,15 +27,15 @@ from harpy_pin.wbc.active_set_warm_start import (
     solve_further,
     start_tick,
 )
-from harpy_pin.wbc.condensed.contact_force import ContactForceRecord, build_force, force_inputs
+from harpy_pin.wbc.condensed.contact_force import ContactForceRecord
 from harpy_pin.wbc.dual import DualRecord
+from harpy_pin.wbc.formulations import FORMULATIONS
 from harpy_pin.wbc.giving_way import at_a_limit, beyond_torque_limit
-from harpy_pin.wbc.input_space import build_inputs, first_variables, give_way_to_inputs, limit_inputs
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
     from harpy_pin.model.contact_map import ContactMapRecord
-    from harpy_pin.wbc.problem import ProblemRecord
+    from harpy_pin.wbc.problem import FormulationRecord
     from harpy_pin.wbc.program import ProgramRecord
 
 __all__ = ["EXPORTED_QP_STEPS", "QP_STEPS", "ProgramTickRecord", "WholeBodyTickRecord"]
@@ -43,11 +43,8 @@ __all__ = ["EXPORTED_QP_STEPS", "QP_STEPS", "ProgramTickRecord", "WholeBodyTickR
 STIFFNESS, DAMPING = 50.0, 1.0
 """Of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
 
-FORMULATION_KERNELS = {"input_space": (build_inputs, first_variables), "contact_force": (build_force, force_inputs)}
-"""By formulation: the kernels that build the program and that read the inputs off its solution."""
-
-GIVING_WAY_KERNELS = {"input_space": (limit_inputs, give_way_to_inputs)}
-"""By formulation, where tasks give way: the kernels that limit thrusts and torques, and that change the tasks."""
+IN_ONE_CALL = ("input_space", "contact_force")
+"""Formulations whose tick is one call."""
 
 
 class WholeBodyTickRecord(TasksRecord, TickRecord):
@@ -97,7 +94,7 @@ class ProgramTickRecord(RecordOf):
     """
 
     control: WholeBodyTickRecord
-    problem: ProblemRecord
+    problem: FormulationRecord
     terms: ContactMapRecord | ContactForceRecord
     program: ProgramRecord
     search: ActiveSetRecord
@@ -165,13 +162,14 @@ def _solve_once(
 
 def _solve_of(name: str) -> Kernel[bool]:
     """Kernel that solves the program of a formulation and reads the inputs off it; whether there is a solution."""
-    read = FORMULATION_KERNELS[name][1]
-    if name not in GIVING_WAY_KERNELS:
+    kernels = FORMULATIONS[name].kernels
+    read, limit, give_way = kernels.inputs, kernels.limit, kernels.give_way
+    if limit is None or give_way is None:
 
         @kernel
         def solve(
             r: WholeBodyTickRecord,
-            p: ProblemRecord,
+            p: FormulationRecord,
             terms: ContactForceRecord,
             qp: ProgramRecord,
             search: ActiveSetRecord,
@@ -182,16 +180,15 @@ def _solve_of(name: str) -> Kernel[bool]:
             start_tick(search)
             usable = _solve_once(r, qp, search, dual, z, found)
             if usable:
-                read(terms, z, r.inputs)
+                read(terms, qp, z, r.inputs)
             return usable
 
         return solve
-    limit, give_way = GIVING_WAY_KERNELS[name]
 
     @kernel
     def solve_giving_way(
         r: WholeBodyTickRecord,
-        p: ProblemRecord,
+        p: FormulationRecord,
         terms: ContactMapRecord,
         qp: ProgramRecord,
         search: ActiveSetRecord,
@@ -206,8 +203,8 @@ def _solve_of(name: str) -> Kernel[bool]:
         start_tick(search)
         usable = _solve_once(r, qp, search, dual, z, found)
         if usable:
-            read(terms, z, r.inputs)
-            if not at_a_limit(r.inputs, p):
+            read(terms, qp, z, r.inputs)
+            if p.give_way == 1.0 or not at_a_limit(r.inputs, p):
                 return True
             if search.left == search.budget:
                 r.iterations = 1  # the exchange has led to a limit, where another program may follow
@@ -216,16 +213,16 @@ def _solve_of(name: str) -> Kernel[bool]:
         outcome, iterations, violation = r.outcome, r.iterations, r.violation
         for c in range(z.shape[0]):
             r.kept[c] = z[c]
-        limit(p, qp, False)
+        limit(p, terms, qp, False)
         beyond = False
         if _solve_once(r, qp, search, dual, z, found):
-            read(terms, z, r.wanted)
+            read(terms, qp, z, r.wanted)
             beyond = beyond_torque_limit(r.wanted[r.wanted.shape[0] - p.torque_limit.shape[0] :], p.torque_limit)
-        limit(p, qp, True)
+        limit(p, terms, qp, True)
         if beyond:
             give_way(r.dynamics, r.targets, p, terms, qp, z)
             if _solve_once(r, qp, search, dual, z, found):
-                read(terms, z, r.inputs)
+                read(terms, qp, z, r.inputs)
                 return True
         r.outcome, r.iterations, r.violation = outcome, iterations, violation
         for c in range(z.shape[0]):
@@ -237,7 +234,7 @@ def _solve_of(name: str) -> Kernel[bool]:
 
 def _step_of(name: str) -> tuple[Kernel[int], Kernel[int]]:
     """The tick of the whole-body QP in a formulation: on the records of its parts, and on one."""
-    build, solve = FORMULATION_KERNELS[name][0], _solve_of(name)
+    build, solve = FORMULATIONS[name].kernels.build, _solve_of(name)
 
     @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
     def qp_step(
@@ -246,7 +243,7 @@ def _step_of(name: str) -> tuple[Kernel[int], Kernel[int]]:
         q: Vector,
         v: Vector,
         foot_force: Vector,
-        problem: ProblemRecord,
+        problem: FormulationRecord,
         terms: ContactMapRecord,
         program: ProgramRecord,
         search: ActiveSetRecord,
@@ -269,7 +266,7 @@ def _step_of(name: str) -> tuple[Kernel[int], Kernel[int]]:
     return qp_step, qp_step_of_one
 
 
-_STEPS = {name: _step_of(name) for name in FORMULATION_KERNELS}
+_STEPS = {name: _step_of(name) for name in IN_ONE_CALL}
 QP_STEPS: dict[str, Kernel[int]] = {name: steps[0] for name, steps in _STEPS.items()}
 """The tick by formulation, on the records of its parts."""
 EXPORTED_QP_STEPS: dict[str, Kernel[int]] = {name: steps[1] for name, steps in _STEPS.items()}

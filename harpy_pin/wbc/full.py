@@ -1,4 +1,4 @@
-"""The whole-body problem with every unknown kept but the torques: z = [u; s; f; a]."""
+"""The whole-body problem with every unknown kept but the torques: z = [u; f; a]."""
 
 from __future__ import annotations
 
@@ -7,30 +7,41 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
-from harpy_pin.model.record import field
+from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.centre_of_mass import body_row
 from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
-    ProblemRecord,
+    FormulationKernels,
+    FormulationRecord,
     WholeBodyProblem,
     add_task,
-    clear_objective,
     desired_acceleration,
+    enter_pyramids,
     force_bounds,
     friction_limits,
     friction_rows,
     mirror,
-    motion_task,
 )
 from harpy_pin.wbc.program import UNBOUNDED, ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets
+from harpy_pin.wbc.weights import TargetsRecord
 
 __all__ = ["FullProblem"]
+
+
+class FullRecord(RecordOf):
+    """What the formulation keeps of the last state.
+
+    Attributes:
+        offset: (joints,) torques at zero acceleration, thrust and force, N·m.
+        inputs: (thrust variables + joints,) [u; τ] to which tasks give way, N and N·m.
+    """
+
+    offset: Vector = sized("joints")
+    inputs: Vector = sized("thrusts + joints")
 
 
 class FullProblem(WholeBodyProblem):
@@ -46,63 +57,31 @@ class FullProblem(WholeBodyProblem):
     """
 
     name: ClassVar[str] = "full"
+    kernels: ClassVar[FormulationKernels]
 
-    def _allocate(self) -> QuadraticProgram:
-        bounded = self.n_thrust + self.n_slack
+    def _allocate(self) -> tuple[QuadraticProgram, Record]:
+        bounded = self.n_thrust
         program = QuadraticProgram(
             bounded + self.n_force + self.nv,
             equalities=6 + sum(3 if corners == 1 else 6 for corners in self.robot.corners),
             inequalities=self.foot_rows * self.feet + self.joints,
             bounded=bounded,
         )
-        self._bound(program, torque=False, slack=self.n_thrust)
-        self._friction(program, force=bounded)
-        return program
-
-    @checked
-    def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
-        """See :meth:`WholeBodyProblem.prepare`."""
-        records = (dynamics.record, targets.record, self.record, self.program.record)
-        _build_full.prepare(*records, np.zeros(self.nv), dynamics.rotation)
-
-    def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
-        """See :meth:`WholeBodyProblem._fill`."""
-        _build_full(dynamics._record_, targets._record_, self.record, self.program._record_, v, rotation)
-
-    def inputs(self, z: Vector, out: Vector) -> None:
-        """See :meth:`WholeBodyProblem.inputs`."""
-        z, out = self._solution(z), self._output(out)
-        nt = self.n_thrust
-        out[:nt] = z[:nt]
-        torque = out[nt:]
-        np.dot(self.program.inequality[len(self.program.lower) - self.joints :], z, out=torque)
-        torque += field(self.record, "offset")
-
-    def _put_limits(self, on: bool) -> None:
-        """See :meth:`WholeBodyProblem._put_limits`."""
-        _limit_inputs(self.record, self.program.record, self.n_thrust, on)
-
-    def _let_give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
-        """See :meth:`WholeBodyProblem._let_give_way`."""
-        inputs = np.zeros(self.n_thrust + self.joints)
-        self.inputs(z, inputs)
-        records = (dynamics.record, targets.record, self.record, self.program.record)
-        _give_way(*records, inputs[self.n_thrust :])
+        enter_pyramids(program, self.limits.pyramid, self.feet, force=bounded)
+        return program, make_record(FullRecord, self.robot.sizes)
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
-        z = self._solution(z)
-        return z[-self.nv :].copy()
+        return self._solution(z)[-self.nv :].copy()
 
     def contact_force(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.contact_force`."""
-        z = self._solution(z)
-        return z[self.program.bounded : -self.nv].reshape(-1, 3).copy()
+        return self._solution(z)[self.n_thrust : -self.nv].reshape(-1, 3).copy()
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """See :meth:`WholeBodyProblem.motion_map`."""
         held = checks.array("held", held, self.feet)
-        nv, force = self.nv, self.program.bounded
+        nv, force = self.nv, self.n_thrust
         motion = np.zeros((nv + self.n_force, len(self.program.gradient)))
         motion[:nv, -nv:] = np.eye(nv)
         motion[nv:, force:-nv] = np.diag(np.repeat(held, 3) != 0.0)
@@ -110,8 +89,14 @@ class FullProblem(WholeBodyProblem):
 
 
 @kernel
-def _build_full(
-    d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, v: Vector, rotation: Vector
+def _build(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    p: FormulationRecord,
+    m: FullRecord,
+    qp: ProgramRecord,
+    v: Vector,
+    rotation: Vector,
 ) -> None:
     _full_objective(d, t, p, qp, v, rotation)
     _dynamics_rows(d, t, p, qp)
@@ -120,25 +105,26 @@ def _build_full(
     friction_limits(t, p)
     friction_rows(p, qp, force)
     force_bounds(t, faces, qp.lower[force:], qp.upper[force:])
-    _torque_rows(d, t, p, qp, v)
+    _torque_rows(d, t, p, m, qp, v)
+    _limit(p, m, qp, True)
 
 
 @kernel
 def _full_objective(
-    d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, v: Vector, rotation: Vector
+    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord, v: Vector, rotation: Vector
 ) -> None:
     """Diagonal but for the swing feet."""
     nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force = qp.bounded
     motion_hessian = qp.hessian[force + nf :, force + nf :]
     motion_gradient = qp.gradient[force + nf :]
-    clear_objective(p, qp, nt, force - nt)
+    qp.hessian[:] = 0.0
+    qp.gradient[:] = 0.0
     desired = np.empty(nv)
     desired_acceleration(v, rotation, t, desired)
     for i in range(nv):
-        weight = motion_task(i, p)
-        motion_hessian[i, i] = weight
-        motion_gradient[i] = -weight * desired[i]
+        motion_hessian[i, i] = p.w_motion[i]
+        motion_gradient[i] = -p.w_motion[i] * desired[i]
     if t.centred:
         _centre_task(d, t, p, v, rotation, motion_hessian, motion_gradient)
     for c in range(nt):
@@ -155,7 +141,7 @@ def _full_objective(
 def _centre_task(
     d: DynamicsRecord,
     t: TargetsRecord,
-    p: ProblemRecord,
+    p: FormulationRecord,
     v: Vector,
     rotation: Vector,
     hessian: Vector,
@@ -171,9 +157,26 @@ def _centre_task(
 
 
 @kernel
-def _give_way(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, torque: Vector) -> None:
-    nv, nf, faces = d.bias.shape[0], d.foot_drift.shape[0], p.pyramid.shape[0]
-    first = qp.bounded + nf
+def _inputs(m: FullRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
+    """[u; τ] of a solution: the torques are the last rows' values."""
+    joints = m.offset.shape[0]
+    thrusts, start = out.shape[0] - joints, qp.lower.shape[0] - joints
+    for c in range(thrusts):
+        out[c] = z[c]
+    for j in range(joints):
+        s = m.offset[j]
+        for i in range(z.shape[0]):
+            s += qp.inequality[start + j, i] * z[i]
+        out[thrusts + j] = s
+
+
+@kernel
+def _give_way(
+    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, m: FullRecord, qp: ProgramRecord, z: Vector
+) -> None:
+    """Let least forces and swing feet give way to the torques of z."""
+    _inputs(m, qp, z, m.inputs)
+    faces, first, torque = p.pyramid.shape[0], qp.bounded + d.foot_drift.shape[0], m.inputs[qp.bounded :]
     motion_hessian, motion_gradient = qp.hessian[first:, first:], qp.gradient[first:]
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0:
@@ -184,23 +187,24 @@ def _give_way(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: Program
             for c in range(3 * k, 3 * k + 3):
                 value = t.feet[k, c - 3 * k] - d.foot_drift[c]
                 add_task(-less, d.foot_jacobian[c], value, motion_hessian, motion_gradient)
-    mirror(motion_hessian, nv)
+    mirror(motion_hessian, d.bias.shape[0])
 
 
 @kernel
-def _limit_inputs(p: ProblemRecord, qp: ProgramRecord, thrusts: int, on: bool) -> None:
+def _limit(p: FormulationRecord, m: FullRecord, qp: ProgramRecord, on: bool) -> None:
     """Bounds of the thrusts and of the torques' rows, or none."""
+    joints, thrusts = m.offset.shape[0], qp.bounded
+    start = qp.lower.shape[0] - joints
     for c in range(thrusts):
         qp.lower[c] = p.input_lower[c] if on else -UNBOUNDED
         qp.upper[c] = p.input_upper[c] if on else UNBOUNDED
-    start = qp.lower.shape[0] - p.torque_limit.shape[0]
-    for j in range(p.torque_limit.shape[0]):
-        qp.lower[start + j] = -p.torque_limit[j] - p.offset[j] if on else -UNBOUNDED
-        qp.upper[start + j] = p.torque_limit[j] - p.offset[j] if on else UNBOUNDED
+    for j in range(joints):
+        qp.lower[start + j] = p.input_lower[thrusts + j] - m.offset[j] if on else -UNBOUNDED
+        qp.upper[start + j] = p.input_upper[thrusts + j] - m.offset[j] if on else UNBOUNDED
 
 
 @kernel
-def _dynamics_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord) -> None:
+def _dynamics_rows(d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord) -> None:
     """Floating-base rows of the dynamics."""
     nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
@@ -217,7 +221,7 @@ def _dynamics_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: Pr
 
 
 @kernel
-def _drop_swing_flat_feet(t: TargetsRecord, p: ProblemRecord, row: Vector, force: int) -> None:
+def _drop_swing_flat_feet(t: TargetsRecord, p: FormulationRecord, row: Vector, force: int) -> None:
     """Zero the columns of their forces in a row of the dynamics; those of points have equalities that do it."""
     k = 0
     for n in range(p.corners.shape[0]):
@@ -228,7 +232,7 @@ def _drop_swing_flat_feet(t: TargetsRecord, p: ProblemRecord, row: Vector, force
 
 
 @kernel
-def _foot_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord) -> None:
+def _foot_rows(d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord) -> None:
     """Stance feet are held, swing feet have no force."""
     nv, nf = d.bias.shape[0], d.foot_drift.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
@@ -261,8 +265,10 @@ def _foot_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: Progra
 
 
 @kernel
-def _torque_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, v: Vector) -> None:
-    """Joint rows of the dynamics within the torques' limits."""
+def _torque_rows(
+    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, m: FullRecord, qp: ProgramRecord, v: Vector
+) -> None:
+    """Joint rows of the dynamics: the torques, less their offset."""
     nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
     force, acceleration = qp.bounded, qp.bounded + nf
     start = qp.lower.shape[0] - (nv - 6)
@@ -275,6 +281,7 @@ def _torque_rows(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, qp: Prog
         for i in range(nv):
             row[acceleration + i] = d.mass_matrix[6 + j, i]
         _drop_swing_flat_feet(t, p, row, force)
-        p.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
-        qp.lower[start + j] = -p.torque_limit[j] - p.offset[j]
-        qp.upper[start + j] = p.torque_limit[j] - p.offset[j]
+        m.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
+
+
+FullProblem.kernels = FormulationKernels(_build, _inputs, _limit, _give_way)

@@ -4,10 +4,8 @@
     subject to  M a + n + B v = S τ + J_fᵀ f + J_tᵀ u              dynamics
                 J_f a + J̇ v = a_foot  or  f = 0                    a foot in stance, or in swing
                                                                     (a flat foot as a rigid body)
-                P f ≥ −s                                            friction pyramid
-                f_min − s ≤ f_z ≤ f_max − s
+                P f ≥ 0,  f_min ≤ f_z ≤ f_max                       friction pyramid, normal force
                 |τ| ≤ τ_max, u in a box inside the limits of thrusters and rotors
-                s ≥ 0, one for each foot, or no s at all
 
 Feet are contact points: point feet, and the corners of flat feet (:mod:`harpy_pin.model.flat_foot`), each with a force
 and a friction pyramid. Many forces at the corners of a flat foot have the same effect on the robot; the weight on
@@ -16,24 +14,31 @@ contact forces makes the optimum the smallest of them. The tasks are those of :m
 Dynamics and stance feet leave as many degrees of freedom as there are inputs. The formulations differ in what they keep
 as variables (:mod:`harpy_pin.wbc.formulations`). The sizes never change: the rows of a foot switch between holding it
 and making its force zero, so one solver keeps its memory and its warm start through touchdown and lift-off.
+
+In kernels of this package each letter has one meaning, an element of a record: ``d`` of the dynamics, ``t`` of the
+targets, ``p`` of the problem (:class:`ProblemRecord`, or a record with more fields), ``e`` of the root's six equations
+(:mod:`harpy_pin.wbc.condensed.condense`), ``m`` what a formulation keeps of the last state, ``qp`` of the program and
+``w`` the work space of a search for its optimum. ``v`` (nv,) is the generalised velocity and ``rotation`` (3, 3) takes
+body to world axes.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import ClassVar
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
+from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import as_array
-from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import ZERO, Record, RecordOf, field, make_record, sized
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.giving_way import at_a_limit
@@ -41,7 +46,6 @@ from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import (
     TargetsRecord,
-    TaskWeightsRecord,
     WholeBodyLimits,
     WholeBodyTargets,
     WholeBodyWeights,
@@ -51,21 +55,35 @@ from harpy_pin.wbc.weights import (
 
 __all__ = ["WholeBodyProblem"]
 
-SLACK_CURVATURE = 1e-3
-"""Weight of the square of a foot's slack, relative to that of the slack itself, 1/N: it makes the optimum unique."""
 
+class ProblemRecord(RecordOf):
+    """Weights and limits of a whole-body problem, for kernels.
 
-class PyramidRecord(RecordOf):
-    """Friction of the feet, and the pyramids in their cones.
+    The weights have the names of :class:`~harpy_pin.wbc.weights.WholeBodyWeights`, after ``w_``.
 
     Attributes:
-        pyramid: rows p of a pyramid, p f ≥ 0: (faces, 3), or (feet, faces, 3) where each foot has its own.
+        torque_limit: (joints,) N·m.
+        input_lower: (thrust variables + joints,) limits of [u; τ], N and N·m.
+        input_upper: (thrust variables + joints,) limits of [u; τ], N and N·m.
+        give_way: share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way.
+        pyramid: (faces, 3) rows p of the friction pyramid, p f ≥ 0; in a tick the last column is that of each foot.
         mu: friction coefficient of the ground.
         friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
         inscribed: share of the cone's slope that the faces of the pyramid have.
-        friction: (feet,) coefficient of each foot, after the safety margin.
+        friction: (feet,) coefficient of each foot in this tick, after the safety margin.
     """
 
+    w_body: float
+    w_orientation: float
+    w_swing: float
+    w_posture: float
+    w_arms: float
+    w_thrust: float
+    w_force: float
+    torque_limit: Vector
+    input_lower: Vector
+    input_upper: Vector
+    give_way: float
     pyramid: Vector
     mu: float
     friction_share: float
@@ -73,34 +91,54 @@ class PyramidRecord(RecordOf):
     friction: Vector
 
 
-class ProblemRecord(PyramidRecord, TaskWeightsRecord):
-    """Weights, limits and work space of a :class:`WholeBodyProblem`, for kernels.
+class FormulationRecord(ProblemRecord):
+    """The problem in a formulation.
 
     Attributes:
-        w_posture: of the accelerations of the joints between base and feet.
-        offset: (joints,) torques at zero acceleration, thrust and force, N·m.
-        input_lower: (inputs,) limits of [u; τ], N and N·m; infinite where nothing gives way.
-        input_upper: (inputs,) likewise.
-        w_joint: (joints,) weight of each joint's acceleration.
+        w_motion: (nv,) weight of each entry of the generalised acceleration.
         corners: (feet of the robot,) contact points of each.
-        w_slack: weight of a violation, 1/N.
-        violation: of the last solution, where it was found in one call.
         directions: of the held feet, where the formulation counts them.
     """
 
-    w_posture: float
-    offset: Vector = sized("joints")
-    input_lower: Vector
-    input_upper: Vector
-    w_joint: Vector
+    w_motion: Vector
     corners: NDArray[np.int64]
-    w_slack: float
-    violation: float = 0.0
     directions: int = ZERO
 
 
+def problem_values(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits) -> Mapping[str, Any]:
+    """Fields of a :class:`ProblemRecord`."""
+    torque, (lower, upper) = limits.torque_scale * robot.torque_limit, thrust_box(robot, limits)
+    return {
+        **{f"w_{name}": value for name, value in asdict(weights).items()},
+        **{name: getattr(limits, name) for name in ("give_way", "pyramid", "mu", "friction_share", "inscribed")},
+        "torque_limit": torque,
+        "input_lower": np.append(lower, -torque),
+        "input_upper": np.append(upper, torque),
+        "friction": np.full(len(robot.feet), limits.friction_share * limits.mu),
+    }
+
+
+@dataclass(frozen=True)
+class FormulationKernels:
+    """What a formulation does in a tick.
+
+    Attributes:
+        build: fills in the program: (d, t, p, m, qp, v, rotation).
+        inputs: reads [u; τ] off a solution: (m, qp, z, out).
+        limit: puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on). None where tasks
+            cannot give way.
+        give_way: lets tasks give way to a solution without these limits: (d, t, p, m, qp, z).
+    """
+
+    build: Kernel[None]
+    inputs: Kernel[None]
+    limit: Kernel[None] | None = None
+    give_way: Kernel[None] | None = None
+
+
+@fixed_arrays("record", "terms")
 class WholeBodyProblem(KeepsViews):
-    """A whole-body problem in one choice of variables, the bounded ones first: [u; …; s; …].
+    """A whole-body problem in one choice of variables, the bounded ones first.
 
     Args:
         robot: any robot; feet, thrusters or rotors may be absent.
@@ -112,14 +150,13 @@ class WholeBodyProblem(KeepsViews):
         record: weights and limits, for kernels.
         terms: what a formulation keeps of the last :meth:`build`, for kernels.
         gives_way: whether tasks give way where torques are at their limits.
-
-    Raises:
-        InputError: the limits ask for another cone than a pyramid.
     """
 
     name: ClassVar[str]
-    can_give_way: ClassVar[bool] = True
+    kernels: ClassVar[FormulationKernels]
     terms: Record
+    _record_: Records[Any]
+    _terms_: Records[Any]
 
     @checked
     def __init__(
@@ -131,42 +168,24 @@ class WholeBodyProblem(KeepsViews):
         self.limits = limits if limits is not None else WholeBodyLimits()
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust
-        self.n_slack = self.feet if self.limits.slack > 0.0 else 0
-        self._torque_limit = self.limits.torque_scale * robot.torque_limit
-        self._pyramid = self.limits.pyramid
-        self.gives_way = self.can_give_way and self.limits.give_way < 1.0
-        lower, upper = np.full((2, self.n_thrust + self.joints), np.inf) * np.array([[-1.0], [1.0]])
-        if self.gives_way:
-            box = thrust_box(robot, self.limits)
-            lower, upper = np.append(box[0], -self._torque_limit), np.append(box[1], self._torque_limit)
-        self.foot_rows = len(self._pyramid) + 1  # the pyramid's faces, and the range of the normal force
+        self.gives_way = self.kernels.limit is not None and self.limits.give_way < 1.0
+        self.foot_rows = len(self.limits.pyramid) + 1  # the pyramid's faces, and the range of the normal force
+        w, names = self.weights, joint_weights(robot)
         self.record = make_record(
-            ProblemRecord,
-            robot.sizes,
-            **{f"w_{name}": value for name, value in asdict(self.weights).items()},
-            pyramid=self._pyramid,
-            mu=self.limits.mu,
-            friction_share=self.limits.friction_share,
-            inscribed=self.limits.inscribed,
-            friction=np.full(self.feet, self.limits.friction_share * self.limits.mu),
-            torque_limit=self._torque_limit,
-            w_joint=np.array([getattr(self.weights, name) for name in joint_weights(robot)]),
+            FormulationRecord,
+            w_motion=np.array([w.body] * 3 + [w.orientation] * 3 + [getattr(w, name) for name in names]),
             corners=np.array(robot.corners, dtype=np.int64),
-            give_way=self.limits.give_way,
-            input_lower=lower,
-            input_upper=upper,
-            w_slack=self.limits.slack,
+            **problem_values(robot, self.weights, self.limits),
         )
-        self.program = self._allocate()
+        self.program, self.terms = self._allocate()
 
     @property
-    def thrust_bounds(self) -> list[tuple[Vector, Vector]]:
+    def thrust_bounds(self) -> tuple[Vector, Vector]:
         """Arrays whose first entries are the least and largest thrust variables of the next program, N."""
-        own = (field(self.record, "input_lower"), field(self.record, "input_upper"))
-        return [own, (self.program.lower, self.program.upper)]
+        return field(self.record, "input_lower"), field(self.record, "input_upper")
 
-    def _allocate(self) -> QuadraticProgram:
-        """A program with everything that never changes in it."""
+    def _allocate(self) -> tuple[QuadraticProgram, Record]:
+        """A program with everything that never changes in it, and what else the kernels need."""
         raise NotImplementedError
 
     def prepare(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
@@ -176,14 +195,11 @@ class WholeBodyProblem(KeepsViews):
             dynamics: of the robot.
             targets: of the tasks.
         """
+        check_terms(self.robot, dynamics, targets)
+        self.kernels.build.prepare(*self._records(dynamics, targets), np.zeros(self.nv), dynamics.rotation)
 
     def _rehearse(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
-        """Call what few ticks need, so that none of them waits for a compiler; the program is to be built anew.
-
-        Args:
-            dynamics: of the robot.
-            targets: of the tasks.
-        """
+        """Call what few ticks need, so that none of them waits for a compiler; the program is to be built anew."""
         z, inputs = np.zeros(len(self.program.gradient)), np.zeros(self.n_thrust + self.joints)
         if self.gives_way:
             for on in (False, True):
@@ -209,17 +225,26 @@ class WholeBodyProblem(KeepsViews):
 
     def _fill(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """As :meth:`build`, of arguments that were checked: for controllers, in every tick."""
-        raise NotImplementedError
+        self.kernels.build(*self._records(dynamics, targets), v, rotation)
+
+    def _records(self, dynamics: Dynamics, targets: WholeBodyTargets) -> tuple[Records[Any], ...]:
+        """What the kernels take first."""
+        return dynamics._record_, targets._record_, self._record_, self._terms_, self.program._record_
 
     def inputs(self, z: Vector, out: Vector) -> None:
-        """Read the inputs off a solution of the program last built: its first variables, where torques are variables.
+        """Read the inputs off a solution of the program last built.
 
         Args:
             z: (n,) solution.
             out: (thrust variables + joints,) [u; τ] out: thrusts, N, and joint torques, N·m.
+
+        Raises:
+            InputError: an array of another size, or one that cannot be written into.
         """
-        out = self._output(out)
-        out[:] = self._solution(z)[: len(out)]
+        z = self._solution(z)
+        if as_array("out", out, (self.n_thrust + self.joints,)) is not out:
+            raise InputError("out must be a float64 array in C order: it is overwritten", name="out", value=out)
+        self.kernels.inputs(self._terms_, self.program._record_, z, out)
 
     def acceleration(self, z: Vector) -> Vector:
         """(nv,) generalised acceleration that a solution of the program last built brings about.
@@ -238,20 +263,20 @@ class WholeBodyProblem(KeepsViews):
         raise NotImplementedError
 
     def _put_limits(self, on: bool) -> None:
-        """Put the limits of thrusts and torques into the program last built, or take them out.
-
-        Args:
-            on: whether they hold.
-        """
+        """Put the limits of thrusts and torques into the program last built, or take them out."""
+        assert self.kernels.limit is not None
+        self.kernels.limit(self._record_, self._terms_, self.program._record_, on)
 
     def _let_give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
-        """Let swing feet and least forces give way in the program last built (:mod:`harpy_pin.wbc.giving_way`).
+        """Let tasks give way in the program last built (:mod:`harpy_pin.wbc.giving_way`).
 
         Args:
             dynamics: as of :meth:`build`.
             targets: as of :meth:`build`.
             z: (n,) solution without limits of thrusts and torques.
         """
+        assert self.kernels.give_way is not None
+        self.kernels.give_way(*self._records(dynamics, targets), z)
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """Accelerations and contact forces of any z of the program last built: [a; f] = X z + x₀.
@@ -264,6 +289,13 @@ class WholeBodyProblem(KeepsViews):
         """
         raise NotImplementedError
 
+    def check_rows(self, matrix: Vector) -> None:
+        """Refuse rows on [a; f] that this formulation cannot take; here it takes all.
+
+        Args:
+            matrix: (m, nv + 3 feet).
+        """
+
     def _solution(self, z: Vector) -> Vector:
         """A solution of the program, as kernels take it.
 
@@ -272,47 +304,15 @@ class WholeBodyProblem(KeepsViews):
         """
         return as_array("z", z, self.program.gradient.shape)
 
-    def _output(self, out: Vector) -> Vector:
-        """Where inputs are written.
 
-        Raises:
-            InputError: it is no float64 array of their number.
-        """
-        size = self.n_thrust + self.joints
-        if as_array("out", out, (size,)) is not out:
-            raise InputError("out must be a float64 array in C order: it is overwritten", name="out", value=out)
-        return out
-
-    def check_rows(self, matrix: Vector) -> None:
-        """Refuse rows on [a; f] that this formulation cannot take; here it takes all.
-
-        Args:
-            matrix: (m, nv + 3 feet).
-        """
-
-    def _bound(self, program: QuadraticProgram, *, torque: bool, slack: int) -> None:
-        """Enter the bounds of thrusts, of torques where they are variables, and of the slacks from index ``slack``."""
-        nt = self.n_thrust
-        if nt:
-            program.lower[:nt], program.upper[:nt] = thrust_box(self.robot, self.limits)
-        if torque:
-            program.lower[nt : nt + self.joints] = -self._torque_limit
-            program.upper[nt : nt + self.joints] = self._torque_limit
-        self._bound_slacks(program, slack=slack)
-
-    def _bound_slacks(self, program: QuadraticProgram, *, slack: int) -> None:
-        """Enter the slacks from index ``slack``: their bounds, and their columns of the feet's rows."""
-        for k in range(self.n_slack):
-            program.lower[slack + k] = 0.0
-            first = program.bounded + self.foot_rows * k
-            program.inequality[first : first + self.foot_rows, slack + k] = 1.0
-
-    def _friction(self, program: QuadraticProgram, *, force: int) -> None:
-        """Enter the pyramids' rows on force variables from index ``force``; see :func:`friction_rows`."""
-        for k in range(self.feet):
-            first, x = program.bounded + self.foot_rows * k, force + 3 * k
-            program.inequality[first : first + self.foot_rows - 1, x : x + 3] = self._pyramid
-            program.inequality[first + self.foot_rows - 1, x + 2] = 1.0
+def enter_pyramids(program: QuadraticProgram, pyramid: Vector, feet: int, *, force: int) -> None:
+    """Enter the rows of pyramids and normal forces on force variables from index ``force``; see
+    :func:`friction_rows`."""
+    rows = len(pyramid) + 1
+    for k in range(feet):
+        first, x = program.bounded + rows * k, force + 3 * k
+        program.inequality[first : first + rows - 1, x : x + 3] = pyramid
+        program.inequality[first + rows - 1, x + 2] = 1.0
 
 
 @kernel
@@ -327,27 +327,11 @@ def add_task(weight: float, row: Vector, value: float, hessian: Vector, gradient
 
 
 @kernel
-def clear_objective(p: ProblemRecord, qp: ProgramRecord, slack: int, slacks: int) -> None:
-    """Zero H and g, then the costs of the slacks from index ``slack``."""
-    qp.hessian[:] = 0.0
-    qp.gradient[:] = 0.0
-    for k in range(slack, slack + slacks):
-        qp.gradient[k] = p.w_slack
-        qp.hessian[k, k] = SLACK_CURVATURE * p.w_slack
-
-
-@kernel
 def mirror(hessian: Vector, size: int) -> None:
     """Copy the leading lower triangle above the diagonal."""
     for a in range(size):
         for b in range(a):
             hessian[b, a] = hessian[a, b]
-
-
-@kernel
-def motion_task(i: int, p: ProblemRecord) -> float:
-    """Weight of the task on entry i of the generalised acceleration: body, orientation, or a joint's."""
-    return p.w_body if i < 3 else (p.w_orientation if i < 6 else p.w_joint[i - 6])
 
 
 @kernel
@@ -367,8 +351,8 @@ def desired_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vec
 
 
 @kernel
-def friction_limits(t: TargetsRecord, p: PyramidRecord) -> None:
-    """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction`` (feet,)."""
+def friction_limits(t: TargetsRecord, p: ProblemRecord) -> None:
+    """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction``."""
     for k in range(p.friction.shape[0]):
         p.friction[k] = p.friction_share * min(p.mu, t.friction[k])
 

@@ -24,32 +24,8 @@ MAX_FRICTION = 10.0
 MAX_FACES = 64
 """Most faces of a friction pyramid: its cone is less than two thousandths wider."""
 MAX_WEIGHT = 1e6
-"""Largest weight of a task or a slack, and largest torque scale: beyond it the Hessian loses the lesser tasks to
+"""Largest weight of a task, and largest torque scale: beyond it the Hessian loses the lesser tasks to
 rounding."""
-
-
-class TaskWeightsRecord(RecordOf):
-    """Weights of the tasks, the limit of the torques, and what gives way there.
-
-    Attributes:
-        w_body: of the body's linear acceleration.
-        w_orientation: of its angular acceleration.
-        w_swing: of the acceleration of a swing foot.
-        w_arms: of the accelerations of joints that are on no limb.
-        w_thrust: of the forces of thrusters and rotors.
-        w_force: of the contact forces.
-        torque_limit: (joints,) N·m.
-        give_way: share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way.
-    """
-
-    w_body: float
-    w_orientation: float
-    w_swing: float
-    w_arms: float
-    w_thrust: float
-    w_force: float
-    torque_limit: Vector
-    give_way: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +73,6 @@ class WholeBodyLimits:
         torque_scale: share of the motors' peak torque used, at most 1e6.
         give_way: share of a swing foot's weight that is left where motors are at their limits, above zero; there a
             stance foot may also carry less than f_min (:mod:`harpy_pin.wbc.giving_way`). One: nothing gives way.
-        slack: weight of a foot's violation of friction cone and least normal force, 1/N, at most 1e6; zero keeps both
-            hard. The penalty is exact: above the largest multiplier, a problem that can be solved without violation is.
     """
 
     mu: float = 0.25
@@ -107,7 +81,6 @@ class WholeBodyLimits:
     lateral_thrust: float = 0.4
     torque_scale: float = 1.0
     give_way: float = 0.003
-    slack: float = 0.0
 
     def __post_init__(self) -> None:
         checks.number("mu", self.mu, low=0.0, high=MAX_FRICTION)
@@ -117,7 +90,6 @@ class WholeBodyLimits:
         checks.number("lateral_thrust", self.lateral_thrust, low=0.0, high=0.7)
         checks.number("torque_scale", self.torque_scale, low=0.0, high=MAX_WEIGHT, strict=True)
         checks.number("give_way", self.give_way, low=0.0, high=1.0, strict=True)
-        checks.number("slack", self.slack, low=0.0, high=MAX_WEIGHT)
 
     @property
     def inscribed(self) -> float:

@@ -118,7 +118,7 @@ def test_promise_about_any_normals(fuzz):
             own = frame.T @ force[k]
             assert (limits.pyramid @ own).min() >= -1e-9 * size
             least, most = controller.targets.force_range[k]
-            share = controller.solver.record["cones"]["least_share"][0, k]
+            share = controller.solver.record["least_share"][0, k]
             assert share * least - 1e-9 * size <= own[2] <= most + 1e-9 * size
             damping = controller.parameters.contact_damping
             np.testing.assert_allclose(jacobian @ acceleration + drift, -damping * jacobian @ state.v, atol=1e-7 * size)

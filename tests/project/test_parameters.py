@@ -32,7 +32,7 @@ BAD = {
     WholeBodyWeights: {"body": (-1.0, 1e7), "thrust": (0.0,)},
     WholeBodyLimits: {
         **{"mu": (-0.1, 1e300, 10.1), "faces": (2, 4.5, 65), "friction_share": (0.0,), "lateral_thrust": (0.9,)},
-        **{"torque_scale": (0.0, 1e7), "slack": (-1.0, 1e7)},
+        **{"torque_scale": (0.0, 1e7)},
     },
     WholeBodyParameters: {
         **{"solver": ("gurobi",), "formulation": ("sparse",), "swing": ((1e7, 1.0),), "contact_damping": (1e7,)},

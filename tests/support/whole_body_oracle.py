@@ -104,24 +104,6 @@ def oracle(q, v, targets, limits, weights=None, *, frames=None):
     return a, b, np.vstack(equality), np.concatenate(equality_value), np.array(inequality), np.array(upper)
 
 
-def softened(case, targets, limits):
-    """The program with a slack s ≥ 0 for each foot, behind the other variables, at a cost of w (s + 1e-3 s² / 2).
-
-    It is added to the normal force and to what friction allows.
-    """
-    a, b, equality, value, inequality, upper = case
-    own, first = np.zeros((len(inequality), 2)), 0
-    for k in np.flatnonzero(targets.held):
-        own[first : first + limits.faces + 2, k] = [*[-1.0] * limits.faces, 1.0, -1.0]
-        first += limits.faces + 2
-    square = np.sqrt(1e-3 * limits.slack)
-    none = np.zeros((2, a.shape[1]))
-    a = np.block([[a, np.zeros((len(a), 2))], [none, square * np.eye(2)]])
-    equality = np.hstack((equality, np.zeros((len(equality), 2))))
-    inequality = np.block([[inequality, own], [none, -np.eye(2)]])
-    return a, np.append(b, [-limits.slack / square] * 2), equality, value, inequality, np.append(upper, [0.0, 0.0])
-
-
 def solve_oracle(case):
     a, b, equality, equality_value, inequality, upper = case
     matrix = np.vstack((equality, inequality))

@@ -90,13 +90,6 @@ def test_supports_and_legs(robot, fuzz, legs, feet):
     drive(robot, states, (0.05, 0.8, 10.0))
 
 
-def test_softened(robot, fuzz):
-    """With slack fewer programs are infeasible: those whose feet would press more than f_max, which stays hard."""
-    rng = np.random.default_rng(2)
-    states = [draw(robot, rng) for _ in range(400 * fuzz)]
-    assert drive(robot, states, limits={"slack": 100.0})[1] < drive(robot, states)[1]
-
-
 def test_extreme_settings(robot, fuzz):
     """Friction, gains and forces at their upper ends."""
     rng = np.random.default_rng(3)

@@ -14,7 +14,7 @@ from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.log.measures import chattering
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
-from harpy_pin.wbc.condensed.cones import into_cones
+from harpy_pin.wbc.condensed.force_program import into_cones
 
 
 def sticking_forces(dynamics, v, held, torque, thrust, accelerations):
@@ -53,7 +53,7 @@ def test_promise_for_every_state_and_target(fuzz):
         held = targets.held > 0.0
         for k in np.flatnonzero(held):
             assert (limits.pyramid @ law.force[k]).min() >= -1e-9 * (1.0 + law.force[k, 2])
-            least = targets.force_range[k, 0] * law.record["cones"]["least_share"][0, k]
+            least = targets.force_range[k, 0] * law.record["least_share"][0, k]
             assert least - 1e-9 <= law.force[k, 2] <= 200.0 + 1e-9
         assert (law.force[~held] == 0.0).all()
         seen |= law.status

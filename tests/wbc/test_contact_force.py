@@ -63,28 +63,3 @@ def test_optimum_is_that_of_the_general_program_unless_a_motor_is_at_its_limit(f
         np.testing.assert_allclose(force.acceleration(b.z), acceleration, rtol=0, atol=1e-6 * scale)
     assert equal > 325 * fuzz
     assert min(torque_bound, cone_bound, thrust_bound) > 7 * fuzz
-
-
-def test_slack_is_that_of_the_general_program():
-    dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
-    limits = WholeBodyLimits(mu=0.3, slack=1.0)
-    general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force"))
-    solvers = [make_solver("daqp", problem.program) for problem in (general, force)]
-    slack, compared = 0.0, 0
-    for _ in range(350):
-        q, v, targets = random_case(rng, spread=0.1)
-        dynamics.update(q, v)
-        for problem in (general, force):
-            problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
-        a, b = (solver.solve(problem.program) for solver, problem in zip(solvers, (general, force), strict=True))
-        if not (a.usable and b.usable and targets.held.any()):
-            continue
-        if (np.abs(a.z[:12]) > np.concatenate((BOX, ROBOT.torque_limit)) - 1e-6).any():
-            continue
-        compared += 1
-        slack = max(slack, b.z[:2].max())
-        scale = 1.0 + np.abs(a.z).max()
-        np.testing.assert_allclose(b.z[:2], a.z[12:], rtol=0, atol=1e-6 * scale)
-        np.testing.assert_allclose(force.contact_force(b.z), general.contact_force(a.z), rtol=0, atol=1e-6 * scale)
-    assert compared > 50
-    assert slack > 1.0

@@ -29,68 +29,61 @@ MIN_DETERMINANT = 1e-2
 
 
 @kernel
-def turn_to_centre(d: DynamicsRecord, t: TargetsRecord, r: CondensationRecord, v: Vector) -> None:
-    """Change the root's equations, and what is demanded, to z.
-
-    Args:
-        d: element of the dynamics' record.
-        t: of the targets' record.
-        r: of the equations' record, its limbs eliminated.
-        v: (nv,) generalised velocity.
-    """
+def turn_to_centre(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, v: Vector) -> None:
+    """Change the root's equations, with the limbs eliminated, and what is demanded, to z."""
     rotation, mass, thrusts = d.tree.rotation, d.mass_matrix[0, 0], d.thruster_jacobian.shape[0]
-    r.centred = 0
-    _linear_rows(r, rotation, mass)
-    if not _invert(r):
+    e.centred = 0
+    _linear_rows(e, rotation, mass)
+    if not _invert(e):
         return
-    r.centred = 1
-    free = r.free_map.shape[1]
+    e.centred = 1
+    free = e.free_map.shape[1]
     for k in range(2):
         s = t.centre_drift[k]
         for i in range(3):
-            s += rotation[k, i] * (r.bias[i] - d.bias[i]) / mass
-        r.centre_bias[k] = s
+            s += rotation[k, i] * (e.bias[i] - d.bias[i]) / mass
+        e.centre_bias[k] = s
         for c in range(free):
             s = 0.0
             for i in range(3):
-                s -= rotation[k, i] * r.free_map[i, c] / mass
-            r.centre_free[k, c] = s if c >= thrusts else 0.0
-    r.centre_bias[2] = 0.0
+                s -= rotation[k, i] * e.free_map[i, c] / mass
+            e.centre_free[k, c] = s if c >= thrusts else 0.0
+    e.centre_bias[2] = 0.0
     for i in range(3):
         a, b = (i + 1) % 3, (i + 2) % 3
-        r.centre_bias[2] += rotation[2, i] * (v[3 + a] * v[b] - v[3 + b] * v[a])
-        r.desired[i] = t.body[i]
+        e.centre_bias[2] += rotation[2, i] * (v[3 + a] * v[b] - v[3 + b] * v[a])
+        e.desired[i] = t.body[i]
     row = np.empty(6)
     for i in range(6):
         for j in range(6):
             row[j] = 0.0
             for k in range(6):
-                row[j] += r.mass[i, k] * r.root_per_centre[k, j]
+                row[j] += e.mass[i, k] * e.root_per_centre[k, j]
         for j in range(6):
-            r.mass[i, j] = row[j]
+            e.mass[i, j] = row[j]
         for k in range(3):
-            r.bias[i] -= row[k] * r.centre_bias[k]
+            e.bias[i] -= row[k] * e.centre_bias[k]
         for c in range(free):
-            r.free_map[i, c] += row[0] * r.centre_free[0, c] + row[1] * r.centre_free[1, c]
+            e.free_map[i, c] += row[0] * e.centre_free[0, c] + row[1] * e.centre_free[1, c]
 
 
 @kernel
-def _linear_rows(r: CondensationRecord, rotation: Vector, mass: float) -> None:
+def _linear_rows(e: CondensationRecord, rotation: Vector, mass: float) -> None:
     """The first three rows of C, into ``root_per_centre``."""
     for k in range(3):
         for j in range(6):
             s = 0.0
             for i in range(3):
-                s += rotation[k, i] * r.mass[i, j] / mass
-            r.root_per_centre[k, j] = s
+                s += rotation[k, i] * e.mass[i, j] / mass
+            e.root_per_centre[k, j] = s
     for j in range(6):
-        r.root_per_centre[2, j] = rotation[2, j] if j < 3 else 0.0
+        e.root_per_centre[2, j] = rotation[2, j] if j < 3 else 0.0
 
 
 @kernel
-def _invert(r: CondensationRecord) -> bool:
+def _invert(e: CondensationRecord) -> bool:
     """C⁻¹ in the place of C = [[A, B], [0, 1]]: [[A⁻¹, −A⁻¹ B], [0, 1]]; whether there is one."""
-    m = r.root_per_centre
+    m = e.root_per_centre
     inverse, product = np.empty((3, 3)), np.empty((3, 3))
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
@@ -113,31 +106,31 @@ def _invert(r: CondensationRecord) -> bool:
 
 
 @kernel
-def root_of_centre(r: CondensationRecord) -> None:
-    """The root's acceleration from z, in the first six entries of ``r.acceleration``."""
-    a, x = r.acceleration, np.empty(6)
+def root_of_centre(e: CondensationRecord) -> None:
+    """The root's acceleration from z, in the first six entries of ``e.acceleration``."""
+    a, x = e.acceleration, np.empty(6)
     for j in range(6):
-        x[j] = a[j] - (r.centre_bias[j] if j < 3 else 0.0)
+        x[j] = a[j] - (e.centre_bias[j] if j < 3 else 0.0)
     for k in range(2):
-        for c in range(r.free_acceleration.shape[0]):
-            x[k] -= r.centre_free[k, c] * r.free_acceleration[c]
+        for c in range(e.free_acceleration.shape[0]):
+            x[k] -= e.centre_free[k, c] * e.free_acceleration[c]
     for i in range(6):
         a[i] = 0.0
         for j in range(6):
-            a[i] += r.root_per_centre[i, j] * x[j]
+            a[i] += e.root_per_centre[i, j] * x[j]
 
 
 @kernel
-def root_per_unit(r: CondensationRecord, n: int) -> None:
-    """The same per unit of each of n variables, in the first six rows of ``r.motion_per_unit``."""
-    motion, free, x = r.motion_per_unit, r.free_per_unit, np.empty(6)
+def root_per_unit(e: CondensationRecord, n: int) -> None:
+    """The same per unit of each of n variables, in the first six rows of ``e.motion_per_unit``."""
+    motion, free, x = e.motion_per_unit, e.free_per_unit, np.empty(6)
     for a in range(n):
         for j in range(6):
             x[j] = motion[j, a]
         for k in range(2):
-            for c in range(r.free_acceleration.shape[0]):
-                x[k] -= r.centre_free[k, c] * free[c, a]
+            for c in range(e.free_acceleration.shape[0]):
+                x[k] -= e.centre_free[k, c] * free[c, a]
         for i in range(6):
             motion[i, a] = 0.0
             for j in range(6):
-                motion[i, a] += r.root_per_centre[i, j] * x[j]
+                motion[i, a] += e.root_per_centre[i, j] * x[j]

@@ -1,15 +1,13 @@
 """The whole-body optimum as a program in the contact forces alone, solved in a bounded number of operations.
 
-With limbs eliminated (:mod:`harpy_pin.wbc.condensed.condense`), the whole-body program of :mod:`harpy_pin.wbc` is
+A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), fills in the program in the contact forces
+(:mod:`harpy_pin.wbc.condensed.force_program`), finds its optimum, and recovers thrusts and torques
+(:mod:`harpy_pin.wbc.condensed.root`). The last tick's active set is tried, then exchanged; then follows the dual
+active-set method. At the end every force is put into its pyramid.
 
-    minimise    ½ ‖L⁻ᵀ (w − G_f f)‖² + ½ w_f ‖f‖²
-    subject to  every f_k in its friction pyramid and its range of normal force
-
-with three unknowns for each foot. The last tick's active set is tried, then exchanged; then follows the dual active-set
-method. At the end every force is put into its pyramid. Where thrusts or torques of that optimum exceed their limits,
-which is rare, the program is solved again with thrusts and free accelerations as unknowns
-(:mod:`harpy_pin.wbc.condensed.limits`), so that the result is the whole-body optimum in this case, too. What gives way
-there is said in :mod:`harpy_pin.wbc.giving_way`.
+Where thrusts or torques of that optimum exceed their limits, which is rare, the program is solved again with thrusts
+and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so that the result is the whole-body optimum
+in this case, too. What gives way there is said in :mod:`harpy_pin.wbc.giving_way`.
 
 For the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts returned, the
 force on each stance foot is f, and f is in its pyramid and range. The exception is reported in the status: torques that
@@ -28,18 +26,26 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, Records, field, same_layout
+from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.active_set import search_active_set
-from harpy_pin.wbc.condensed.condensed_record import CondensedRecord, condensed_record
-from harpy_pin.wbc.condensed.cones import fit_cones, into_cones
-from harpy_pin.wbc.condensed.contact_force import force_objective
-from harpy_pin.wbc.condensed.limbs import eliminate_limbs
+from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
+from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record, condensed_sizes, eliminate_limbs
+from harpy_pin.wbc.condensed.force_program import force_objective, into_cones, search_active_set
 from harpy_pin.wbc.condensed.limits import limited_program
 from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
+from harpy_pin.wbc.dual import DualActiveSet, DualRecord
 from harpy_pin.wbc.giving_way import beyond_torque_limit, share_of_least_force, share_of_swing
-from harpy_pin.wbc.problem import desired_acceleration, force_bounds
+from harpy_pin.wbc.problem import (
+    ProblemRecord,
+    desired_acceleration,
+    enter_pyramids,
+    force_bounds,
+    friction_limits,
+    friction_rows,
+    problem_values,
+)
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms
 
 __all__ = ["CondensedSolver", "CondensedStatus", "condensed_record"]
@@ -67,6 +73,96 @@ class CondensedStatus(IntFlag):
 
 
 CLIPPED = int(CondensedStatus.TORQUE_CLIPPED)
+
+
+class SearchRecord(RecordOf):
+    """A program, and what searches its optimum.
+
+    Attributes:
+        program: the quadratic program.
+        exchange: the last active set and its exchange.
+        dual: the dual method.
+    """
+
+    program: ProgramRecord
+    exchange: ActiveSetRecord
+    dual: DualRecord
+
+
+class CondensedRecord(ProblemRecord):
+    """Settings and work space of :class:`CondensedSolver`.
+
+    Attributes:
+        root: the robot as six equations.
+        free: program on the forces alone.
+        limited: program on thrusts, free accelerations and forces, with rows for the torques.
+        least_share: (feet,) share of its least normal force that each foot has to bear.
+        swing_share: (feet,) share of its weight that each swing foot has at the motors' limits.
+        force: (3 feet,) contact forces, world axes, N; zero in swing.
+        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
+        last_inputs: (thrust variables + joints,) those of the tick before.
+        response: (6, 3 feet) acceleration of the root per force.
+        desired: (nv,) demanded generalised acceleration.
+        unknowns: (thrust variables + others + 3 feet,) of the program with limits, N and rad/s².
+        wide_response: (6, thrust variables + others + 3 feet) acceleration of the root per unknown.
+        gain: (thrust variables + joints, thrust variables + others + 3 feet) [u; τ] per unknown.
+        at_rest: (thrust variables + joints,) [u; τ] where the unknowns are zero.
+        status_and_systems: (2,) status of the last tick, and systems that were solved in it.
+        hold_ticks: ticks in a row for which the last inputs are held in the place of clipped ones.
+        clipped: (2,) ticks with clipped torques: all, and in a row.
+    """
+
+    root: CondensationRecord
+    free: SearchRecord
+    limited: SearchRecord
+    least_share: Vector = sized("feet", fill=1.0)
+    swing_share: Vector = sized("feet", fill=1.0)
+    force: Vector = sized("3 feet")
+    inputs: Vector = sized("thrusts + joints")
+    last_inputs: Vector = sized("thrusts + joints")
+    response: Vector = sized(6, "3 feet")
+    desired: Vector = sized("nv")
+    unknowns: Vector = sized("thrusts + others + 3 feet")
+    wide_response: Vector = sized(6, "thrusts + others + 3 feet")
+    gain: Vector = sized("thrusts + joints", "thrusts + others + 3 feet")
+    at_rest: Vector = sized("thrusts + joints")
+    status_and_systems: NDArray[np.int64] = sized(2, whole=True)
+    hold_ticks: int
+    clipped: NDArray[np.int64] = sized(2, whole=True)
+
+
+def condensed_record(
+    robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
+) -> Records[CondensedRecord]:
+    """A new :class:`CondensedRecord`; arguments and errors as of :class:`CondensedSolver`.
+
+    Args:
+        robot: see there.
+        weights: see there.
+        limits: see there.
+        hold_ticks: ticks in a row for which :func:`hold_last` gives the last inputs in the place of clipped ones.
+    """
+    feet, sizes = len(robot.feet), condensed_sizes(robot)
+    return make_record(
+        CondensedRecord,
+        sizes,
+        root=condensation_record(robot),
+        free=_search_record(limits.pyramid, feet, bounded=0, more=0),
+        limited=_search_record(
+            limits.pyramid, feet, bounded=sizes["thrusts"] + sizes["others"], more=len(robot.joints)
+        ),
+        hold_ticks=np.int64(hold_ticks),
+        **problem_values(robot, weights, limits),
+    )
+
+
+def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Records[SearchRecord]:
+    """A program in the forces, after variables with bounds and before more rows, and what searches its optimum."""
+    rows = len(pyramid) + 1
+    program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
+    enter_pyramids(program, pyramid, feet, force=bounded)
+    search = WarmStartedActiveSet(program, DualActiveSet(program))
+    return make_record(SearchRecord, program=program.record, exchange=search.record, dual=search.dual.record)
 
 
 @fixed_arrays("acceleration", "force", "inputs", "record")
@@ -152,36 +248,38 @@ class CondensedSolver(KeepsViews):
 @kernel
 def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, rotation: Vector) -> None:
     """One tick, on elements of the records; see :class:`CondensedSolver`."""
-    r, program = p.root, p.free.program
+    e, qp = p.root, p.free.program
     p.status_and_systems[:] = 0
     for c in range(p.inputs.shape[0]):
         p.last_inputs[c] = p.inputs[c]
     desired_acceleration(v, rotation, t, p.desired)
     for i in range(6):
-        r.desired[i] = p.desired[i]
-    eliminate_limbs(d, t, p, r, v)
-    thrusts = d.thruster_jacobian.shape[0]
-    torque = p.inputs[thrusts:]
-    root_factor(r)
+        e.desired[i] = p.desired[i]
+    eliminate_limbs(d, t, p, e, v)
+    root_factor(e)
+    p.least_share[:] = 1.0
     if p.force.shape[0] > 0:
-        force_bounds(t, p.cones.pyramid.shape[1], program.lower, program.upper)
-        force_objective(t, p.w_force, r, p.response, program)
-        fit_cones(t, p)
+        force_bounds(t, p.pyramid.shape[0], qp.lower, qp.upper)
+        force_objective(t, p, e, p.response, qp)
+        friction_limits(t, p)
+        friction_rows(p, qp, 0)
         search_active_set(p, p.free, p.force)
         into_cones(t, p)
-    recover(r, p.force)
-    joint_torques(d, r, v, p.force, torque)
-    if _outside(r.free_acceleration, p.thrust_lower, p.thrust_upper) or beyond_torque_limit(torque, p.torque_limit):
+    recover(e, p.force)
+    thrusts = d.thruster_jacobian.shape[0]
+    thrust, torque = e.free_acceleration[:thrusts], p.inputs[thrusts:]
+    joint_torques(d, e, v, p.force, torque)
+    if _outside(thrust, p.input_lower, p.input_upper) or beyond_torque_limit(torque, p.torque_limit):
         _within_limits(d, t, p, v)
     for c in range(thrusts):
-        p.inputs[c] = r.free_acceleration[c]
+        p.inputs[c] = thrust[c]
 
 
 @kernel
 def _outside(values: Vector, lower: Vector, upper: Vector) -> bool:
-    """Whether one of the first values is out of its range, or not finite."""
+    """Whether one of the values is out of its range, or not finite."""
     found = False
-    for c in range(lower.shape[0]):
+    for c in range(values.shape[0]):
         found = found or not lower[c] <= values[c] <= upper[c]
     return found
 
@@ -189,31 +287,29 @@ def _outside(values: Vector, lower: Vector, upper: Vector) -> bool:
 @kernel
 def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
     """The optimum with bounds on the thrusts and rows of the torques."""
-    r, qp, y = p.root, p.limited.program, p.unknowns
-    thrusts = p.thrust_lower.shape[0]
-    first = thrusts + r.others.shape[0]
-    torque = p.inputs[thrusts:]
-    p.cones.swing_share[:] = 1.0
+    e, qp, y, thrusts = p.root, p.limited.program, p.unknowns, d.thruster_jacobian.shape[0]
+    first, torque = thrusts + e.others.shape[0], p.inputs[thrusts:]
+    p.swing_share[:] = 1.0
     if p.give_way < 1.0 and beyond_torque_limit(torque, p.torque_limit):
         for k in range(t.held.shape[0]):
-            p.cones.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
-            p.cones.swing_share[k] = share_of_swing(d, torque, p.torque_limit, p.give_way, k)
+            p.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
+            p.swing_share[k] = share_of_swing(d, torque, p.torque_limit, p.give_way, k)
     limited_program(d, t, p, v)
     search_active_set(p, p.limited, y)
     for c in range(thrusts):
         y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
-        if y[c] <= p.thrust_lower[c] or y[c] >= p.thrust_upper[c]:
+        if y[c] <= p.input_lower[c] or y[c] >= p.input_upper[c]:
             p.status_and_systems[0] |= 1
     for c in range(p.force.shape[0]):
         p.force[c] = y[first + c]
     into_cones(t, p)
     for c in range(y.shape[0]):
         if c < first or t.held[(c - first) // 3] == 0.0:
-            r.free_acceleration[c] = y[c]
+            e.free_acceleration[c] = y[c]
             for i in range(6):
-                r.right_hand_side[i] -= r.free_map[i, c] * y[c]
-    recover(r, p.force)
-    joint_torques(d, r, v, p.force, torque)
+                e.right_hand_side[i] -= e.free_map[i, c] * y[c]
+    recover(e, p.force)
+    joint_torques(d, e, v, p.force, torque)
     _clip_torques(p, torque)
 
 

@@ -15,17 +15,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from harpy_pin.compiled import kernel
-from harpy_pin.model.cholesky import solve_transposed
+from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.centre import root_per_unit
 from harpy_pin.wbc.condensed.condense import CondensationRecord
-from harpy_pin.wbc.condensed.input_map import input_map
-from harpy_pin.wbc.condensed.root import root_factor, solve_root
+from harpy_pin.wbc.condensed.force_program import root_cost
+from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
 from harpy_pin.wbc.problem import force_bounds
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.wbc.condensed.condensed_record import CondensedRecord
+    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
     from harpy_pin.wbc.program import ProgramRecord
     from harpy_pin.wbc.weights import TargetsRecord
 
@@ -34,37 +37,26 @@ __all__: list[str] = []
 
 @kernel
 def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
-    """Fill in the program; all of o is fixed at zero from then on.
-
-    It begins with the feet's shares.
-
-    Args:
-        d: element of the dynamics' record.
-        t: of the targets' record.
-        p: of the controller's record, its equations filled in.
-        v: (nv,) generalised velocity.
-    """
-    r, qp, thrusts = p.root, p.limited.program, p.thrust_lower.shape[0]
-    first = thrusts + r.others.shape[0]
+    """Fill in the program, with the shares of each foot; all of o is fixed at zero from then on."""
+    e, qp, thrusts, faces = p.root, p.limited.program, d.thruster_jacobian.shape[0], p.pyramid.shape[0]
+    first = thrusts + e.others.shape[0]
     stiff = p.w_swing == 0.0  # swing feet have no free acceleration
-    for c in range(r.inverse_weight.shape[0]):
-        r.inverse_weight[c] = r.free_acceleration[c] = 0.0
-    root_factor(r)
-    for c in range(r.inverse_weight.shape[0]):
+    for c in range(e.inverse_weight.shape[0]):
+        e.inverse_weight[c] = e.free_acceleration[c] = 0.0
+    root_factor(e)
+    for c in range(e.inverse_weight.shape[0]):
         for i in range(6):
-            free = 0.0 if stiff and c >= first else r.free_map[i, c]
-            p.wide_response[i, c] = free + (r.force_map[i, c - first] if c >= first else 0.0)
-    _objective(t, p, r, qp, thrusts, stiff)
-    if not stiff:
-        _lower_swing_weight(t, p, qp)
+            free = 0.0 if stiff and c >= first else e.free_map[i, c]
+            p.wide_response[i, c] = free + (e.force_map[i, c - first] if c >= first else 0.0)
+    root_cost(e, p.wide_response, qp)
+    _add_weights(t, p, qp, thrusts, first)
     for c in range(thrusts):
-        qp.lower[c], qp.upper[c] = p.thrust_lower[c], p.thrust_upper[c]
-    faces = p.cones.pyramid.shape[1]
+        qp.lower[c], qp.upper[c] = p.input_lower[c], p.input_upper[c]
     force_bounds(t, faces, qp.lower[first:], qp.upper[first:])
     for k in range(t.held.shape[0]):
-        qp.lower[first + (faces + 1) * k + faces] *= p.cones.least_share[k]
+        qp.lower[first + (faces + 1) * k + faces] *= p.least_share[k]
     _fit_rows_to_support(t, p, qp, first)
-    input_map(d, t, r, v, p.wide_response, p.gain, p.at_rest, True)
+    input_map(d, t, e, v, p.wide_response, p.gain, p.at_rest, True)
     row = qp.lower.shape[0] - p.torque_limit.shape[0]
     for j in range(p.torque_limit.shape[0]):
         for a in range(p.gain.shape[1]):
@@ -74,53 +66,154 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
 
 
 @kernel
-def _lower_swing_weight(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord) -> None:
-    """Leave each swing foot its share of the weight."""
-    first = p.thrust_lower.shape[0] + p.root.others.shape[0]
-    for a in range(first, p.unknowns.shape[0]):
-        k = (a - first) // 3
-        if t.held[k] == 0.0:
-            qp.hessian[a, a] -= (1.0 - p.cones.swing_share[k]) * p.w_swing
-
-
-@kernel
-def _objective(
-    t: TargetsRecord, p: CondensedRecord, r: CondensationRecord, qp: ProgramRecord, thrusts: int, stiff: bool
-) -> None:
-    """Hessian and gradient; turns the response from G into L⁻ᵀ G."""
-    response, n, first = p.wide_response, p.wide_response.shape[1], thrusts + r.others.shape[0]
-    solve_transposed(r.factor, response, n)
-    for i in range(6):
-        r.multiplier[i] = r.right_hand_side[i]
-    solve_root(r, r.multiplier)
-    for a in range(n):
-        s = 0.0
-        for i in range(6):
-            s += response[i, a] * r.multiplier[i]
-        qp.gradient[a] = -s
-        for b in range(a + 1):
-            s = 0.0
-            for i in range(6):
-                s += response[i, a] * response[i, b]
-            qp.hessian[a, b] = qp.hessian[b, a] = s
+def _add_weights(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, thrusts: int, first: int) -> None:
+    """Add the weights of the variables; of its own each swing foot is left a share."""
+    for a in range(qp.gradient.shape[0]):
         if a < thrusts:
             qp.hessian[a, a] += p.w_thrust
         elif a < first:
             qp.hessian[a, a] += p.w_arms
         elif t.held[(a - first) // 3] != 0.0:
             qp.hessian[a, a] += p.w_force
+        elif p.w_swing == 0.0:
+            qp.hessian[a, a] += 1.0
         else:
-            qp.hessian[a, a] += 1.0 if stiff else p.w_swing
+            qp.hessian[a, a] += p.w_swing
+            qp.hessian[a, a] -= (1.0 - p.swing_share[(a - first) // 3]) * p.w_swing
 
 
 @kernel
 def _fit_rows_to_support(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, before: int) -> None:
     """Pyramids bound forces: their rows are zero for swing feet, whose unknowns are accelerations."""
-    faces = p.cones.pyramid.shape[1]
+    faces = p.pyramid.shape[0]
     for k in range(t.held.shape[0]):
-        held = t.held[k] != 0.0
-        first, column = before + (faces + 1) * k, before + 3 * k
+        held, up = t.held[k] != 0.0, p.friction[k] * p.inscribed
+        first, x = before + (faces + 1) * k, before + 3 * k
         for row in range(faces):
-            for i in range(3):
-                qp.inequality[first + row, column + i] = p.cones.pyramid[k, row, i] if held else 0.0
-        qp.inequality[first + faces, column + 2] = 1.0 if held else 0.0
+            for i in range(2):
+                qp.inequality[first + row, x + i] = p.pyramid[row, i] if held else 0.0
+            qp.inequality[first + row, x + 2] = up if held else 0.0
+        qp.inequality[first + faces, x + 2] = 1.0 if held else 0.0
+
+
+@kernel
+def input_map(
+    d: DynamicsRecord,
+    t: TargetsRecord,
+    e: CondensationRecord,
+    v: Vector,
+    response: Vector,
+    gain: Vector,
+    at_rest: Vector,
+    fixed: bool,
+) -> None:
+    """Thrusts and torques as an affine function of the contact forces: [u; τ] = at_rest + gain f.
+
+    With all of o fixed at zero, they are a function of y = [u; …], which holds the force of a stance foot and the free
+    acceleration of a swing foot: [u; τ] = at_rest + gain y. Between them are the free accelerations ε.
+
+    Args:
+        d: see :mod:`harpy_pin.wbc.problem`, as the others without a line here.
+        t: see there.
+        e: factored.
+        v: see there.
+        response: (6, n) L⁻ᵀ G of these variables; becomes K⁻¹ G.
+        gain: (thrusts + joints, n) out; zero columns for the forces of swing feet.
+        at_rest: (thrusts + joints,) out.
+        fixed: whether all of o is.
+    """
+    n, thrusts = response.shape[1], d.thruster_jacobian.shape[0]
+    first = thrusts + e.others.shape[0]
+    nothing = np.zeros(n - first if fixed else n)
+    recover(e, nothing)
+    for c in range(thrusts):
+        at_rest[c] = e.free_acceleration[c]
+    joint_torques(d, e, v, nothing, at_rest[thrusts:])
+    solve_factor(e.factor, response, n)
+    _free_per_unit(t, e, response, first, fixed)
+    _motion_per_unit(t, e, response, thrusts)
+    _input_per_unit(d, t, e, gain, first if fixed else 0)
+
+
+@kernel
+def _free_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, first: int, fixed: bool) -> None:
+    """Entries of o per unit of each variable, into ``free_per_unit``."""
+    free, n = e.free_per_unit, response.shape[1]
+    for c in range(e.inverse_weight.shape[0]):
+        for a in range(n):
+            free[c, a] = 0.0
+        if e.inverse_weight[c] != 0.0:
+            for i in range(6):
+                x = -e.inverse_weight[c] * e.free_map[i, c]
+                for a in range(n):
+                    free[c, a] += x * response[i, a]
+        elif fixed and (c < first or t.held[(c - first) // 3] == 0.0):
+            free[c, c] = 1.0
+
+
+@kernel
+def _motion_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, thrusts: int) -> None:
+    """Generalised accelerations per unit of each variable, into ``motion_per_unit``."""
+    free, motion, n = e.free_per_unit, e.motion_per_unit, response.shape[1]
+    for j in range(6):
+        for a in range(n):
+            motion[j, a] = 0.0
+        for i in range(6):
+            x = e.inverse_body_weight[j] * e.mass[i, j]
+            for a in range(n):
+                motion[j, a] += x * response[i, a]
+    if e.centred:
+        root_per_unit(e, n)
+    others = e.others.shape[0]
+    first = thrusts + others
+    for c in range(others):
+        row = e.others[c]
+        for a in range(n):
+            motion[row, a] = free[thrusts + c, a]
+    limbs, joints, rows = e.inverse.shape
+    for k in range(limbs):
+        held = t.held[rows * k // 3] != 0.0
+        for b in range(joints):
+            row = e.limb[k, b]
+            for a in range(n):
+                motion[row, a] = 0.0
+            for j in range(6):
+                x = e.limb_map[k, b, j]
+                for a in range(n):
+                    motion[row, a] += x * motion[j, a]
+            if not held:
+                for j in range(rows):
+                    x = e.inverse[k, b, j]
+                    for a in range(n):
+                        motion[row, a] += x * free[first + rows * k + j, a]
+
+
+@kernel
+def _input_per_unit(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, gain: Vector, first: int) -> None:
+    """Thrusts and torques per unit of each variable; the columns of the feet begin at ``first``."""
+    free, motion, n = e.free_per_unit, e.motion_per_unit, gain.shape[1]
+    nv, thrusts = d.bias.shape[0], d.thruster_jacobian.shape[0]
+    for c in range(thrusts):
+        for a in range(n):
+            gain[c, a] = free[c, a]
+    for j in range(6, nv):
+        row = thrusts + j - 6
+        for a in range(n):
+            gain[row, a] = 0.0
+        for i in range(nv):
+            x = d.mass_matrix[j, i]
+            if x != 0.0:  # limbs do not feel each other
+                for a in range(n):
+                    gain[row, a] += x * motion[i, a]
+        for c in range(thrusts):
+            x = d.thruster_jacobian[c, j]
+            if x != 0.0:
+                for a in range(n):
+                    gain[row, a] -= x * free[c, a]
+    limbs, joints, rows = e.inverse.shape
+    for k in range(limbs):
+        if t.held[rows * k // 3] != 0.0:
+            for b in range(joints):
+                j = e.limb[k, b]
+                for a in range(rows):
+                    gain[thrusts + j - 6, first + rows * k + a] -= d.foot_jacobian[rows * k + a, j]

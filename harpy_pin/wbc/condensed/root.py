@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
+from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.centre import root_of_centre
 
@@ -17,116 +17,71 @@ __all__: list[str] = []
 
 
 @kernel
-def root_factor(r: CondensationRecord) -> None:
+def root_factor(e: CondensationRecord) -> None:
     """Factor of K, with the entries of o whose inverse weight is zero taken as fixed."""
     for i in range(6):
         for j in range(i + 1):
             s = 0.0
             for c in range(6):
-                s += r.mass[i, c] * r.inverse_body_weight[c] * r.mass[j, c]
-            for c in range(r.inverse_weight.shape[0]):
-                s += r.free_map[i, c] * r.inverse_weight[c] * r.free_map[j, c]
-            r.factor[i, j] = s
-    factorise(r.factor, r.factor)
+                s += e.mass[i, c] * e.inverse_body_weight[c] * e.mass[j, c]
+            for c in range(e.inverse_weight.shape[0]):
+                s += e.free_map[i, c] * e.inverse_weight[c] * e.free_map[j, c]
+            e.factor[i, j] = s
+    factorise(e.factor, e.factor)
 
 
 @kernel
-def recover(r: CondensationRecord, f: Vector) -> None:
+def recover(e: CondensationRecord, f: Vector) -> None:
     """λ, o and a for contact forces f; entries of o that are fixed stay as they are, part of the right-hand side."""
     for i in range(6):
-        s = r.right_hand_side[i]
+        s = e.right_hand_side[i]
         for c in range(f.shape[0]):
-            s -= r.force_map[i, c] * f[c]
-        r.multiplier[i] = s
-    solve_vector(r.factor, r.multiplier)
-    first = r.inverse_weight.shape[0] - f.shape[0]
-    for c in range(r.inverse_weight.shape[0]):
-        if r.inverse_weight[c] != 0.0:
+            s -= e.force_map[i, c] * f[c]
+        e.multiplier[i] = s
+    solve_vector(e.factor, e.multiplier)
+    first = e.inverse_weight.shape[0] - f.shape[0]
+    for c in range(e.inverse_weight.shape[0]):
+        if e.inverse_weight[c] != 0.0:
             s = 0.0
             for i in range(6):
-                s += r.free_map[i, c] * r.multiplier[i]
-            r.free_acceleration[c] = r.inverse_weight[c] * s
-    a = r.acceleration
+                s += e.free_map[i, c] * e.multiplier[i]
+            e.free_acceleration[c] = e.inverse_weight[c] * s
+    a = e.acceleration
     for j in range(6):
         s = 0.0
         for i in range(6):
-            s += r.mass[i, j] * r.multiplier[i]
-        a[j] = r.desired[j] - r.inverse_body_weight[j] * s
-    if r.centred:
-        root_of_centre(r)
-    limbs, joints, rows = r.inverse.shape
+            s += e.mass[i, j] * e.multiplier[i]
+        a[j] = e.desired[j] - e.inverse_body_weight[j] * s
+    if e.centred:
+        root_of_centre(e)
+    limbs, joints, rows = e.inverse.shape
     for k in range(limbs):
         for x in range(joints):
-            s = r.limb_bias[k, x]
+            s = e.limb_bias[k, x]
             for j in range(6):
-                s += r.limb_map[k, x, j] * a[j]
+                s += e.limb_map[k, x, j] * a[j]
             for b in range(rows):
-                s += r.inverse[k, x, b] * r.free_acceleration[first + rows * k + b]
-            a[r.limb[k, x]] = s
-    others = r.others.shape[0]
+                s += e.inverse[k, x, b] * e.free_acceleration[first + rows * k + b]
+            a[e.limb[k, x]] = s
+    others = e.others.shape[0]
     for c in range(others):
-        a[r.others[c]] = r.posture[c] + r.free_acceleration[first - others + c]
+        a[e.others[c]] = e.posture[c] + e.free_acceleration[first - others + c]
 
 
 @kernel
-def joint_torques(d: DynamicsRecord, r: CondensationRecord, v: Vector, f: Vector, torque: Vector) -> None:
+def joint_torques(d: DynamicsRecord, e: CondensationRecord, v: Vector, f: Vector, torque: Vector) -> None:
     """Torques of the joints for contact forces f and what :func:`recover` computed for them."""
     nv = v.shape[0]
     for j in range(6, nv):
         s = d.bias[j] + d.damping[j] * v[j]
         for i in range(nv):
-            s += d.mass_matrix[j, i] * r.acceleration[i]
+            s += d.mass_matrix[j, i] * e.acceleration[i]
         for c in range(d.thruster_jacobian.shape[0]):
-            s -= d.thruster_jacobian[c, j] * r.free_acceleration[c]
+            s -= d.thruster_jacobian[c, j] * e.free_acceleration[c]
         torque[j - 6] = s
-    limbs, joints, rows = r.inverse.shape
+    limbs, joints, rows = e.inverse.shape
     for k in range(limbs):
         for x in range(joints):
-            j = r.limb[k, x]
+            j = e.limb[k, x]
             for b in range(rows):
                 torque[j - 6] -= d.foot_jacobian[rows * k + b, j] * f[rows * k + b]
-
-
-@kernel
-def force_response(r: CondensationRecord, out: Vector) -> None:
-    """L⁻ᵀ G_f with K = Lᵀ L: its square is the Hessian of the cost in f.
-
-    Args:
-        r: record of the equation, factored.
-        out: (6, 3 feet) out.
-    """
-    out[:] = r.force_map
-    solve_transposed(r.factor, out, out.shape[1])
-
-
-@kernel
-def solve_root(r: CondensationRecord, x: Vector) -> None:
-    """x ← L⁻ᵀ x with K = Lᵀ L, for a vector x (6,)."""
-    lower = r.factor
-    for i in range(5, -1, -1):
-        x[i] *= lower[i, i]
-        for k in range(i):
-            x[k] -= lower[i, k] * x[i]
-
-
-@kernel
-def fix_thrusts(r: CondensationRecord, lower: Vector, upper: Vector) -> bool:
-    """Fix the thrusts that are beyond their limits at these limits; the equation then needs a new factor.
-
-    Args:
-        r: record of the equation.
-        lower: (thrust variables,) N.
-        upper: (thrust variables,) N.
-
-    Returns:
-        Whether there were any.
-    """
-    found = False
-    for c in range(lower.shape[0]):
-        if r.inverse_weight[c] != 0.0 and (r.free_acceleration[c] < lower[c] or r.free_acceleration[c] > upper[c]):
-            found = True
-            r.free_acceleration[c] = upper[c] if r.free_acceleration[c] > upper[c] else lower[c]
-            r.inverse_weight[c] = 0.0
-            for i in range(6):
-                r.right_hand_side[i] -= r.free_map[i, c] * r.free_acceleration[c]
-    return found
