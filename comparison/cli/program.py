@@ -13,7 +13,7 @@ from comparison.cli.results import results
 from comparison.cli.studies import STUDIES, command_of, films
 from comparison.cli.tuning import tune
 from comparison.cli.walks import campaign
-from comparison.cli.whole import diff, whole
+from comparison.cli.whole import whole
 from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
 
@@ -35,7 +35,6 @@ _COMMANDS: dict[Callable[..., None], str] = {
     films: "films flights.html",
     tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
     results: "results docs/results.md --data out/results",
-    diff: "diff before.json after.json",
 }
 """Commands, and an example of each."""
 

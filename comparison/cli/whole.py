@@ -1,4 +1,4 @@
-"""The comparison itself, and what changed between two of its results."""
+"""The comparison itself."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 
 from comparison.benchmark import SECTIONS, Settings, compare
 from comparison.cli.output import NumbersFile, stages
 from comparison.report.answer import answer_of, passed
 from comparison.report.contents import tables_of
-from comparison.report.diff import changes_text, read_document
 from comparison.report.html import figures_of, write_report
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, write_json
@@ -85,15 +83,3 @@ def _make_folder(folder: Path) -> None:
     except OSError as error:
         raise RunFileError(f"cannot make the folder '{folder}': {error.strerror or error}", path=folder) from error
     check_writable(folder / "report.html")
-
-
-def diff(
-    old: Annotated[Path, typer.Argument(metavar="OLD", help="The earlier result, a JSON file.")],
-    new: Annotated[Path, typer.Argument(metavar="NEW", help="The later result, a JSON file.")],
-) -> None:
-    """Compare two results by the ratios of their medians.
-
-    A ratio is marked where the spreads do not overlap.
-    """
-    before, after = read_document(old), read_document(new)
-    typer.echo(changes_text(before, after, Console().width))

@@ -6,15 +6,18 @@ minimise ½ xᵀP x + qᵀx  subject to  G x ≤ h,  A x = b,  lb ≤ x ≤ ub
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
 from scipy.sparse import csc_matrix
 
-from comparison.public.sources import reading
+from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
 
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
@@ -91,6 +94,15 @@ def is_convex(p: Problem) -> bool:
     return bool((np.linalg.eigvals(p.P) > 0.0).all())
 
 
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Whatever goes wrong while a program is read becomes one error that names its file."""
+    try:
+        yield
+    except (OSError, EOFError, RuntimeError, ValueError, TypeError, LookupError, BadZipFile, MatReadError) as error:
+        raise InputError(f"'{path}' is no program: {error}", name="data", value=path) from error
+
+
 def npz_problems(folder: Path) -> Iterator[Problem]:
     """The dense programs of mpc_qpbenchmark in a folder, in files of NumPy as qpsolvers saves them.
 
@@ -98,7 +110,7 @@ def npz_problems(folder: Path) -> Iterator[Problem]:
     """
     for path in sorted(folder.glob("*.npz")):
         if path.name.startswith(MPC_DENSE):
-            with reading(path, "program"), np.load(path, allow_pickle=False) as file:
+            with _reading(path), np.load(path, allow_pickle=False) as file:
                 arrays: dict[str, Any] = {key: _array(file, key) for key in KEYS}
             yield Problem(path.stem, **arrays)
 
@@ -115,7 +127,7 @@ def _array(file: np.lib.npyio.NpzFile, key: str) -> Vector | None:
 def mat_problems(folder: Path) -> Iterator[Problem]:
     """Programs of the dense subset of maros_meszaros_qpbenchmark: l ≤ [C; I] x ≤ u in files of Matlab."""
     for path in sorted(folder.glob("*.mat")):
-        with reading(path, "program"):
+        with _reading(path):
             file = loadmat(path, variable_names=["P", "q", "A", "l", "u", "n", "m"])
             n, m = int(file["n"].flat[0]), int(file["m"].flat[0])
             small = n <= LARGEST and m <= 3 * LARGEST

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from comparison.measure.walking import Progress
 from comparison.public.problems import is_convex, mat_problems, npz_problems
 from comparison.public.solvers import LEVELS, time_solvers
-from comparison.public.sources import find_sources, how_to_get
 from comparison.tables import Cell, Table
-from harpy_pin import checks
+from harpy_pin.errors import InputError
 
+SOURCES = {"mpc": "qpsolvers/mpc_qpbenchmark", "maros": "qpsolvers/maros_meszaros_qpbenchmark"}
+"""Repositories on GitHub whose folder ``data`` is read; their licence is Apache-2.0. Nothing of theirs is part of this
+one."""
 SETS = {"mpc": "dense programs of mpc_qpbenchmark", "maros": "dense positive definite ones of maros_meszaros"}
 _ACCURACY = {"primal_max": "primal residual", "dual_max": "dual residual", "gap_max": "gap"}
 _NOTE = (
@@ -22,30 +23,16 @@ _NOTE = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PublicSettings:
-    """How much is measured: most programs of each set, which are taken evenly, and how often each is solved."""
-
-    problems: int = 1000
-    repetitions: int = 5
-
-    def __post_init__(self) -> None:
-        checks.whole("problems", self.problems, low=1)
-        checks.whole("repetitions", self.repetitions, low=1)
-
-    @classmethod
-    def quick(cls) -> PublicSettings:
-        """A few programs: to see whether it works."""
-        return cls(problems=6, repetitions=1)
-
-
-def measure_public(settings: PublicSettings, folder: Path, progress: Progress | None = None) -> dict[str, Any]:
+def measure_public(
+    folder: Path, progress: Progress | None = None, *, problems: int = 1000, repetitions: int = 5
+) -> dict[str, Any]:
     """Everything that the clones in a folder allow.
 
     Args:
-        settings: how much.
         folder: with a clone of each repository, under its name.
         progress: told after every program.
+        problems: most of each set, which are taken evenly.
+        repetitions: how often each is solved.
 
     Returns:
         For each repository what was found; ``missing`` has the commands that bring the absent ones.
@@ -53,12 +40,22 @@ def measure_public(settings: PublicSettings, folder: Path, progress: Progress | 
     Raises:
         InputError: no clone is there, or a file in one is not what it should be.
     """
-    found, missing = find_sources(folder)
-    result: dict[str, Any] = {"missing": how_to_get(missing, folder)}
-    for name, path in found.items():
-        problems = list(npz_problems(path) if name == "mpc" else filter(is_convex, mat_problems(path)))
-        problems = problems[:: -(-len(problems) // settings.problems) or 1]
-        result[name] = {"problems": len(problems), "solvers": time_solvers(problems, settings.repetitions, progress)}
+    clones = {name: folder / Path(repository).name for name, repository in SOURCES.items()}
+    found = [name for name, clone in clones.items() if (clone / "data").is_dir()]
+    missing = [
+        f"git clone https://github.com/{repository} '{clones[name]}'"
+        for name, repository in SOURCES.items()
+        if name not in found
+    ]
+    if not found:
+        message = f"'{folder}' has no clone of {', '.join(SOURCES.values())}; to get them: {' && '.join(missing)}"
+        raise InputError(message, name="data", value=folder)
+    result: dict[str, Any] = {"missing": missing}
+    for name in found:
+        path = clones[name] / "data"
+        every = list(npz_problems(path) if name == "mpc" else filter(is_convex, mat_problems(path)))
+        chosen = every[:: -(-len(every) // problems) or 1]
+        result[name] = {"problems": len(chosen), "solvers": time_solvers(chosen, repetitions, progress)}
     return result
 
 

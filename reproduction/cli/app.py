@@ -1,4 +1,4 @@
-"""The command ``python -m reproduction``: the paper's simulations, claims, planar gait and governors."""
+"""The command ``python -m reproduction``: the paper's simulations, claims and planar gait."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from harpy_pin.cli.ending import stopping
 from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.cli.output import BAD_INPUT
 from reproduction.cli.gait import gait
-from reproduction.cli.governors import governors
 from reproduction.cli.paper import paper, vlip
 
 __all__ = ["app", "main"]
@@ -26,7 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (paper, vlip, gait, governors):
+for command in (paper, vlip, gait):
     app.command()(stopping(command))
 
 

@@ -270,8 +270,7 @@ def test_view_draws_figures(command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name",
-    [(), ("demo",), ("walk",), ("view",), ("vlip",), ("governors",), ("gait",), ("paper",), ("info",), ("robots",)],
+    "name", [(), ("demo",), ("walk",), ("view",), ("vlip",), ("gait",), ("paper",), ("info",), ("robots",)]
 )
 def test_help(command, name):
     code, out, _ = command(*name, "--help")

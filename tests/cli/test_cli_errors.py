@@ -101,8 +101,6 @@ def corrupted_log(tmp_path):
         (lambda p: ("walk", "--save", p / "a", "--json", p / "a"), "--save and --json are the same file"),
         (lambda p: ("walk", "--save", p / "a", "--json", p / "a.part"), "the journal of --save and --json"),
         (lambda p: ("walk", "--again", corrupted_log(p), "--json", p / "bad.npz"), "same file"),
-        (lambda p: ("governors", "--figure", p / "a.bmp"), "must end in .png, .pdf, .svg"),
-        (lambda p: ("governors", "--figure", p / "a.png", "--json", p / "a.png"), "same file"),
         (lambda p: ("gait", "--search", "paper", "--out", p / "a", "--resume", p / "a"), "same file"),
     ],
 )
@@ -127,12 +125,11 @@ def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch)
 @pytest.mark.parametrize(
     ("arguments", "number", "code"),
     [
-        (lambda p: ("governors", "--json", p / "out.json"), signal.SIGINT, 130),
         (lambda p: ("paper", "--out", p / "report"), signal.SIGTERM, 143),
         (lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"), signal.SIGINT, 130),
         (lambda p: ("walk", "--json", p / "out.json", "--save", p / "out.npz"), signal.SIGTERM, 143),
     ],
-    ids=["governors", "paper", "walk", "walk by SIGTERM"],
+    ids=["paper", "walk", "walk by SIGTERM"],
 )
 def test_interrupted_command_stops(command, tmp_path, monkeypatch, number, code, arguments):
     """At the fifth tick of the first walk: no other walk is begun, and none is shown as if it were whole."""

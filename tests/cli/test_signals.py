@@ -63,7 +63,6 @@ CASES = {
     "view --gif": Case("harpy_pin view RUN --gif OUT/film.gif --size 160x100", 6.0),
     "live": Case("harpy_pin live --no-browser --save OUT/run.npz --json OUT/numbers.json --speed 0.2", 6.0),
     "live, compiling": Case("harpy_pin live --no-browser --save OUT/run.npz", 12.0, cold=True),
-    "governors": Case("reproduction governors --json OUT/numbers.json", 6.0),
     "gait": Case("reproduction gait --search paper --budget 500 --out OUT/gait.toml", 5.0),
     "comparison": Case("comparison --quick --json OUT/numbers.json", 25.0),
     "steering": Case("comparison steering --quick --json OUT/numbers.json", 12.0),

@@ -30,7 +30,6 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("reproduction", "gait", "--friction"): ZERO,
     ("reproduction", "gait", "--slip-weight"): ZERO,
     ("reproduction", "gait", "--seed"): {"0"},
-    ("reproduction", "governors", "--friction"): ZERO,
     ("reproduction", "vlip", "--friction"): ZERO,
     ("comparison", "--seed"): SEED,
     ("comparison", "--friction"): ZERO,
@@ -38,7 +37,6 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "campaign", "--joint-damping"): ZERO,
     ("comparison", "tune", "--seed"): SEED,
     ("comparison", "tune", "--joint-damping"): ZERO,
-    ("comparison", "public", "--seed"): SEED,
     ("comparison", "peers", "--friction"): ZERO,
 }
 """What an option takes of the values above. One that is not here takes none of them."""
@@ -76,7 +74,6 @@ def run(monkeypatch, tmp_path, log):
         ("comparison",): ("--out", tmp_path / "out"),
         ("comparison", "campaign"): ("--out", tmp_path / "campaign.jsonl"),
         ("comparison", "tune"): ("--out", tmp_path / "tune.jsonl"),
-        ("comparison", "public"): ("--export", tmp_path / "set"),
     }
 
     stop_before_work(monkeypatch)

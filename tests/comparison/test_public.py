@@ -12,15 +12,10 @@ from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
 from comparison.cli import app
-from comparison.measure.controllers import make_contender
-from comparison.measure.states import record_states, walk
-from comparison.public import data_set, solvers
-from comparison.public.data_set import record_problems, write_problems
+from comparison.public import solvers
 from comparison.public.problems import KEYS, Answer, Problem, is_convex, mat_problems, npz_problems, residuals
-from comparison.public.solvers import CONTENDERS, solve_with_dual, time_solvers
-from comparison.public.sources import SOURCES, find_sources
-from comparison.public.study import PublicSettings, measure_public
-from harpy_pin import load_harpy
+from comparison.public.solvers import solve_with_dual, time_solvers
+from comparison.public.study import SOURCES, measure_public
 from harpy_pin.errors import InputError
 
 MPC = Problem("LIPMWALK0", np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, 1.0]), -np.eye(2), np.array([0.0, -0.2]))
@@ -113,12 +108,6 @@ def test_a_solver_that_raises_or_errs_has_not_solved(monkeypatch):
     assert (erred["claimed_percent"], erred["solved_percent"]) == (100.0, 0.0)
 
 
-def test_settings_are_those_of_every_contender():
-    for name in ("daqp", "quadprog", "piqp", "proxqp", "clarabel"):
-        assert name in CONTENDERS
-        assert isinstance(solvers.settings_of(name, 1e-6), dict)
-
-
 def test_programs_of_numpy_are_read_and_nothing_is_unpickled(tmp_path):
     folder = clone(tmp_path, "mpc")
     save(folder, MPC)
@@ -160,66 +149,7 @@ def test_programs_of_matlab_are_those_with_one_side(tmp_path):
         list(mat_problems(folder))
 
 
-@pytest.fixture(scope="module")
-def recorded():
-    return record_problems(4, duration=0.3, seed=1)
-
-
-def test_data_set_is_read_by_others_and_solved_alike(tmp_path, recorded):
-    write_problems(tmp_path / "set", recorded)
-    assert len({problem.name for problem in recorded}) == len(recorded) == 12
-    for problem in recorded:
-        theirs = qpsolvers.Problem.load(str(tmp_path / "set" / f"{problem.name}.npz"))
-        for key, value in arrays(problem).items():
-            assert np.array_equal(getattr(theirs, key), value) if value is not None else getattr(theirs, key) is None
-        answer = solve_with_dual(problem)
-        assert max(residuals(problem, answer)) < 1e-8
-        assert answer.x == pytest.approx(qpsolvers.solve_problem(theirs, solver="quadprog").x, abs=1e-6)
-
-
-def test_recorded_programs_have_the_optimum_of_the_controller(recorded):
-    """What a program of ours says of z, the exported one says of x."""
-    friction, angle = data_set.FRICTIONS[0], np.random.default_rng(1).uniform(0.0, 2.0 * np.pi)
-    push = data_set.PUSH * np.array([np.cos(angle), np.sin(angle)])
-    states = record_states("wbc", walk("wbc", friction=friction, duration=0.3, push=push), least=1).states
-    controller = make_contender("wbc", load_harpy(), friction)
-    kind = controller.parameters.formulation.replace("_", "").upper()
-    names = [p.name for p in recorded if p.name.startswith(f"HARPY{kind}80T")]
-    assert names
-    for name in names:
-        controller.step(states[int(name.rpartition("T")[2])])
-        answer = solve_with_dual(next(p for p in recorded if p.name == name))
-        assert answer.x == pytest.approx(controller.solution.z, abs=1e-5)
-
-
-def test_parquet_is_written_or_refused(tmp_path, recorded):
-    path = tmp_path / "set.parquet"
-    try:
-        import pyarrow  # noqa: F401
-    except ImportError:
-        with pytest.raises(InputError, match="pyarrow"):
-            write_problems(path, recorded)
-        assert not path.exists()
-        return
-    import pandas as pd
-
-    write_problems(path, recorded)
-    row = pd.read_parquet(path).iloc[0]
-    assert (row["name"], row["P"].tolist()) == (recorded[0].name, recorded[0].P.ravel().tolist())
-
-
-def test_missing_repositories_are_named(tmp_path):
-    with pytest.raises(InputError) as error:
-        find_sources(tmp_path)
-    for repository in SOURCES.values():
-        assert f"git clone https://github.com/{repository} " in str(error.value)
-    clone(tmp_path, "maros")
-    found, missing = find_sources(tmp_path)
-    assert list(found) == ["maros"]
-    assert missing == ("mpc",)
-
-
-def test_command_measures_what_is_there(tmp_path, capsys, monkeypatch):
+def test_command_measures_what_is_there(tmp_path, capsys):
     save(clone(tmp_path, "mpc"), MPC)
     app(["public", "--data", str(tmp_path), "--quick", "--json", str(tmp_path / "a.json")], standalone_mode=False)
     told = capsys.readouterr().out
@@ -229,14 +159,10 @@ def test_command_measures_what_is_there(tmp_path, capsys, monkeypatch):
     assert found["mpc"]["problems"] == 1
     assert found["mpc"]["solvers"]["dual (ours)"]["high"]["solved_percent"] == 100.0
     assert "maros" not in found
-    monkeypatch.setattr("comparison.cli.public.record_problems", lambda count, **how: [MPC])
-    app(["public", "--export", str(tmp_path / "set"), "--quick"], standalone_mode=False)
-    assert [path.name for path in (tmp_path / "set").iterdir()] == ["LIPMWALK0.npz"]
-    for options in ([], ["--data", str(tmp_path), "--export", str(tmp_path)]):
-        with pytest.raises(InputError, match="either --data or --export"):
-            app(["public", *options], standalone_mode=False)
 
 
 def test_a_folder_without_repositories_is_refused(tmp_path):
-    with pytest.raises(InputError, match="git clone"):
-        measure_public(PublicSettings(), tmp_path / "nothing")
+    with pytest.raises(InputError) as error:
+        measure_public(tmp_path / "nothing")
+    for repository in SOURCES.values():
+        assert f"git clone https://github.com/{repository} " in str(error.value)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from comparison.campaign.settings import CampaignSettings
-from comparison.public.study import PublicSettings
 from harpy_pin import InputError
 
 BAD: dict[type, dict[str, tuple[Any, ...]]] = {
@@ -16,8 +15,7 @@ BAD: dict[type, dict[str, tuple[Any, ...]]] = {
         **{"walks": (0,), "duration": (1.0,), "seed": (-1,), "frictions": ((-0.1,),), "mass_errors": ((-1.0,),)},
         **{"jitter": (np.nan,), "plants": (("gazebo",),), "contenders": (("wbc/full",),), "stiffnesses": ((0.0,),)},
         **{"dampings": ((-1.0,),), "speeds": ((0.0,),)},
-    },
-    PublicSettings: {"problems": (0,), "repetitions": (0,)},
+    }
 }
 """By settings and entry, values that each of them refuses."""
 

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def harpy(monkeypatch, capsys, *arguments: object):
     """Run the command in this process: exit code, standard output, standard error."""
-    app = reproduction if arguments[:1] and arguments[0] in ("gait", "governors", "paper", "vlip") else cli
+    app = reproduction if arguments[:1] and arguments[0] in ("gait", "paper", "vlip") else cli
     monkeypatch.setattr(sys, "argv", ["harpy", *map(str, arguments)])
     with pytest.raises(SystemExit) as ending:
         app.main()

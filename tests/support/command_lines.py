@@ -35,7 +35,6 @@ WORK = (
     "comparison.cli.whole.compare",
     "comparison.cli.peers.compare_peers",
     "comparison.cli.public.measure_public",
-    "comparison.cli.public.record_problems",
     "comparison.cli.peers._install",
     "comparison.cli.walks.run_campaign",
     "comparison.cli.tuning.search_settings",

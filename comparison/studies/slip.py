@@ -1,0 +1,83 @@
+"""How far the feet slip on ever more slippery ground, with no push and no error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+from comparison.contenders import CONTENDERS, label
+from comparison.measure.controllers import scenario_of
+from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
+from comparison.study import Job, Study, crossed
+from comparison.tables import Table, number_text
+from harpy_pin import measure
+from harpy_pin.view.figures.style import styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b", "#1b1b1e")
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    for friction, walker in product(s.frictions, s.walkers):
+        yield {"friction": friction, "walker": walker, "duration": s.duration}
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    found = measure(walk_as_far_as_it_goes(scenario_of(job["walker"], job["friction"], duration=job["duration"])))
+    return {"fell": found.fell, "stood_s": found.duration_s, "slip_mm": found.slip_mm_per_step}
+
+
+def _slip(rows: Rows) -> str:
+    (row,) = rows
+    return number_text(row["slip_mm"]) + (f" (fell {row['stood_s']:.1f} s)" if row["fell"] else "")
+
+
+def _tables(rows: Rows) -> list[Table]:
+    title = f"Slip per step in walks of {rows[0]['duration']:g} s, mm"
+    return [crossed("slip", title, rows, lambda row: label(row["walker"]), lambda row: f"{row['friction']:g}", _slip)]
+
+
+@styled
+def _figure(rows: Rows) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+    panel = figure.subplots()
+    frictions = [friction for (friction,) in grouped(rows, "friction")]
+    for (colour, ((walker,), mine)), marker in zip(
+        zip(_COLOURS, grouped(rows, "walker").items(), strict=False), "osD^vPX", strict=False
+    ):
+        faces = ["white" if row["fell"] else colour for row in mine]
+        x, slip = [frictions.index(row["friction"]) for row in mine], [row["slip_mm"] for row in mine]
+        panel.plot(x, slip, color=colour)
+        panel.plot([], [], marker, color=colour, label=label(walker))
+        panel.scatter(x, slip, 36.0, faces, marker=marker, edgecolors=colour, zorder=3)
+    panel.set_yscale("log")
+    panel.set_xticks(range(len(frictions)), [f"{mu:g}" for mu in frictions])
+    panel.set_xlabel("friction coefficient of the ground")
+    panel.set_ylabel("slip, mm per step")
+    panel.set_title("What each keeps from slipping (hollow: it fell)", loc="left")
+    figure.legend(loc="outside right upper", frameon=False)
+    return figure
+
+
+STUDY = Study(
+    name="slip",
+    help="""Walk every controller on ever more slippery ground.
+
+    The controllers know the friction. The table shows how far the feet slip in each step, and when the robot fell.
+    """,
+    defaults={
+        "walkers": (*CONTENDERS[:2], "paper/tracked/pid", *CONTENDERS[2:]),
+        "frictions": (0.25, 0.2, 0.15, 0.1),
+        "duration": 20.0,  # s
+    },
+    quick={"duration": 1.5},
+    jobs=_jobs,
+    measure=_measured,
+    tables=_tables,
+    figure=_figure,
+)
