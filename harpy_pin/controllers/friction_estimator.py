@@ -18,13 +18,13 @@ own.
 
 What holds, for every sequence of samples:
 
-1. lowest ≤ μ̂ ≤ assumed, at every tick.
+1. least estimate ≤ μ̂ ≤ assumed, at every tick.
 2. While the measured speed of a foot stays below the threshold, and it carries load without a break, its estimate never
    falls: the low-passed velocity is a weighted mean of the measured ones.
 3. While the low-passed speed is beyond the threshold, the estimate never rises. A foot that slides on along a line at a
-   ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, lowest) one time constant of the low-pass after its contact began, and
-   comes there exponentially where its slide began later.
-4. A foot that sticks under load has its whole assumed coefficient back after (assumed − lowest) / rate of recovery.
+   ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, least estimate) one time constant of the low-pass after its contact
+   began, and comes there exponentially where its slide began later.
+4. A foot that sticks under load has its assumed coefficient back after (assumed − least estimate) / rate of recovery.
 5. A sample of a foot that is not finite, or beyond ``MAX_SAMPLE``, changes nothing about that foot.
 
 Not proved: that the estimate is below the true coefficient before a foot has slid. The friction of a place that no foot
@@ -33,53 +33,31 @@ has tried is unknown; the first foot on ice slides until that is noticed (``docs
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError
-from harpy_pin.model.entry import FLOAT64, MAX_SAMPLE, all_possible
+from harpy_pin.model.entry import MAX_SAMPLE, all_possible, as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["FrictionEstimator", "FrictionEstimatorParameters", "friction_record"]
+__all__ = ["FrictionEstimator", "friction_record"]
 
-MAX_RATE = 1e3
-"""Largest rate of the estimate, 1/s: as good as at once."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrictionEstimatorParameters:
-    """Settings of :class:`FrictionEstimator`; how they were found is said in ``docs/friction.md``.
-
-    Attributes:
-        lowest: least estimate; the assumed coefficient where that is lower.
-        slip_speed: threshold of the low-passed speed of a foot from which on it slides, m/s. A foot slower than half of
-            it sticks; between the two nothing is concluded.
-        least_load: measured normal force from which on a foot is looked at, N.
-        filter_time: time constant of the low-pass, s.
-        margin: ε, share by which measured ratios are reduced.
-        memory: time constant with which proven ratios are forgotten, s.
-        recovery: rate at which the estimate of a foot that sticks rises, 1/s.
-    """
-
-    lowest: float = 0.03
-    slip_speed: float = 0.025
-    least_load: float = 5.0
-    filter_time: float = 0.005
-    margin: float = 0.05
-    memory: float = 0.1
-    recovery: float = 0.15
-
-    def __post_init__(self) -> None:
-        checks.number("lowest", self.lowest, low=0.0, high=checks.MAX_FRICTION)
-        checks.numbers(self, "slip_speed", "least_load", "memory", low=0.0, strict=True)
-        checks.number("filter_time", self.filter_time, low=0.0)
-        checks.number("margin", self.margin, low=0.0, high=1.0)
-        checks.number("recovery", self.recovery, low=0.0, high=MAX_RATE)
+LEAST_ESTIMATE = 0.03
+"""The estimate is never below it, or below the assumed coefficient where that is lower."""
+SLIP_SPEED = 0.025
+"""Low-passed speed from which on a foot slides, m/s. A foot slower than half of it sticks."""
+LEAST_LOAD = 5.0
+"""Measured normal force from which on a foot is looked at, N."""
+FILTER_TIME = 0.005
+"""Time constant of the low-pass, s."""
+MARGIN = 0.05
+"""ε, share by which measured ratios are reduced."""
+MEMORY = 0.1
+"""Time constant with which proven ratios are forgotten, s."""
+RECOVERY = 0.15
+"""Rate at which the estimate of a foot that sticks rises, 1/s."""
 
 
 @fixed_arrays("estimate", "least", "record")
@@ -87,7 +65,6 @@ class FrictionEstimator(KeepsViews):
     """The estimate for every foot of a robot, updated once per tick.
 
     Args:
-        parameters: settings.
         assumed: coefficient that the estimate begins with and never exceeds.
         feet: how many.
         period: time between updates, s.
@@ -101,30 +78,18 @@ class FrictionEstimator(KeepsViews):
         InputError: a number out of its domain.
     """
 
-    def __init__(
-        self,
-        parameters: FrictionEstimatorParameters | None = None,
-        *,
-        assumed: float,
-        feet: int = 2,
-        period: float = 1e-3,
-        record: Record | None = None,
-    ) -> None:
-        self.parameters = parameters if parameters is not None else FrictionEstimatorParameters()
-        self.record = (
-            friction_record(self.parameters, assumed=assumed, feet=feet, period=period) if record is None else record
-        )
+    def __init__(self, *, assumed: float, feet: int = 2, period: float = 1e-3, record: Record | None = None) -> None:
+        self.record = friction_record(assumed=assumed, feet=feet, period=period) if record is None else record
         self.estimate: Vector = field(self.record, "estimate")
         self.least: Vector = self.record["least"]
-        feet = len(self.estimate)
-        _update.prepare(self.record, np.zeros((feet, 3)), np.zeros((feet, 3)), np.zeros(feet))
+        self._feet = (len(self.estimate), 3)
+        update_friction.prepare(self.record, np.zeros(self._feet), np.zeros(self._feet), np.zeros(self._feet[0]))
         self.reset()
 
     def reset(self) -> None:
         """Begin with what is assumed."""
         self.estimate[:] = self.least[:] = self.record["assumed"]
-        self.record["loaded"] = self.record["samples"] = 0.0
-        for name in ("proven", "velocity", "force", "sweep", "loss"):
+        for name in ("loaded", "samples", "proven", "velocity", "force", "sweep", "loss"):
             self.record[name] = 0.0
 
     def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
@@ -139,34 +104,16 @@ class FrictionEstimator(KeepsViews):
             (feet,) μ̂, the array :attr:`estimate` itself.
 
         Raises:
-            InputError: an array of another shape, or not of float64.
+            InputError: an array of another shape, or not of numbers.
         """
-        fit = False
-        try:
-            if foot_force.dtype is FLOAT64 and foot_velocity.dtype is FLOAT64 and held.dtype is FLOAT64:
-                fit = _update(self.record, foot_force, foot_velocity, held)
-        except Exception:
-            self._refuse(foot_force=foot_force, foot_velocity=foot_velocity, held=held)
-            raise
-        if not fit:
-            self._refuse(foot_force=foot_force, foot_velocity=foot_velocity, held=held)
-            samples = (sample.view(FLOAT64) for sample in (foot_force, foot_velocity, held))  # those from a pickle
-            _update(self.record, *samples)
+        force = as_array("foot_force", foot_force, self._feet)
+        velocity = as_array("foot_velocity", foot_velocity, self._feet)
+        update_friction(self.record, force, velocity, as_array("held", held, self._feet[:1]))
         return self.estimate
-
-    def _refuse(self, **samples: Vector) -> None:
-        """Say which array does not fit."""
-        feet = len(self.estimate)
-        for name, value in samples.items():
-            shape = (feet,) if name == "held" else (feet, 3)
-            if getattr(value, "dtype", None) != FLOAT64 or np.shape(value) != shape:
-                raise InputError(f"{name} must be a float64 array of shape {shape}, got {value!r:.60}", name=name)
 
 
 class FrictionRecord(RecordOf):
-    """Settings and memory of :class:`FrictionEstimator`.
-
-    ``slip_speed``, ``least_load``, ``margin`` and ``lowest`` are those of the parameters.
+    """Memory of :class:`FrictionEstimator`.
 
     Attributes:
         on: whether there is an estimate at all.
@@ -174,6 +121,7 @@ class FrictionRecord(RecordOf):
         weight: of a new sample in the low-pass.
         keep: share of the proven ratio that is left after a tick.
         rise: of the estimate of a foot that sticks, per tick.
+        lowest: estimate that there may be.
         least: lowest estimate of the feet that carried load when one last did.
         estimate: (feet,) μ̂.
         proven: (feet,) ratio proven on the present foothold, with the margin taken off.
@@ -190,9 +138,6 @@ class FrictionRecord(RecordOf):
     weight: float
     keep: float
     rise: float
-    slip_speed: float
-    least_load: float
-    margin: float
     lowest: float
     least: float
     estimate: Vector
@@ -205,47 +150,32 @@ class FrictionRecord(RecordOf):
     loss: Vector = sized("feet")
 
 
-def friction_record(
-    parameters: FrictionEstimatorParameters, *, assumed: float, feet: int, period: float, on: bool = True
-) -> Records[FrictionRecord]:
+def friction_record(*, assumed: float, feet: int, period: float, on: bool = True) -> Records[FrictionRecord]:
     """A new :class:`FrictionRecord`; arguments and errors as of :class:`FrictionEstimator`."""
     assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MAX_FRICTION)
     period = checks.number("period", period, low=0.0, strict=True)
-    p = parameters
     return make_record(
         FrictionRecord,
         {"feet": feet},
         on=bool(on),
         assumed=assumed,
-        weight=1.0 - np.exp(-period / p.filter_time) if p.filter_time > 0.0 else 1.0,
-        keep=np.exp(-period / p.memory),
-        rise=period * p.recovery,
-        slip_speed=p.slip_speed,
-        least_load=p.least_load,
-        margin=p.margin,
-        lowest=min(p.lowest, assumed),
+        weight=1.0 - np.exp(-period / FILTER_TIME),
+        keep=np.exp(-period / MEMORY),
+        rise=period * RECOVERY,
+        lowest=min(LEAST_ESTIMATE, assumed),
         least=assumed,
         estimate=np.full(feet, assumed),
     )
 
 
 @kernel
-def _update(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector) -> bool:
-    """Whether the arrays fit; then they were taken into account."""
-    if foot_force.shape != p.force.shape or foot_velocity.shape != p.force.shape or held.shape != p.estimate.shape:
-        return False
-    update_friction(p, foot_force, foot_velocity, held)
-    return True
-
-
-@kernel
 def update_friction(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector) -> None:
-    """Take one sample into account, on the element of the record; see :meth:`FrictionEstimator.update`."""
+    """Take one sample into account; see :meth:`FrictionEstimator.update`, which checks the arrays."""
     least = np.inf
     for k in range(p.estimate.shape[0]):
         f, v = foot_force[k], foot_velocity[k]
         if all_possible(f) and abs(v[0]) <= MAX_SAMPLE and abs(v[1]) <= MAX_SAMPLE:
-            if held[k] != 0.0 and f[2] > p.least_load:
+            if held[k] != 0.0 and f[2] > LEAST_LOAD:
                 _filter(p, k, f, v)
                 if p.samples[k] * p.weight >= 1.0:
                     _conclude(p, k)
@@ -282,15 +212,15 @@ def _conclude(p: FrictionRecord, k: int) -> None:
     fx, fy, normal = p.force[k, 0], p.force[k, 1], p.force[k, 2]
     vx, vy = p.velocity[k, 0], p.velocity[k, 1]
     speed = np.sqrt(vx * vx + vy * vy)
-    if speed > p.slip_speed:
+    if speed > SLIP_SPEED:
         ratio = p.loss[k] / np.sqrt(p.sweep[k, 0] ** 2 + p.sweep[k, 1] ** 2)
         if ratio > 0.0:  # friction acts against the slip; what does not is noise
-            bound = max((1.0 - p.margin) * ratio, p.proven[k], p.lowest)
+            bound = max((1.0 - MARGIN) * ratio, p.proven[k], p.lowest)
             p.estimate[k] = min(p.estimate[k], bound)
         p.proven[k] *= p.keep
-    elif speed < 0.5 * p.slip_speed:
+    elif speed < 0.5 * SLIP_SPEED:
         ratio = np.sqrt(fx * fx + fy * fy) / normal
-        p.proven[k] = max(p.keep * p.proven[k], (1.0 - p.margin) * ratio)
+        p.proven[k] = max(p.keep * p.proven[k], (1.0 - MARGIN) * ratio)
         p.estimate[k] = min(max(p.estimate[k] + p.rise, p.proven[k]), p.assumed)
     else:
         p.proven[k] *= p.keep

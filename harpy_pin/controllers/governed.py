@@ -91,7 +91,7 @@ class GovernedController(GaitController):
         self.friction: FrictionEstimator | None = None
         if p.estimate_friction:
             assumed = max(float(value.max()) / share for value, share in self._assumed)
-            self.friction = FrictionEstimator(p.friction, assumed=assumed, feet=len(self.robot.feet), period=p.period)
+            self.friction = FrictionEstimator(assumed=assumed, feet=len(self.robot.feet), period=p.period)
         if p.legs == "feedforward":
             record = control_record(p, self.robot, ForwardTickRecord, forward=forward_record(self.gait, p.feedforward))
         else:

@@ -2,42 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Literal, overload
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, fields, is_dataclass, replace
+from typing import Any, TypeVar
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.changes import changed
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.whole_body import WholeBodyController
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
 from harpy_pin.governors.governor import Governor
-from harpy_pin.governors.rows import EVALUATE_AT, ForceRows
+from harpy_pin.governors.rows import ForceRows
+from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.thrust import CentreGains
 from harpy_pin.wbc import WholeBodyLimits
 
 __all__ = [
     "CONTROLLERS",
     "GOVERNORS",
-    "REFERENCE_GOVERNORS",
     "make_controller",
     "make_governor",
     "make_governor_parameters",
     "make_parameters",
 ]
 
+Parameters = TypeVar("Parameters")
+
 CONTROLLERS = ("governed", "wbc", "condensed")
 """The paper's controller with a governor, the whole-body QP, and the condensed controller."""
-REFERENCE_GOVERNORS = ("none", "paper")
-"""Governors of the body's reference, on the reduced-order model."""
-GOVERNORS = (*REFERENCE_GOVERNORS, "filter")
-"""All governors of the walk; ``filter`` is the contact-force filter, which corrects commands."""
+GOVERNORS = ("none", "paper", "filter")
+"""Governors of the walk: ``paper`` changes the body's reference; ``filter``, the contact-force filter, the command."""
 
 
 @checked
@@ -53,7 +52,7 @@ def make_governor(
     """A governor of the 3D walk by name, with the paper's rates and least normal force unless said otherwise.
 
     Args:
-        name: one of :data:`REFERENCE_GOVERNORS`; ``none`` gives none.
+        name: ``paper``, or ``none``, which gives none.
         robot: its mass enters the model.
         mu: friction coefficient that the rows assume.
         evaluate_at: ``measured`` or ``tracked`` (equations.md R1, R2).
@@ -70,40 +69,15 @@ def make_governor(
             name="governor",
             value=name,
         )
-    checks.one_of("governor", name, REFERENCE_GOVERNORS)
-    checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
     settings = make_governor_parameters(name, mu=mu, changes=parameters)
-    if name == "none":
+    if not isinstance(settings, PaperGovernorParameters):
         return None
-    assert isinstance(settings, PaperGovernorParameters)
-    kind: Literal["measured", "tracked"] = "measured" if evaluate_at == "measured" else "tracked"
-    rows = ForceRows(
-        mass=robot.mass,
-        mu=mu,
-        friction_share=settings.friction_share,
-        min_normal_force=settings.min_normal_force,
-        gains=gains,
-        evaluate_at=kind,
-    )
-    return ExplicitReferenceGovernor(
-        rows,
-        alpha_r=settings.alpha_r,
-        alpha_t=settings.alpha_t,
-        alpha_n=settings.alpha_n,
-        conditions="algorithm" if settings.conditions == "algorithm" else "equation",
-    )
+    of_governor = asdict(settings)
+    of_rows = {key: of_governor.pop(key) for key in ("friction_share", "min_normal_force")}
+    rows = ForceRows(mass=robot.mass, mu=mu, gains=gains, evaluate_at=evaluate_at, **of_rows)
+    return ExplicitReferenceGovernor(rows, **of_governor)
 
 
-@overload
-def make_controller(name: Literal["governed"], gait: Gait, *, mu: float, **settings: Any) -> GovernedController: ...
-@overload
-def make_controller(name: Literal["wbc"], gait: Gait, *, mu: float, **settings: Any) -> WholeBodyController: ...
-@overload
-def make_controller(name: Literal["condensed"], gait: Gait, *, mu: float, **settings: Any) -> CondensedController: ...
-@overload
-def make_controller(
-    name: str, gait: Gait, *, mu: float, **settings: Any
-) -> GovernedController | WholeBodyController | CondensedController: ...
 @checked
 def make_controller(
     name: str, gait: Gait, *, mu: float, governor: str | None = None, period: float = 1e-3, **settings: Any
@@ -164,11 +138,10 @@ def make_governor_parameters(
         InputError: unknown name, a value out of its domain, or the friction coefficient, which is an argument here.
     """
     checks.one_of("governor", name, GOVERNORS)
-    changes = {} if changes is None else changes
     if name == "paper":
-        return changed(PaperGovernorParameters(), changes)
+        return _changed(PaperGovernorParameters(), changes)
     if name == "filter":
-        return changed(ContactForceFilterParameters(mu=mu), changes, fixed=("mu",))
+        return _changed(ContactForceFilterParameters(mu=mu), changes, fixed=("mu",))
     if changes:
         raise InputError(f"the governor '{name}' has no parameters", name="governor_parameters", value=changes)
     return None
@@ -192,8 +165,39 @@ def make_parameters(
     """
     hint = f"it is make_controller('governed', ..., governor='{name}')" if name in GOVERNORS else ""
     checks.one_of("controller", name, CONTROLLERS, hint=hint)
-    changes = {} if changes is None else changes
     if name == "governed":
-        return changed(GovernedParameters(period=period), changes, fixed=("period",))
+        return _changed(GovernedParameters(period=period), changes, fixed=("period",))
     whole_body = WholeBodyParameters(period=period, limits=WholeBodyLimits(mu=mu))
-    return changed(whole_body, changes, fixed=("period", "limits.mu"))
+    return _changed(whole_body, changes, fixed=("period", "limits.mu"))
+
+
+def _changed(
+    parameters: Parameters, changes: Mapping[str, Any] | None, *, fixed: Collection[str] = (), inside: str = ""
+) -> Parameters:
+    """A copy of a frozen dataclass with other values, checked as when it is made.
+
+    Args:
+        parameters: may hold further dataclasses.
+        changes: values by name; those of a dataclass inside as a mapping. Lists become tuples.
+        fixed: names that may not change; those of a dataclass inside after its name and a dot.
+        inside: name of the dataclass and a dot, for messages; empty at the top.
+
+    Raises:
+        InputError: unknown or fixed name, a value of the wrong kind or out of its domain.
+    """
+    changes = {} if changes is None else changes
+    if not isinstance(changes, Mapping):
+        raise InputError(f"parameters {inside[:-1] or 'of the controller'} must be a mapping, got {shown(changes)}")
+    valid = [entry.name for entry in fields(parameters)]  # type: ignore[arg-type]
+    values: dict[str, Any] = {}
+    for name, value in changes.items():
+        checks.one_of("parameter", name, valid)
+        if inside + name in fixed:
+            raise InputError(f"parameter '{inside}{name}' has an argument of its own", name=name, value=value)
+        default = getattr(parameters, name)
+        if is_dataclass(default):
+            value = _changed(default, value, fixed=fixed, inside=f"{inside}{name}.")
+        elif isinstance(default, bool) and not isinstance(value, bool):
+            raise InputError(f"{inside}{name} must be true or false, got {shown(value)}", name=name, value=value)
+        values[name] = tuple(value) if isinstance(value, list) else value
+    return replace(parameters, **values)  # type: ignore[type-var]

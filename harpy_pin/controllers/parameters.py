@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from harpy_pin import checks
-from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
-from harpy_pin.model.thrust import AttitudeGains, CentreGains
+from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
 __all__ = ["LEGS", "FeedforwardGains", "GovernedParameters", "JointGains", "WholeBodyParameters"]
@@ -96,7 +95,6 @@ class GovernedParameters:
         thrust: whether there are thrusters; without them only the legs act.
         estimate_friction: whether the governors take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction_estimator`) where it is below the one they were given.
-        friction: settings of that estimate.
     """
 
     period: float = 1e-3
@@ -109,7 +107,6 @@ class GovernedParameters:
     limits: bool = False
     thrust: bool = True
     estimate_friction: bool = False
-    friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
 
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)
@@ -138,7 +135,6 @@ class WholeBodyParameters:
             part of the tick is Python's (``full``, a lag of thrusts, added tasks) and rounding made both fail.
         estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction_estimator`) where it is below that of the limits.
-        friction: settings of that estimate.
         estimate_joint_friction: take into account friction in the joints that the model lacks, estimated while walking
             (:mod:`harpy_pin.controllers.joint_friction`).
         thrust_lag: time constant with which thrusts follow their commands, s: the program has them as they
@@ -162,7 +158,6 @@ class WholeBodyParameters:
     solver: str = "proxqp"
     reuse: bool = True
     estimate_friction: bool = False
-    friction: FrictionEstimatorParameters = field(default_factory=FrictionEstimatorParameters)
     estimate_joint_friction: bool = False
     thrust_lag: float = 0.0
     thrust_turning_lag: float = 0.0

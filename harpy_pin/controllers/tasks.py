@@ -132,9 +132,8 @@ class Tasks(KeepsViews):
             leans=np.int64(lift is not None),
             lift=np.zeros(3) if lift is None else lift,
         )
-        friction = friction_record(
-            p.friction, assumed=p.limits.mu, feet=len(robot.feet), period=p.period, on=p.estimate_friction
-        )
+        feet = len(robot.feet)
+        friction = friction_record(assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction)
         own = {
             "dynamics": dynamics_record(robot),
             "tasks": tasks,
@@ -147,7 +146,7 @@ class Tasks(KeepsViews):
         self.targets = WholeBodyTargets(robot, record=self.record["targets"])
         self.friction: FrictionEstimator | None = None
         if p.estimate_friction:
-            self.friction = FrictionEstimator(p.friction, assumed=p.limits.mu, record=self.record["friction"])
+            self.friction = FrictionEstimator(assumed=p.limits.mu, record=self.record["friction"])
         self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
         self.misfit = (*gait.initial_state(), np.zeros((len(robot.feet) + 1, 3)))
 

@@ -6,8 +6,11 @@ from harpy_pin.governors.governor import Governor, GovernorStatus
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governors.shield import Shield, ShieldReport
 from harpy_pin.governors.shield_loop import ShieldAnswer
+from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 
 __all__ = [
+    "AttitudeGains",
+    "CentreGains",
     "ConstraintRows",
     "ContactForceFilter",
     "ContactForceFilterParameters",

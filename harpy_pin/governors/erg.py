@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +80,7 @@ class ExplicitReferenceGovernor(KeepsViews):
         alpha_t: float = 15.0,
         alpha_n: float = 20.0,
         size: int = 6,
-        conditions: Literal["algorithm", "equation"] = "algorithm",
+        conditions: str = "algorithm",
     ) -> None:
         checks.one_of("conditions", conditions, CONDITIONS)
         self.rows = rows

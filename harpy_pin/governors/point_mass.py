@@ -12,9 +12,9 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.governors.thrust import CentreGains, CentreGainsRecord
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.model.thrust import CentreGains, CentreGainsRecord
 
 __all__ = ["Law", "axial_force", "model_record"]
 

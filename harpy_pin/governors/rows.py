@@ -7,7 +7,7 @@ the friction pyramid and the least normal force of the reduced-order model.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.governors.point_mass import Law, PointMassRecord, axial_force, model_record
+from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.model.thrust import CentreGains
 
 __all__ = ["EVALUATE_AT", "ConstraintRows", "ForceRows", "StackedRows", "own_rows"]
 
@@ -106,7 +106,7 @@ class ForceRows(KeepsViews):
         min_normal_force: float = 20.0,
         gains: CentreGains | None = None,
         law: Law = Law.FULL,
-        evaluate_at: Literal["measured", "tracked"] = "measured",
+        evaluate_at: str = "measured",
         g: float = 9.81,
     ) -> None:
         checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)

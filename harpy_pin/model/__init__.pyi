@@ -7,13 +7,10 @@ from .ik import IKResult, IKStatus, solve_ik
 from .kinematics import LegGeometry, leg_inverse_kinematics
 from .robot import KnownRobot, Robot, harpy_urdf, load_harpy, load_robot, robots
 from .state import Command, State, Vector
-from .thrust import AttitudeGains, CentreGains
 
 __all__ = [
     "CATALOGUE",
-    "AttitudeGains",
     "CatalogueRobot",
-    "CentreGains",
     "Command",
     "ContactForceMap",
     "Dynamics",

@@ -12,7 +12,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows, StackedRows
 from harpy_pin.governors.erg import erg_record, explicit_update
 from harpy_pin.governors.point_mass import Law
-from harpy_pin.model.thrust import CentreGains
+from harpy_pin.governors.thrust import CentreGains
 from reproduction.vlip_model import AngleRow
 from reproduction.vlip_simulation import cartesian
 

@@ -12,8 +12,8 @@ from guarded_walks import NAMES, REFERENCE, X_R, X, command_of, controller_of, c
 import harpy_pin as hp
 from harpy_pin.governors import ForceRows
 from harpy_pin.governors.point_mass import Law
+from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.entry import FADE, HOLD_TICKS
-from harpy_pin.model.thrust import CentreGains
 
 
 def spoiled(rng, state, name):

@@ -8,8 +8,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.controllers import GovernedParameters, JointGains, WholeBodyParameters
-from harpy_pin.controllers.friction_estimator import FrictionEstimatorParameters
-from harpy_pin.model.thrust import AttitudeGains, CentreGains
+from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
 from reproduction.gait.planar_gait import PlanarGait
 
@@ -20,10 +19,6 @@ BAD = {
     },
     PlanarGait: {
         **{"half_step": (0.0, "far"), "end_height": (math.nan,), "double_support": (0.95,), "thrust_k_p": (-1,)}
-    },
-    FrictionEstimatorParameters: {
-        **{"lowest": (-0.1,), "slip_speed": (0.0,), "margin": (1.1,), "recovery": (math.nan,), "filter_time": (-1.0,)},
-        "memory": (0.0,),
     },
     CentreGains: {"k_pt": (-1.0,), "k_dt": ((1.0, 2.0),), "k_pr": (math.nan,), "k_dr": (-0.1,)},
     AttitudeGains: {"k_p": (-1.0,)},

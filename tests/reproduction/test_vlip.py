@@ -11,7 +11,7 @@ from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows
 from harpy_pin.governors.erg import erg_record, explicit_update
 from harpy_pin.governors.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.rows import force_rows_measured
-from harpy_pin.model.thrust import CentreGains, centre_feedback
+from harpy_pin.governors.thrust import CentreGains, centre_feedback
 from reproduction.vlip_model import PolarRows, leg_force, multiplier, polar_to_cartesian
 from reproduction.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
 

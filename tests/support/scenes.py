@@ -21,11 +21,11 @@ from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
 from harpy_pin.governors import ForceRows
 from harpy_pin.governors.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.rows import StackedRows
+from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
-from harpy_pin.model.thrust import CentreGains
 from harpy_pin.scenario import Walk
 from harpy_pin.wbc import FORMULATIONS, WholeBodyTargets, make_problem
 from harpy_pin.wbc.condensed import CondensedSolver

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from harpy_pin.governors.point_mass import Law
-from harpy_pin.model.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
+from harpy_pin.governors.thrust import AttitudeGains, CentreGains, allocate, centre_feedback, limit_thrust, roll_yaw
 
 vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
 MOUNTS = np.array([[0.0, 0.1, 0.0], [0.0, -0.1, 0.0]])
