@@ -1,5 +1,17 @@
-"""``python -m harpy_pin`` is the ``harpy`` command."""
+"""The ``harpy`` command: it imports next to nothing at first, so that a signal meets no half-imported module."""
 
-from harpy_pin.cli.start import main
+from harpy_pin.cli.signals import leave_at_signals
 
-main()
+__all__ = ["main"]
+
+
+def main() -> None:
+    """Run the command."""
+    leave_at_signals()
+    from harpy_pin.cli.app import main as run
+
+    run()
+
+
+if __name__ == "__main__":
+    main()

@@ -14,8 +14,8 @@ from comparison.cli.studies import STUDIES, command_of, films
 from comparison.cli.tuning import tune
 from comparison.cli.walks import campaign
 from comparison.cli.whole import whole
-from harpy_pin.cli.ending import stopping
-from harpy_pin.cli.faults import one_line_errors
+from harpy_pin.cli.ending import one_line_errors, stopping
+
 
 app = typer.Typer(
     add_completion=False,

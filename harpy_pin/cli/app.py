@@ -10,20 +10,16 @@ import typer
 from harpy_pin import __version__
 from harpy_pin.cli.compile import compile_ahead
 from harpy_pin.cli.demo import demo
-from harpy_pin.cli.ending import stopping
+from harpy_pin.cli.ending import one_line_errors, stopping
 from harpy_pin.cli.export import export
-from harpy_pin.cli.faults import one_line_errors
 from harpy_pin.cli.film import film
-from harpy_pin.cli.info import info
+from harpy_pin.cli.lists import info, robots, settings
 from harpy_pin.cli.live import live
 from harpy_pin.cli.output import BAD_INPUT
-from harpy_pin.cli.robots import robots
-from harpy_pin.cli.settings import settings
 from harpy_pin.cli.view import view
 from harpy_pin.cli.walk import walk
 
 __all__ = ["app", "main"]
-
 
 app = typer.Typer(
     name="harpy",
@@ -59,7 +55,3 @@ def main() -> None:
     """Entry point: errors of ours become one line and an exit code."""
     with one_line_errors("harpy", BAD_INPUT):
         sys.exit(app(prog_name="harpy", standalone_mode=False))
-
-
-if __name__ == "__main__":
-    main()

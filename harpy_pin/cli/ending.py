@@ -1,10 +1,13 @@
-"""How a command ends: Ctrl-C and SIGTERM stop it, and warnings, like errors, are one line each."""
+"""How a command ends: Ctrl-C and SIGTERM stop it, and errors and warnings are one line each."""
 
 from __future__ import annotations
 
+import io
+import os
 import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -13,13 +16,9 @@ import typer
 
 from harpy_pin.cli.output import INTERRUPTED
 from harpy_pin.cli.signals import Interruptible
-from harpy_pin.errors import Interrupted, RunFileWarning
+from harpy_pin.errors import HarpyError, Interrupted, RunFileWarning
 
-__all__ = ["say", "stopping"]
-
-FILES = "harpy_pin.files"
-KERNELS = "harpy_pin.compiled.kernels"
-"""Module that compiles, where a command has come so far as to need it."""
+__all__ = ["one_line_errors", "say", "stopping"]
 
 
 def say(message: object) -> None:
@@ -42,15 +41,26 @@ def stopping(command: Callable[..., None]) -> Callable[..., None]:
                 warnings.simplefilter("always", RunFileWarning)
                 _show_as_a_line()
                 try:
-                    code = _exit_code_of(command, arguments, options)
-                    _finish()
+                    try:
+                        command(*arguments, **options)
+                    except typer.Exit as ending:
+                        code = ending.exit_code
+                    # What would otherwise be done at the end of the process, where a signal cuts it.
+                    if (kernels := _kernels()) is not None:
+                        kernels.wait_for_all()
+                    if sys.stdout is not None:
+                        sys.stdout.flush()
                 finally:
                     signals.over()
-                    _end_compilers()
+                    if (kernels := _kernels()) is not None:
+                        kernels.end_all()
         except KeyboardInterrupt as interrupt:
             own = not isinstance(interrupt, Interrupted) and str(interrupt)
             say(own or "interrupted; nothing more was written")
-            code = _code_of_waiting() or INTERRUPTED
+            # A signal may have waited until results were kept.
+            files = sys.modules.get("harpy_pin.files")
+            waited = [] if files is None else files.Shield.waited
+            code = 128 + waited[-1] if waited else INTERRUPTED
         code = signals.code or code
         if code:
             raise typer.Exit(code)
@@ -58,32 +68,9 @@ def stopping(command: Callable[..., None]) -> Callable[..., None]:
     return run
 
 
-def _code_of_waiting() -> int:
-    """Exit code of a signal that waited until results were kept; 0 without one."""
-    waited = files.Shield.waited if (files := sys.modules.get(FILES)) is not None else []
-    return 128 + waited[-1] if waited else 0
-
-
-def _exit_code_of(command: Callable[..., None], arguments: tuple[Any, ...], options: Mapping[str, Any]) -> int:
-    try:
-        command(*arguments, **options)
-    except typer.Exit as ending:
-        return ending.exit_code
-    return 0
-
-
-def _finish() -> None:
-    """What would otherwise be done at the end of the process, where a signal cuts it."""
-    if (kernels := sys.modules.get(KERNELS)) is not None:
-        kernels.wait_for_all()
-    if sys.stdout is not None:
-        sys.stdout.flush()
-
-
-def _end_compilers() -> None:
-    """Compile nothing more in the background."""
-    if (kernels := sys.modules.get(KERNELS)) is not None:
-        kernels.end_all()
+def _kernels() -> Any:
+    """The module that compiles, where a command has come so far as to need it."""
+    return sys.modules.get("harpy_pin.compiled.kernels")
 
 
 def _show_as_a_line() -> None:
@@ -98,3 +85,54 @@ def _show_as_a_line() -> None:
             others(message, category, filename, *place, **more)
 
     warnings.showwarning = show
+
+
+@contextmanager
+def one_line_errors(program: str, code: int) -> Iterator[None]:
+    """Run a program whose errors that a user can mend become one line each; others keep their traceback.
+
+    These are the library's own errors, arguments that the command line cannot read, and an output that takes no more
+    text. Characters that the output does not know are replaced.
+
+    Args:
+        program: name in front of the line.
+        code: exit code; arguments that cannot be read have the one of their own exception.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    try:
+        try:
+            yield
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except Exception as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            error.show()  # type: ignore[attr-defined]
+            sys.exit(code)
+        fault = _output_fault(error) or _usage_fault(error)
+        if fault is None and not isinstance(error, HarpyError):
+            raise
+        # Plain text: a message may hold brackets, which markup would swallow.
+        with suppress(OSError):
+            print(f"{program}: {' '.join((fault or str(error)).split())}", file=sys.stderr, flush=True)
+        sys.exit(getattr(error, "exit_code", code))
+
+
+def _output_fault(error: Exception) -> str | None:
+    """Why the output takes no more text, if so; the rest of it is dropped, or Python would try again at exit."""
+    if not isinstance(error, OSError) or error.filename is not None:
+        return None
+    with suppress(AttributeError, OSError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return f"cannot write the output: {error.strerror or error}"
+
+
+def _usage_fault(error: Exception) -> str | None:
+    """What is wrong with the arguments, by attributes of the error: its class is private to Typer."""
+    if not hasattr(error, "format_message"):
+        return None
+    context = getattr(error, "ctx", None)
+    hint = "" if context is None else f" (see {context.command_path} --help)"
+    return f"{error.format_message()}{hint}"

@@ -36,10 +36,7 @@ def film(
     begins 0.4 s after the walk. Exit code 1 if the robot fell; the film is saved.
 
     \b
-    harpy film go2.gif
     harpy film anymal.gif --robot anymal_c --set gait.schedule=crawl
-    harpy film turn.gif --robot g1 --set gait.velocity="0.2 0 0.2" --duration 6
-    harpy film jump.gif --robot harpy --set gait=flying
     harpy film stairs.gif --set ground.terrain=stairs --set ground.terrain.rise=0.08
     """
     if path.suffix.lower() not in KINDS:

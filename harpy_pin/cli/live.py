@@ -59,11 +59,8 @@ def live(
     process dies, harpy view reads FILE.npz.part.
 
     \b
-    harpy live
     harpy live --set controller=paper --friction 0.25 --speed 0.3
-    harpy live --robot go2
     harpy live --robot anymal_c --set schedule=crawl --speed 0.3
-    harpy live --save drive.npz
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
     robot = known_name(robot)
@@ -100,18 +97,15 @@ def live(
     drive = Drive(start, robot=driven_robot, save=save, listener=listen(host, port), on_page=show)
     console.print(f"drive {driven_robot.name}: {drive.url}  (Ctrl-C ends)", highlight=False)
     driven = drive.run(duration)
-    times = driven.as_dict()
     console.print(
         f"drove {driven.simulated:.1f} s at {driven.factor:.2f} × real time; falls {driven.falls}, "
         f"slip {1e3 * driven.slip:.1f} mm",
         highlight=False,
     )
+    times = driven.as_dict()
     for viewers, tick in times["tick_us"].items():
-        pages = "no page open" if viewers == "0" else f"{viewers} page{'s' if viewers != '1' else ''} open"
-        console.print(
-            f"tick with {pages}: median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs ({tick['ticks']} ticks)",
-            highlight=False,
-        )
+        times_of_tick = f"median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs ({tick['ticks']} ticks)"
+        console.print(f"tick, pages open {viewers}: {times_of_tick}", highlight=False)
     if json is not None:
         write_json(json, times)
     if save is not None:

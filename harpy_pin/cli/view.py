@@ -14,7 +14,6 @@ from harpy_pin.files import check_outputs, replacing
 
 if TYPE_CHECKING:
     from harpy_pin.log.run import Run
-    from harpy_pin.view.page.film import Film
 
 __all__ = ["read_pair", "view"]
 
@@ -47,9 +46,7 @@ def view(
             metavar="FILE", help="Figures of forces, references and thrusts (.png, .pdf, .svg); their kind in the name."
         ),
     ] = None,
-    csv: Annotated[
-        Path | None, typer.Option("--csv", metavar="FILE.csv", help="Export all signals as a table.")
-    ] = None,
+    csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Export all signals as a table.")] = None,
     charts: Annotated[bool, typer.Option("--charts", help="Pictures and films of the whole page, charts too.")] = False,
     port: Annotated[int, typer.Option(help="Port of the live page; any free one by default.", show_default=False)] = 0,
     urdf: Annotated[
@@ -68,8 +65,6 @@ def view(
     Without --html, pictures, films or figures the page is served until Ctrl-C (exit code 130; 143 on SIGTERM).
 
     \b
-    harpy view walk.npz
-    harpy view paper.npz condensed.npz
     harpy view walk.npz --html walk.html
     harpy view walk.npz --png walk.png --times 1.2,1.4
     harpy view paper.npz condensed.npz --gif walk.gif --span 0:4
@@ -81,14 +76,13 @@ def view(
         raise InputError(f"at most {MAX_RUNS} runs are shown side by side, got {len(runs)}", name="runs")
     outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4, "--csv": csv}
     check_outputs(outputs, inputs={f"RUN.npz {k + 1}": run for k, run in enumerate(runs)})
+    pictured = any(path is not None for path in (png, gif, mp4))
     for name, path in outputs.items():
         if path is not None and name != "--html" and path.suffix.lower() != f".{name[2:]}":
             raise InputError(f"{name} wants a name that ends in .{name[2:]}, got '{path}'", name=name, value=path)
     check_figure(figures)
-    if figures is not None and len(runs) > 1:
-        raise InputError("--figures are of one run", name="figures", value=figures)
-    if csv is not None and len(runs) > 1:
-        raise InputError("--csv exports one run", name="runs")
+    if len(runs) > 1 and (figures is not None or csv is not None):
+        raise InputError("--figures and --csv are of one run", name="runs")
     if times is not None and png is None:
         raise InputError("--times says when to take pictures: give --png", name="times", value=times)
     moments = None if times is None else [_number("--times", text) for text in times.split(",")]
@@ -102,7 +96,7 @@ def view(
     if csv is not None:
         logs[0].to_csv(csv)
         console.print(f"wrote {csv}", highlight=False)
-        if html is None and figures is None and png is None and gif is None and mp4 is None:
+        if html is None and figures is None and not pictured:
             return
     pairs = [(log, robot_of(log, urdf)) for log in logs]
     if html is not None:
@@ -110,15 +104,19 @@ def view(
         console.print(f"wrote {html}", highlight=False)
     if figures is not None:
         _draw_figures(logs[0], figures)
-    if png is None and gif is None and mp4 is None:
-        if html is None and figures is None:
-            what = f"replay of {pairs[0][1].name}"
-            serve(replays_html(pairs), what, port=port).wait()
-        return
-    from harpy_pin.view.page.film import Film
+    if pictured:
+        from harpy_pin.view.page.film import Film
 
-    with Film(pairs, charts=charts) as film:
-        _shoot(film, png, moments, gif, mp4, begin, end, width, height)
+        large = (int(width or 1200), int(height or 675))
+        small = (int(width or 640), int(height or 400))
+        with Film(pairs, charts=charts) as film:
+            made = [] if png is None else film.pictures(png, moments, size=large)
+            made += [] if gif is None else [film.gif(gif, begin=begin, end=end, size=small)]
+            made += [] if mp4 is None else [film.mp4(mp4, begin=begin, end=end, size=large)]
+            for path in made:
+                console.print(f"wrote {path}", highlight=False)
+    elif html is None and figures is None:
+        serve(replays_html(pairs), f"replay of {pairs[0][1].name}", port=port).wait()
 
 
 def _draw_figures(run: Run, path: Path) -> None:
@@ -136,29 +134,6 @@ def _draw_figures(run: Run, path: Path) -> None:
         console.print(f"wrote {targets[name]}", highlight=False)
 
 
-def _shoot(
-    film: Film,
-    png: Path | None,
-    moments: list[float] | None,
-    gif: Path | None,
-    mp4: Path | None,
-    begin: float | None,
-    end: float | None,
-    width: float | None,
-    height: float | None,
-) -> None:
-    """Take the pictures and films that were asked for."""
-    large = (int(width or 1200), int(height or 675))
-    if png is not None:
-        for path in film.pictures(png, moments, size=large):
-            console.print(f"wrote {path}", highlight=False)
-    if gif is not None:
-        small = (int(width or 640), int(height or 400))
-        console.print(f"wrote {film.gif(gif, begin=begin, end=end, size=small)}", highlight=False)
-    if mp4 is not None:
-        console.print(f"wrote {film.mp4(mp4, begin=begin, end=end, size=large)}", highlight=False)
-
-
 def _number(option: str, text: str) -> float:
     """A number of an option."""
     try:
@@ -168,16 +143,7 @@ def _number(option: str, text: str) -> float:
 
 
 def read_pair(option: str, text: str, between: str) -> tuple[float, float]:
-    """Two numbers of an option.
-
-    Args:
-        option: its name.
-        text: as it was given.
-        between: what stands between the numbers.
-
-    Raises:
-        InputError: they are none.
-    """
+    """Two numbers of an option, with a sign between them."""
     parts = text.lower().split(between)
     if len(parts) != 2:
         message = f"{option} must be two numbers with '{between}' between, got '{text}'"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -51,15 +50,9 @@ def walk(
 
     \b
     harpy walk --friction 0.8 --duration 6 --save a.npz
-    harpy walk --set controller=wbc --friction 0.25
     harpy walk --set controller.governor=paper --friction 0.25
-    harpy walk --set gait.velocity="0.3 0 0; 4s 0.3 0 0.5; 7s 0 0 0" --duration 9
-    harpy walk --set ground.slope=0.17
-    harpy walk --set ground.friction_strips=[[0.6,1.2,0.15]] --set controller.estimate_friction=true
     harpy walk --push 2.0:0,5,0 --set disturbances.noise=0.5 --set disturbances.delay=0.001
-    harpy walk --set plant.preset=stiff
-    harpy walk --robot go2 --set gait.velocity="0.5 0 0; 3s 0 0 0.5"
-    harpy walk --robot anymal_c --set gait.schedule=crawl --friction 0.3
+    harpy walk --robot go2 --set gait.velocity="0.5 0 0; 3s 0 0 0.5" --set plant.preset=stiff
     harpy walk --again a.npz
     """
     journal = None if save is None else journal_path(save)
@@ -69,8 +62,14 @@ def walk(
     given = {name: value for name, value in options.items() if value is not None}
     if again is None:
         scenario = read_scenario(settings or (), **{"friction": FRICTION, **given})  # type: ignore[arg-type]
+    elif given or settings:
+        named = ", ".join(f"--{name}" for name in (*given, *(("set",) if settings else ())))
+        raise InputError(f"--again walks the scenario of its file: leave out {named}", name="again")
     else:
-        scenario = _scenario_of(again, [*given, *(("set",) if settings else ())])
+        from harpy_pin.log.run import Run
+        from harpy_pin.scenario import Scenario
+
+        scenario = Scenario.of(Run.load(again))
     run, trouble = _run(scenario, save=save)
     # Once it is interrupted, what is left to be written is: the next Ctrl-C waits.
     with Shield(saving=isinstance(trouble, Interrupted)) as shield:
@@ -78,17 +77,6 @@ def walk(
         shield.late = None
     if code:
         raise typer.Exit(code)
-
-
-def _scenario_of(path: Path, given: Sequence[str]) -> Scenario:
-    """The scenario of a log; options that say something of it are refused."""
-    from harpy_pin.log.run import Run
-    from harpy_pin.scenario import Scenario
-
-    if given:
-        options = ", ".join(f"--{name}" for name in given)
-        raise InputError(f"--again walks the scenario of its file: leave out {options}", name="again")
-    return Scenario.of(Run.load(path))
 
 
 def _run(scenario: Scenario, *, save: Path | None) -> tuple[Run, ControlError | Interrupted | RunFileError | None]:
@@ -117,29 +105,25 @@ def _report(
     from harpy_pin.log.measures import STUMBLE, measure
 
     measures = measure(run).as_dict()
-    engine = "" if scenario.plant.name == "compliant" else ", MuJoCo"
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
     slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
-    speed = getattr(scenario.gait, "speed", None)
-    pace = scenario.gait.name if speed is None else f"{speed:g} m/s"
-    if scenario.robot != "harpy":
-        pace = f"{scenario.robot}, {pace}"
-    title = f"{scenario.controller.name}, friction {scenario.ground.mu_s:g}{ice}{slope}, {pace}{engine}"
+    who = f"{scenario.robot}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
+    title = f"{who}, friction {scenario.ground.mu_s:g}{ice}{slope}"
     console.print(measures_table(title, measures, thrusters=run["thrust"].size > 0))
     if json is not None:
         write_json(json, {**measures, "metadata": run.metadata})
     if isinstance(trouble, RunFileError):
         raise trouble
     if save is not None and not journal_path(save).exists():
-        console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False)
+        console.print(f"log: {save}  (replay: harpy view {save})", highlight=False)
     if trouble is not None:
         say(trouble)
         return INTERRUPTED if isinstance(trouble, Interrupted) else FELL
-    if run.ending == "completed" and measures["stumbled"]:
-        tilt = f"the body tilted by {measures['tilt_max_rad']:.2f} rad, more than {STUMBLE:g}"
-        stderr.print(f"completed, but stumbled: {tilt}; this does not count as walking", markup=False)
-        return FELL
     if run.ending != "completed":
-        stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s", markup=False)
-        return FELL
-    return 0
+        stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s")
+    elif measures["stumbled"]:
+        tilt = f"the body tilted by {measures['tilt_max_rad']:.2f} rad, more than {STUMBLE:g}"
+        stderr.print(f"completed, but stumbled: {tilt}; this does not count as walking")
+    else:
+        return 0
+    return FELL

@@ -6,8 +6,7 @@ import sys
 
 import typer
 
-from harpy_pin.cli.ending import stopping
-from harpy_pin.cli.faults import one_line_errors
+from harpy_pin.cli.ending import one_line_errors, stopping
 from harpy_pin.cli.output import BAD_INPUT
 from reproduction.cli.gait import gait
 from reproduction.cli.paper import paper, vlip

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = "from harpy_pin.cli.faults import one_line_errors\nwith one_line_errors('harpy', 2):\n"
+PROGRAM = "from harpy_pin.cli.ending import one_line_errors\nwith one_line_errors('harpy', 2):\n"
 
 
 def python(*arguments, stdout=subprocess.PIPE, **environment):

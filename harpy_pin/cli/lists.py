@@ -1,0 +1,104 @@
+"""The commands ``harpy info``, ``harpy robots`` and ``harpy settings``: tables of what there is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from harpy_pin import __version__
+from harpy_pin.cli.output import UrdfOption, console
+
+__all__ = ["info", "robots", "settings"]
+
+
+def info(urdf: UrdfOption = None) -> None:
+    """Print the robot's numbers, versions, and where examples are.
+
+    The numbers are masses, joints and limits; versions are those in use; tutorials are beside the examples.
+    """
+    from harpy_pin.log.run import describe_versions
+    from harpy_pin.model.robot import load_harpy
+
+    robot = load_harpy(urdf)
+    model = robot.model
+    table = Table(
+        *("joint", "lower rad", "upper rad", "torque N·m", "armature kg·m²"),
+        title=f"{robot.name}: {robot.mass:.3f} kg, nq {model.nq}, nv {model.nv}",
+        caption=f"feet {', '.join(robot.feet)}\nthrusters {', '.join(robot.thrusters)}, {robot.thrust_limit:g} N each",
+    )
+    rows = zip(robot.joints, robot.joint_lower, robot.joint_upper, robot.torque_limit, model.armature[6:], strict=True)
+    for name, lower, upper, torque, armature in rows:
+        table.add_row(name, f"{lower:.2f}", f"{upper:.2f}", f"{torque:.1f}", f"{armature:g}")
+    console.print(table)
+    table = Table("package", "version")
+    for name, version in {**describe_versions(), "harpy-pin": __version__}.items():
+        table.add_row(name, version)
+    console.print(table)
+    # Examples come inside the package once it is installed, and are beside it in a checkout.
+    package = Path(__file__).parents[1]
+    checkout = (package.parent / "urdf" / "harpy.urdf").is_file()
+    for path in ("examples", "docs/tutorials"):
+        folder = package.parent / path if checkout else package / Path(path).name
+        if folder.is_dir():
+            print(f"{folder.name}: {folder}")
+
+
+def robots() -> None:
+    """List the robots that are known by name.
+
+    Each is loaded by its name, such as load_robot("solo12"). Their files, but for Harpy's, are in example-robot-data,
+    the extra "robots"; without it, masses, joints and licences are not known.
+    """
+    from harpy_pin.model.catalogue import installed_data
+    from harpy_pin.model.robot import robots as known_robots
+
+    installed = installed_data()
+    found = "is not installed: pip install 'harpy-pin[robots]'" if installed is None else f"{installed} is installed"
+    table = Table("robot", "mass kg", "joints", "feet or rotors", "licence")
+    for column in table.columns[1:3]:
+        column.justify = "right"
+    for name, robot in known_robots().items():
+        numbers = ("–", "–") if robot.mass is None else (f"{robot.mass:.2f}", str(robot.joints))
+        table.add_row(name, *numbers, " ".join(robot.feet) or f"{robot.rotors} rotors", robot.licence or "–")
+    output = _console(100)
+    output.print(table)
+    output.print(f"example-robot-data {found}", soft_wrap=True, highlight=False)
+
+
+def settings(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Only names that begin like this; all by default.")
+    ] = None,
+) -> None:
+    """List the settings of a walk: what --set takes.
+
+    Where a setting does not belong to all gaits, controllers or engines, those that have it are named first. A part
+    that is not named is the first one that has the settings given.
+
+    \b
+    harpy settings controller
+    harpy walk --set controller=wbc --set controller.weights.swing=0.5
+    harpy walk --set gait.velocity="0.3 0 0; 4s 0.2 0 0.5"
+    """
+    from harpy_pin.errors import InputError
+    from harpy_pin.scenario.settings import settings_table
+
+    table = Table("setting", "default", "meaning", pad_edge=False)
+    everything = settings_table()
+    found = [setting for setting in everything if any(setting.name.startswith(name) for name in names or ("",))]
+    if not found:
+        raise InputError.unknown("setting", " ".join(names or ()), [setting.name for setting in everything])
+    for setting in found:
+        default = "null" if setting.default is None else str(setting.default).removesuffix("()")
+        owners = f"{', '.join(setting.parts)}: " if setting.parts else ""
+        table.add_row(setting.name, default, owners + setting.meaning.replace("``", ""))
+    _console(140).print(table)
+
+
+def _console(width: int) -> Console:
+    """Where a table goes; it has so many columns where the output is no terminal."""
+    return console if console.is_terminal else Console(width=width, markup=False)
