@@ -68,7 +68,7 @@ def test_a_walk_goes_where_it_is_told(command, tmp_path):
         ("0.3 0 0; 2 0 0 0", "must look like"),
         ("a 0 0", "must look like"),
         ("", "must look like"),
-        ("0.3 0 nan", "command"),
+        ("0.3 0 nan", "velocity must be finite"),
         ("2s 0 0 0; 1s 0 0 0", "must grow"),
     ],
 )
