@@ -16,7 +16,6 @@ from comparison.cli.walks import campaign
 from comparison.cli.whole import whole
 from harpy_pin.cli.ending import one_line_errors, stopping
 
-
 app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
