@@ -14,7 +14,7 @@ from comparison.tables import Table, in_columns
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, WholeBodyLimits, installed_solvers
-from harpy_pin.wbc.backends.proxqp import ProxQPSolver
+from harpy_pin.wbc.solvers import ProxQPSolver
 
 STATES = 500
 """States of the walk that are used, from its middle."""

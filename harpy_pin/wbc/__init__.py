@@ -1,10 +1,10 @@
 """Whole-body control by quadratic programming: the problem is built apart from being solved."""
 
-from harpy_pin.wbc.backends.named_solvers import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus
+from harpy_pin.wbc.solvers import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.tasks.added import AddedTask, AddedTasks
 from harpy_pin.wbc.tasks.built_in import BuiltInTask, built_in_tasks
 from harpy_pin.wbc.tasks.centroidal import CentreOfMassTask, MomentumTask

@@ -65,39 +65,23 @@ SINGLE = {"TOLERANCE": 1e-4, "PULL": 1e-7}
 
 
 class ActiveSetRecord(RecordOf):
-    """Work space of :class:`WarmStartedActiveSet`.
+    """Work space of :class:`WarmStartedActiveSet`."""
 
-    Attributes:
-        active: (rows,) −1 for a row at its lower bound, 1 at its upper bound, else 0.
-        chosen: (rows,) the active rows, packed to the front.
-        multiplier: (n_eq + rows,) of the equalities and the active rows.
-        factor: (n, n) L of H = Lᵀ L.
-        columns: (n, n_eq + rows + 1) L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint.
-        schur: (n_eq + rows, n_eq + rows) factor of W H⁻¹ Wᵀ.
-        budget: exchanges of the dual method that all solves of a tick may take; a system counts as ``SYSTEM``.
-        most: that it may take in one solve.
-        left: of the budget, in this tick.
-        systems: solved in this tick.
-        exchanges: of the dual method in this tick.
-        searched: how many solves needed that method.
-        iterations: of the last solve.
-        violation: of the last solution.
-    """
-
+    # −1 for a row at its lower bound, 1 at its upper bound, else 0
     active: NDArray[np.int64] = sized("rows", whole=True)
-    chosen: NDArray[np.int64] = sized("rows", whole=True)
-    multiplier: Vector = sized("n_eq + rows")
-    factor: Vector = sized("n", "n")
-    columns: Vector = sized("n", "n_eq + rows + 1")
-    schur: Vector = sized("n_eq + rows", "n_eq + rows")
-    budget: int
-    most: int
-    left: int = ZERO
-    systems: int = ZERO
-    exchanges: int = ZERO
-    searched: int = ZERO
-    iterations: int = ZERO
-    violation: float = 0.0
+    chosen: NDArray[np.int64] = sized("rows", whole=True)  # the active rows, packed to the front
+    multiplier: Vector = sized("n_eq + rows")  # of the equalities and the active rows
+    factor: Vector = sized("n", "n")  # L of H = Lᵀ L
+    columns: Vector = sized("n", "n_eq + rows + 1")  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
+    schur: Vector = sized("n_eq + rows", "n_eq + rows")  # factor of W H⁻¹ Wᵀ
+    budget: int  # exchanges of the dual method that all solves of a tick may take; a system counts as ``SYSTEM``
+    most: int  # that it may take in one solve
+    left: int = ZERO  # of the budget, in this tick
+    systems: int = ZERO  # solved in this tick
+    exchanges: int = ZERO  # of the dual method in this tick
+    searched: int = ZERO  # how many solves needed that method
+    iterations: int = ZERO  # of the last solve
+    violation: float = 0.0  # of the last solution
 
 
 @fixed_arrays("record")

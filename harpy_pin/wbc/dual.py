@@ -41,35 +41,21 @@ _STATUS = {_SOLVED: QPStatus.SOLVED, _EXHAUSTED: QPStatus.MAX_ITERATIONS, _INFEA
 
 
 class DualRecord(RecordOf):
-    """Work space of :class:`DualActiveSet`.
+    """Work space of :class:`DualActiveSet`."""
 
-    Attributes:
-        active: (rows,) −1 for an inequality at its lower bound, 1 at its upper bound, else 0.
-        scale: (rows,) 1 / norm of each row of C.
-        factor: (n, n) L of H = Lᵀ L.
-        basis: (n, n) Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0].
-        triangle: (n, n) R.
-        chosen: (n,) the active constraints in the order of R: equalities, then n_eq + row.
-        multiplier: (n + 1,) of the active constraints, and of the one that comes in.
-        normal: (n,) of the constraint that comes in.
-        turned: (n,) basis · normal.
-        pull: (n,) R⁻¹ of its leading part: how fast the multipliers fall.
-        step: (n,) direction in which z goes.
-        limit: exchanges after which a solve gives up.
-    """
-
+    # −1 for an inequality at its lower bound, 1 at its upper bound, else 0
     active: NDArray[np.int64] = sized("rows", whole=True)
-    scale: Vector = sized("rows")
-    factor: Vector = sized("n", "n")
-    basis: Vector = sized("n", "n")
-    triangle: Vector = sized("n", "n")
+    scale: Vector = sized("rows")  # 1 / norm of each row of C
+    factor: Vector = sized("n", "n")  # L of H = Lᵀ L
+    basis: Vector = sized("n", "n")  # Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0]
+    triangle: Vector = sized("n", "n")  # R
+    # the active constraints in the order of R: equalities, then n_eq + row
     chosen: NDArray[np.int64] = sized("n", whole=True)
-    multiplier: Vector = sized("n + 1")
-    normal: Vector = sized("n")
-    turned: Vector = sized("n")
-    pull: Vector = sized("n")
-    step: Vector = sized("n")
-    limit: int
+    multiplier: Vector = sized("n + 1")  # of the active constraints, and of the one that comes in
+    normal: Vector = sized("n")  # of the constraint that comes in
+    turned: Vector = sized("n")  # basis · normal
+    pull: Vector = sized("n")  # R⁻¹ of its leading part: how fast the multipliers fall
+    limit: int  # exchanges after which a solve gives up
 
 
 @fixed_arrays("active", "record")

@@ -33,15 +33,10 @@ __all__ = ["FullProblem"]
 
 
 class FullRecord(RecordOf):
-    """What the formulation keeps of the last state.
+    """What the formulation keeps of the last state."""
 
-    Attributes:
-        offset: (joints,) torques at zero acceleration, thrust and force, N·m.
-        inputs: (thrust variables + joints,) [u; τ] to which tasks give way, N and N·m.
-    """
-
-    offset: Vector = sized("joints")
-    inputs: Vector = sized("thrusts + joints")
+    offset: Vector = sized("joints")  # torques at zero acceleration, thrust and force, N·m
+    inputs: Vector = sized("thrusts + joints")  # [u; τ] to which tasks give way, N and N·m
 
 
 class FullProblem(WholeBodyProblem):

@@ -60,17 +60,6 @@ class ProblemRecord(RecordOf):
     """Weights and limits of a whole-body problem, for kernels.
 
     The weights have the names of :class:`~harpy_pin.wbc.weights.WholeBodyWeights`, after ``w_``.
-
-    Attributes:
-        torque_limit: (joints,) N·m.
-        input_lower: (thrust variables + joints,) limits of [u; τ], N and N·m.
-        input_upper: (thrust variables + joints,) limits of [u; τ], N and N·m.
-        give_way: share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way.
-        pyramid: (faces, 3) rows p of the friction pyramid, p f ≥ 0; in a tick the last column is that of each foot.
-        mu: friction coefficient of the ground.
-        friction_share: share of μ that is used; what is left is for errors of μ, of the model, and for impacts.
-        inscribed: share of the cone's slope that the faces of the pyramid have.
-        friction: (feet,) coefficient of each foot in this tick, after the safety margin.
     """
 
     w_body: float
@@ -80,29 +69,24 @@ class ProblemRecord(RecordOf):
     w_arms: float
     w_thrust: float
     w_force: float
-    torque_limit: Vector
-    input_lower: Vector
-    input_upper: Vector
-    give_way: float
+    torque_limit: Vector  # (joints,) N·m
+    input_lower: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
+    input_upper: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
+    give_way: float  # share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way
+    # (faces, 3) rows p of the friction pyramid, p f ≥ 0; in a tick the last column is that of each foot
     pyramid: Vector
-    mu: float
-    friction_share: float
-    inscribed: float
-    friction: Vector
+    mu: float  # friction coefficient of the ground
+    friction_share: float  # share of μ that is used; what is left is for errors of μ, of the model, and for impacts
+    inscribed: float  # share of the cone's slope that the faces of the pyramid have
+    friction: Vector  # (feet,) coefficient of each foot in this tick, after the safety margin
 
 
 class FormulationRecord(ProblemRecord):
-    """The problem in a formulation.
+    """The problem in a formulation."""
 
-    Attributes:
-        w_motion: (nv,) weight of each entry of the generalised acceleration.
-        corners: (feet of the robot,) contact points of each.
-        directions: of the held feet, where the formulation counts them.
-    """
-
-    w_motion: Vector
-    corners: NDArray[np.int64]
-    directions: int = ZERO
+    w_motion: Vector  # (nv,) weight of each entry of the generalised acceleration
+    corners: NDArray[np.int64]  # (feet of the robot,) contact points of each
+    directions: int = ZERO  # of the held feet, where the formulation counts them
 
 
 def problem_values(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits) -> Mapping[str, Any]:

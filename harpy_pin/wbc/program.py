@@ -18,27 +18,16 @@ UNBOUNDED = 1e20
 
 
 class ProgramRecord(RecordOf):
-    """Arrays of a :class:`QuadraticProgram`.
+    """Arrays of a :class:`QuadraticProgram`."""
 
-    Attributes:
-        hessian: (n, n) H, positive definite.
-        gradient: (n,) g.
-        equality: (n_eq, n) A.
-        equality_value: (n_eq,) b.
-        inequality: (bounded + inequalities, n) C.
-        lower: (bounded + inequalities,) l.
-        upper: (bounded + inequalities,) u.
-        bounded: how many variables have bounds.
-    """
-
-    hessian: Vector = sized("size", "size")
-    gradient: Vector = sized("size")
-    equality: Vector = sized("equalities", "size")
-    equality_value: Vector = sized("equalities")
-    inequality: Vector
-    lower: Vector = sized("rows", fill=-UNBOUNDED)
-    upper: Vector = sized("rows", fill=UNBOUNDED)
-    bounded: int
+    hessian: Vector = sized("size", "size")  # H, positive definite
+    gradient: Vector = sized("size")  # g
+    equality: Vector = sized("equalities", "size")  # A
+    equality_value: Vector = sized("equalities")  # b
+    inequality: Vector  # (bounded + inequalities, n) C
+    lower: Vector = sized("rows", fill=-UNBOUNDED)  # l
+    upper: Vector = sized("rows", fill=UNBOUNDED)  # u
+    bounded: int  # how many variables have bounds
 
 
 @fixed_arrays("equality", "equality_value", "gradient", "hessian", "inequality", "lower", "record", "upper")

@@ -208,13 +208,7 @@ def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> 
 
 
 class TargetsRecord(RecordOf):
-    """The arrays of :class:`WholeBodyTargets`, with their names, and:
-
-    Attributes:
-        centre_drift: (2,) horizontal acceleration of the centre of mass that velocities alone bring about, world
-            axes, m/s²; used where ``centred``.
-        measured: (feet, 3) measured contact forces in the frames of the contacts, where the ground is not level, N.
-    """
+    """The arrays of :class:`WholeBodyTargets`, with their names, and what kernels need besides."""
 
     body: Vector = sized(3)
     orientation: Vector = sized(3)
@@ -225,8 +219,11 @@ class TargetsRecord(RecordOf):
     friction: Vector = sized("feet", fill=np.inf)
     tilted: int = ZERO
     centred: int = ZERO
+    # horizontal acceleration of the centre of mass that velocities alone bring about, world axes, m/s²; used where
+    # ``centred``
     centre_drift: Vector = sized(2)
     frame: Vector = sized("feet", 3, 3)
+    # measured contact forces in the frames of the contacts, where the ground is not level, N
     measured: Vector = sized("feet", 3)
 
 

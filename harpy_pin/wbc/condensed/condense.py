@@ -64,61 +64,35 @@ class CondensationRecord(RecordOf):
     In the shapes a limb has j joints and its foot r = 3 rows for each corner: 3 and 3 for points, 6 and 12 for
     rectangles; ``thrusts`` is the number of thrust variables (:mod:`harpy_pin.model.rotor`), ``others`` that of the
     joints on no limb.
-
-    Attributes:
-        limb: (limbs, j) columns of each limb's joints.
-        others: columns of the joints that are on no limb.
-        posture: (others,) ā_j.
-        inverse: (limbs, j, r) J_kl⁺.
-        normal: (j, j) factor of J_klᵀ J_kl, for flat feet.
-        limb_bias: (limbs, j) ā_k.
-        limb_map: (limbs, j, 6) T_k.
-        mass: (6, 6) M_b.
-        bias: (6,) n_b.
-        force_map: (6, 3 feet) G_f; zero columns for swing feet.
-        free_map: (6, thrusts + others + 3 feet) G_o; zero columns for stance feet.
-        free_acceleration: (thrusts + others + 3 feet,) o.
-        inverse_weight: (thrusts + others + 3 feet,) 1/D; zero for an entry of o that is fixed.
-        inverse_body_weight: (6,) 1/W.
-        desired: (6,) a_d.
-        right_hand_side: (6,) w, less the part of what is fixed in o.
-        factor: (6, 6) of K.
-        multiplier: (6,) λ.
-        centred: 1 where a_r is z, with the acceleration of the centre of mass (:mod:`~harpy_pin.wbc.condensed.centre`).
-        root_per_centre: (6, 6) C⁻¹.
-        centre_bias: (3,) c, but for its zeros.
-        centre_free: (2, thrusts + others + 3 feet) C_o, but for its zeros.
-        acceleration: (nv,) a.
-        free_per_unit: (thrusts + others + 3 feet, thrusts + others + 3 feet) o per unit of each variable of
-            :func:`~harpy_pin.wbc.condensed.limits.input_map`.
-        motion_per_unit: (nv, thrusts + others + 3 feet) a per unit of each of them.
     """
 
-    limb: NDArray[np.int64]
-    others: NDArray[np.int64]
-    posture: Vector = sized("others")
-    inverse: Vector = sized("limbs", "j", "r")
-    normal: Vector = sized("j", "j")
-    limb_bias: Vector = sized("limbs", "j")
-    limb_map: Vector = sized("limbs", "j", 6)
-    mass: Vector = sized(6, 6)
-    bias: Vector = sized(6)
-    force_map: Vector = sized(6, "3 feet")
-    free_map: Vector = sized(6, "thrusts + others + 3 feet")
-    free_acceleration: Vector = sized("thrusts + others + 3 feet")
-    inverse_weight: Vector = sized("thrusts + others + 3 feet")
-    inverse_body_weight: Vector = sized(6)
-    desired: Vector = sized(6)
-    right_hand_side: Vector = sized(6)
-    factor: Vector = sized(6, 6)
-    multiplier: Vector = sized(6)
+    limb: NDArray[np.int64]  # (limbs, j) columns of each limb's joints
+    others: NDArray[np.int64]  # columns of the joints that are on no limb
+    posture: Vector = sized("others")  # ā_j
+    inverse: Vector = sized("limbs", "j", "r")  # J_kl⁺
+    normal: Vector = sized("j", "j")  # factor of J_klᵀ J_kl, for flat feet
+    limb_bias: Vector = sized("limbs", "j")  # ā_k
+    limb_map: Vector = sized("limbs", "j", 6)  # T_k
+    mass: Vector = sized(6, 6)  # M_b
+    bias: Vector = sized(6)  # n_b
+    force_map: Vector = sized(6, "3 feet")  # G_f; zero columns for swing feet
+    free_map: Vector = sized(6, "thrusts + others + 3 feet")  # G_o; zero columns for stance feet
+    free_acceleration: Vector = sized("thrusts + others + 3 feet")  # o
+    inverse_weight: Vector = sized("thrusts + others + 3 feet")  # 1/D; zero for an entry of o that is fixed
+    inverse_body_weight: Vector = sized(6)  # 1/W
+    desired: Vector = sized(6)  # a_d
+    right_hand_side: Vector = sized(6)  # w, less the part of what is fixed in o
+    factor: Vector = sized(6, 6)  # of K
+    multiplier: Vector = sized(6)  # λ
+    # 1 where a_r is z, with the acceleration of the centre of mass (``centre.py``)
     centred: int = ZERO
-    root_per_centre: Vector = sized(6, 6)
-    centre_bias: Vector = sized(3)
-    centre_free: Vector = sized(2, "thrusts + others + 3 feet")
-    acceleration: Vector = sized("nv")
+    root_per_centre: Vector = sized(6, 6)  # C⁻¹
+    centre_bias: Vector = sized(3)  # c, but for its zeros
+    centre_free: Vector = sized(2, "thrusts + others + 3 feet")  # C_o, but for its zeros
+    acceleration: Vector = sized("nv")  # a
+    # o per unit of each variable of ``input_map``
     free_per_unit: Vector = sized("thrusts + others + 3 feet", "thrusts + others + 3 feet")
-    motion_per_unit: Vector = sized("nv", "thrusts + others + 3 feet")
+    motion_per_unit: Vector = sized("nv", "thrusts + others + 3 feet")  # a per unit of each of them
 
 
 def condensation_record(robot: Robot) -> Records[CondensationRecord]:

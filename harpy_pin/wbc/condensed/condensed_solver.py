@@ -76,59 +76,34 @@ CLIPPED = int(CondensedStatus.TORQUE_CLIPPED)
 
 
 class SearchRecord(RecordOf):
-    """A program, and what searches its optimum.
+    """A program, and what searches its optimum."""
 
-    Attributes:
-        program: the quadratic program.
-        exchange: the last active set and its exchange.
-        dual: the dual method.
-    """
-
-    program: ProgramRecord
-    exchange: ActiveSetRecord
-    dual: DualRecord
+    program: ProgramRecord  # the quadratic program
+    exchange: ActiveSetRecord  # the last active set and its exchange
+    dual: DualRecord  # the dual method
 
 
 class CondensedRecord(ProblemRecord):
-    """Settings and work space of :class:`CondensedSolver`.
+    """Settings and work space of :class:`CondensedSolver`."""
 
-    Attributes:
-        root: the robot as six equations.
-        free: program on the forces alone.
-        limited: program on thrusts, free accelerations and forces, with rows for the torques.
-        least_share: (feet,) share of its least normal force that each foot has to bear.
-        swing_share: (feet,) share of its weight that each swing foot has at the motors' limits.
-        force: (3 feet,) contact forces, world axes, N; zero in swing.
-        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m; see :mod:`harpy_pin.model.rotor`.
-        last_inputs: (thrust variables + joints,) those of the tick before.
-        response: (6, 3 feet) acceleration of the root per force.
-        desired: (nv,) demanded generalised acceleration.
-        unknowns: (thrust variables + others + 3 feet,) of the program with limits, N and rad/s².
-        wide_response: (6, thrust variables + others + 3 feet) acceleration of the root per unknown.
-        gain: (thrust variables + joints, thrust variables + others + 3 feet) [u; τ] per unknown.
-        at_rest: (thrust variables + joints,) [u; τ] where the unknowns are zero.
-        status_and_systems: (2,) status of the last tick, and systems that were solved in it.
-        hold_ticks: ticks in a row for which the last inputs are held in the place of clipped ones.
-        clipped: (2,) ticks with clipped torques: all, and in a row.
-    """
-
-    root: CondensationRecord
-    free: SearchRecord
-    limited: SearchRecord
-    least_share: Vector = sized("feet", fill=1.0)
-    swing_share: Vector = sized("feet", fill=1.0)
-    force: Vector = sized("3 feet")
-    inputs: Vector = sized("thrusts + joints")
-    last_inputs: Vector = sized("thrusts + joints")
-    response: Vector = sized(6, "3 feet")
-    desired: Vector = sized("nv")
-    unknowns: Vector = sized("thrusts + others + 3 feet")
-    wide_response: Vector = sized(6, "thrusts + others + 3 feet")
-    gain: Vector = sized("thrusts + joints", "thrusts + others + 3 feet")
-    at_rest: Vector = sized("thrusts + joints")
+    root: CondensationRecord  # the robot as six equations
+    free: SearchRecord  # program on the forces alone
+    limited: SearchRecord  # program on thrusts, free accelerations and forces, with rows for the torques
+    least_share: Vector = sized("feet", fill=1.0)  # share of its least normal force that each foot has to bear
+    swing_share: Vector = sized("feet", fill=1.0)  # share of its weight that each swing foot has at the motors' limits
+    force: Vector = sized("3 feet")  # contact forces, world axes, N; zero in swing
+    inputs: Vector = sized("thrusts + joints")  # [u; τ] of the last tick, N and N·m
+    last_inputs: Vector = sized("thrusts + joints")  # those of the tick before
+    response: Vector = sized(6, "3 feet")  # acceleration of the root per force
+    desired: Vector = sized("nv")  # demanded generalised acceleration
+    unknowns: Vector = sized("thrusts + others + 3 feet")  # of the program with limits, N and rad/s²
+    wide_response: Vector = sized(6, "thrusts + others + 3 feet")  # acceleration of the root per unknown
+    gain: Vector = sized("thrusts + joints", "thrusts + others + 3 feet")  # [u; τ] per unknown
+    at_rest: Vector = sized("thrusts + joints")  # [u; τ] where the unknowns are zero
+    # status of the last tick, and systems that were solved in it
     status_and_systems: NDArray[np.int64] = sized(2, whole=True)
-    hold_ticks: int
-    clipped: NDArray[np.int64] = sized(2, whole=True)
+    hold_ticks: int  # ticks in a row for which the last inputs are held in the place of clipped ones
+    clipped: NDArray[np.int64] = sized(2, whole=True)  # ticks with clipped torques: all, and in a row
 
 
 def condensed_record(

@@ -49,21 +49,13 @@ __all__ = ["ContactForceProblem"]
 
 
 class ContactForceRecord(RecordOf):
-    """What the formulation in contact forces keeps of the last state.
+    """What the formulation in contact forces keeps of the last state."""
 
-    Attributes:
-        root: the robot as six equations.
-        response: (6, 3 feet) acceleration of the root per force.
-        gain: (inputs, 3 feet) [u; τ] per force.
-        at_rest: (inputs,) [u; τ] without forces.
-        desired: (nv,) demanded generalised acceleration.
-    """
-
-    root: CondensationRecord
-    response: Vector = sized(6, "3 feet")
-    gain: Vector = sized("thrusts + joints", "3 feet")
-    at_rest: Vector = sized("thrusts + joints")
-    desired: Vector = sized("nv")
+    root: CondensationRecord  # the robot as six equations
+    response: Vector = sized(6, "3 feet")  # acceleration of the root per force
+    gain: Vector = sized("thrusts + joints", "3 feet")  # [u; τ] per force
+    at_rest: Vector = sized("thrusts + joints")  # [u; τ] without forces
+    desired: Vector = sized("nv")  # demanded generalised acceleration
 
 
 class ContactForceProblem(WholeBodyProblem):
