@@ -19,8 +19,7 @@ from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, task_terms
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
-from harpy_pin.gaits.hovering import Hovering
-from harpy_pin.gaits.standing import Standing
+from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.memory import KeepsViews, fixed_arrays

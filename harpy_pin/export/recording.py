@@ -19,8 +19,7 @@ from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.export.code import Code
 from harpy_pin.export.exported_controllers import MEASURED, Exportable
 from harpy_pin.gaits.gait import Gait
-from harpy_pin.gaits.hovering import Hovering
-from harpy_pin.gaits.standing import Standing
+from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.walking import WalkingGait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot, load_harpy, load_robot

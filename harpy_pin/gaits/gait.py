@@ -49,7 +49,7 @@ _ARRAYS = tuple(GaitTargetRecord.__annotations__)
 
 
 @fixed_arrays("record", *_ARRAYS)
-class GaitTarget(KeepsViews):
+class GaitTarget(KeepsViews, GaitTargetRecord):
     """Targets at one time; overwritten by the next :meth:`Gait.update`.
 
     Args:
@@ -66,8 +66,8 @@ class GaitTarget(KeepsViews):
         foot_acceleration: (feet, 3) of that, m/s².
         stance: (feet,) 1 where the foot should be on the ground, else 0.
         phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
-        load: (feet,) share of the usual range of its normal force in which each foot may carry; 1 where a gait says
-            nothing else.
+        load: (feet,) share of the usual range of its normal force in which each foot may be loaded; 1 where a gait
+            says nothing else.
         world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
             holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
             axes (a stance leg sets the body upright), between them during the transition.
@@ -80,19 +80,6 @@ class GaitTarget(KeepsViews):
     """
 
     _record_: Records[GaitTargetRecord]
-    body: Vector
-    heading: Vector
-    foot_position: Vector
-    foot_velocity: Vector
-    foot_acceleration: Vector
-    stance: Vector
-    phase: Vector
-    load: Vector
-    world_frame_blend: Vector
-    normal: Vector
-    ground_height: Vector
-    up: Vector
-    centre_of_mass: Vector
 
     def __init__(self, feet: int = 2) -> None:
         self.record = make_record(GaitTargetRecord, {"feet": checks.whole("feet", feet, high=MAX_FEET)})
@@ -249,12 +236,7 @@ def check_target(target: object, robot: Robot) -> GaitTarget:
 
 @kernel
 def copy_target(g: GaitTargetRecord, o: GaitTargetRecord) -> None:
-    """All targets of one record in another.
-
-    Args:
-        g: element that is copied.
-        o: out.
-    """
+    """Copy all targets of ``g`` to ``o``."""
     o.body[:] = g.body
     o.heading[:] = g.heading
     o.foot_position[:] = g.foot_position

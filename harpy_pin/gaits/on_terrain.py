@@ -1,8 +1,18 @@
-"""A gait of flat ground, laid over ground that is not flat."""
+"""A gait of flat ground, laid over ground that is not flat.
+
+On a slope that is too steep for friction the body is downhill of its feet. Thrust then holds what friction does not,
+and it acts high above the feet, so that it tips the robot uphill. The weight balances that where the centre of mass is
+downhill of the feet. With the thrust T along the slope of angle a, at the height h above the feet and the distance l
+uphill of them, the moments about the feet are zero where the centre of mass is downhill by
+
+    (T / W) (h cos a − l sin a),   T = W (sin a − μ cos a)
+
+A body that moves along the slope changes neither side but by its legs, which move half as far.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,16 +23,16 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.compiled.calls import Call
-from harpy_pin.gaits.carrying_places import know_footholds, note_time
 from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.gaits.downhill import downhill
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, calls_of, own_target
-from harpy_pin.gaits.terrain_record import OnTerrainRecord, fit_plane, lay_over
+from harpy_pin.gaits.straight import StraightGait
+from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over, note_time
 from harpy_pin.gaits.walking.stepping_over import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane, Terrain
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
 __all__ = ["OnTerrain"]
@@ -34,6 +44,10 @@ LEAST_REACH = 0.15
 LEANING = 4
 """Feet from which on a robot leans with the ground: legs before and behind the body would differ in length otherwise.
 Robots on two feet stay upright."""
+FRICTION_SHARE = 0.6
+"""Of the friction that the body's place on a steep slope counts on: controllers leave some of it for errors."""
+DOWNHILL_STEPS = 4
+"""Of the iteration that finds this place; each leaves a sixth of the error."""
 
 
 class OnTerrain(KeepsViews):
@@ -46,9 +60,9 @@ class OnTerrain(KeepsViews):
     Args:
         gait: of flat ground.
         terrain: that it is laid over.
-        normal_error: angle by which the normals that it tells are wrong, about y, rad.
+        normal_error: of the normals in its targets, an angle about y, rad.
         friction: static coefficient. On a plane that is too steep for it a robot with thrusters is downhill of its feet
-            (:mod:`harpy_pin.gaits.downhill`). Where it is not given, it is enough.
+            (:func:`downhill`). Where it is not given, it is enough.
 
     Attributes:
         gait: of flat ground.
@@ -79,7 +93,10 @@ class OnTerrain(KeepsViews):
             slope = terrain.record["slope"][0]
             self._record["offset"][0] = downhill(self.robot, self._with_offset, slope, friction)
         self.lay_over(terrain)
-        know_footholds(self._record, self.gait)
+        if type(self.gait) is StraightGait and not self.gait.standing:  # where its feet land is known
+            ahead, aside = self.gait.swing_curve[-1, :2]
+            self._record["swing_time"] = self.step_duration * (1.0 - self.double_support)
+            self._record["landing"][0] = (ahead, aside), (ahead, -aside)
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
         _lay.prepare(0.0, self._record, self.gait.target.record, self.target.record)
@@ -182,8 +199,39 @@ class OnTerrain(KeepsViews):
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """The gait's signals."""
-        told: Mapping[str, ArrayLike] = getattr(self.gait, "telemetry", dict)()
-        return told
+        signals: Mapping[str, ArrayLike] = getattr(self.gait, "telemetry", dict)()
+        return signals
+
+
+def downhill(robot: Robot, posture: Callable[[Vector], Vector], slope: Vector, friction: float) -> Vector:
+    """How far the body of a robot with free thrusters goes from its place, along the slope.
+
+    Args:
+        robot: who stands.
+        posture: from an offset of the body, (3,) in m, to the configuration that has it, with the feet in their places.
+        slope: (2,) rise of the ground per metre along x and y.
+        friction: static coefficient.
+
+    Returns:
+        (3,) offset in world axes, m; zero where friction is enough.
+    """
+    offset, steep = np.zeros(3), float(np.hypot(*slope))
+    short = steep - FRICTION_SHARE * friction
+    if short <= 0.0 or not robot.thrusters or robot.rotors:
+        return offset
+    share = short / (1.0 + steep * steep)  # (T / W) cos a
+    along, model, data = slope / steep, robot.model, robot.model.createData()
+    for _ in range(DOWNHILL_STEPS):
+        mass = pin.centerOfMass(model, data, posture(offset))
+        pin.updateFramePlacements(model, data)
+        feet, thrusters = (
+            np.mean([data.oMf[robot.frame_id(name)].translation for name in names], axis=0)
+            for names in (robot.feet, robot.thrusters)
+        )
+        arm = thrusters - feet
+        uphill = along @ (mass - feet)[:2] + share * (arm[2] - steep * (along @ arm[:2]))
+        offset -= uphill * np.array((*along, steep))
+    return offset
 
 
 @kernel

@@ -1,8 +1,9 @@
-"""Standing on every foot, for robots with any number of feet: a posture held, and the body's weight shifted over it."""
+"""Gaits that stay in one place: standing on every foot, and hovering without any; the body's weight may be shifted."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import perm
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,17 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
+from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.staying import Staying, read_posture
-from harpy_pin.model.record import field
+from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
+from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import State, Vector
 
-__all__ = ["Standing"]
+__all__ = ["Hovering", "Standing"]
 
 GRAVITY = 9.81
 """m/s²."""
@@ -29,6 +34,125 @@ FLAT_FOOT_DAMPING = 20.0
 """Of the velocity of a flat foot that is held, 1/s."""
 LEVEL = 2e-3
 """Largest difference between the heights of the feet, m."""
+SHORTEST = 1e-6
+"""Duration of a move, s."""
+DEGREE = 5
+"""Of the polynomials of :meth:`Staying.move`."""
+ROUNDING = 1e-6
+"""By how much an angle may be beyond its limit, rad: files and postures have rounded numbers."""
+
+
+class StayingRecord(RecordOf):
+    """What :class:`Staying` knows."""
+
+    feet: Vector  # (feet, 3) places of the feet about the body's origin, world axes, m
+    height: float  # of the body, m
+    shift: Vector  # (3,) how far the body goes, world axes, m
+    shift_period: float  # there and back, s
+    penetration_offset: float  # how much deeper than the ground an unloaded foot aims, m
+    begin: float = 0.0  # of the last move, s
+    duration: float = 0.0  # of it, s
+    way: Vector = sized(DEGREE + 1, 3)  # coefficients of the offset's polynomial in the time since its begin
+
+
+class Staying(KeepsViews):
+    """Targets of a robot whose feet, if it has any, stay where they are.
+
+    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
+    :meth:`move` sends it elsewhere. Nothing else changes it, so that controllers may copy the gait
+    (:func:`~harpy_pin.gaits.gait.own_target`); their copies move with it.
+
+    Attributes:
+        step_duration: one second, so that measures per step are per second.
+        double_support: 1, always.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        q: Vector,
+        feet: Vector,
+        *,
+        shift: ArrayLike,
+        shift_period: float,
+        penetration_offset: float = 0.0,
+    ) -> None:
+        self.robot = robot
+        self.step_duration, self.double_support = 1.0, 1.0
+        self._q = q
+        self._record = make_record(
+            StayingRecord,
+            feet=feet,
+            height=float(q[2]),
+            shift=checks.vector("shift", shift, 3),
+            shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
+            penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
+        )
+        self.target = GaitTarget(len(feet))
+        _stay.prepare(0.0, self._record, self.target.record)
+
+    def move(self, offset: ArrayLike, *, t: float, duration: float = 1.0) -> None:
+        """Send the body to another place, from the time t on; it gets there at rest, and stays.
+
+        The way is a polynomial of fifth order, which takes up position, velocity and acceleration of the way before: a
+        move may begin while another goes on.
+
+        Args:
+            offset: (3,) from where the posture has the body, world axes, m; what ``shift`` does comes on top.
+            t: when it begins, s.
+            duration: of the way, s, from a microsecond to 1e9 s.
+
+        Raises:
+            InputError: values out of their domains.
+        """
+        end = checks.vector("offset", offset, 3)
+        begin = checks.number("t", t, low=0.0, high=LONGEST)
+        length = checks.number("duration", duration, low=SHORTEST, high=LONGEST)
+        start = np.zeros((3, 3))
+        _offset(begin, self._record, start)
+        way = np.zeros((DEGREE + 1, 3))
+        way[:3] = start / np.array([[1.0], [1.0], [2.0]])
+        # Rest at the end: position, velocity and acceleration by the three highest coefficients.
+        powers = np.array([[perm(n, d) * length ** (n - d) for n in range(3, DEGREE + 1)] for d in range(3)])
+        low = np.array([way[0] + (way[1] + way[2] * length) * length, way[1] + 2.0 * way[2] * length, 2.0 * way[2]])
+        way[3:] = np.linalg.solve(powers, np.array([end, np.zeros(3), np.zeros(3)]) - low)
+        self._record["way"][0] = way
+        self._record["begin"][0], self._record["duration"][0] = begin, length
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.robot.name}')"
+
+    def update(self, t: float) -> GaitTarget:
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
+        try:
+            known = _stay(t, self._record, self.target.record)
+        except TypeError:
+            known = False
+        if not known:
+            raise refuse_time(t)
+        return self.target
+
+    def calls(self, state: State) -> tuple[Call, ...]:
+        """See :class:`~harpy_pin.gaits.gait.Gait`."""
+        return (Call(_stay, 0.0, self._record, self.target.record, expected=True),)
+
+    @checked
+    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
+        q = self._q.copy()
+        q[2] -= penetration
+        return q, np.zeros(self.robot.model.nv)
+
+    def describe(self) -> Mapping[str, Any]:
+        """Parameters, for the log's metadata."""
+        return {
+            "posture": self._q[7:].tolist(),
+            "height": float(self._q[2]),
+            "shift": field(self._record, "shift").tolist(),
+            "shift_period": float(self._record["shift_period"][0]),
+            "penetration_offset": float(self._record["penetration_offset"][0]),
+            "step_duration": self.step_duration,
+        }
 
 
 class Standing(Staying):
@@ -47,12 +171,6 @@ class Standing(Staying):
         shift_period: there and back, s.
         penetration_offset: how much deeper than the ground an unloaded foot aims, m: without it such a foot would come
             to rest just above the ground and never be held.
-
-    Attributes:
-        step_duration: one second, so that measures per step are per second.
-        double_support: 1, always.
-        constant: it changes by :meth:`move` alone, so that controllers may copy it
-            (:func:`~harpy_pin.gaits.gait.own_target`); their copies move with it.
 
     Raises:
         InputError: values out of their domains, no posture given where the robot has none of its own, or a posture
@@ -138,12 +256,103 @@ class Standing(Staying):
         offset[2] = 0.0
         return offset
 
-    def describe(self) -> Mapping[str, Any]:
-        """Parameters, for the log's metadata."""
-        return {
-            "posture": self._q[7:].tolist(),
-            "shift": field(self._record, "shift").tolist(),
-            "shift_period": float(self._record["shift_period"][0]),
-            "penetration_offset": float(self._record["penetration_offset"][0]),
-            "step_duration": self.step_duration,
-        }
+
+class Hovering(Staying):
+    """Targets of a robot that hovers above the world's origin and faces x.
+
+    The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
+    :meth:`move` sends it elsewhere. It is upright; the whole-body controllers lean a robot that has to
+    (:mod:`harpy_pin.controllers.thrust_tilt`).
+
+    Args:
+        robot: one without feet.
+        posture: (joints,) angles, rad; by default the robot's own, or zero where it has none.
+        height: of the body's origin, m; a run counts as a fall at 60 % of it.
+        shift: (3,) how far the body goes, world axes, m.
+        shift_period: there and back, s.
+
+    Raises:
+        InputError: values out of their domains, or a robot with feet.
+    """
+
+    constant = True
+
+    def __init__(
+        self,
+        robot: Robot,
+        posture: ArrayLike | None = None,
+        *,
+        height: float = 1.0,
+        shift: ArrayLike = (0.0, 0.0, 0.0),
+        shift_period: float = 2.0,
+    ) -> None:
+        checks.instance("robot", robot, Robot)
+        if robot.feet:
+            raise InputError(f"'{robot.name}' has feet: hp.Standing is for robots that stand", name="robot")
+        if posture is None:
+            posture = robot.posture
+        q = pin.neutral(robot.model)
+        q[2] = checks.number("height", height, low=0.0, strict=True)
+        if posture is not None:
+            q[7:] = read_posture(robot, posture)
+        super().__init__(robot, q, np.zeros((0, 3)), shift=shift, shift_period=shift_period)
+
+
+def read_posture(robot: Robot, posture: ArrayLike) -> Vector:
+    """(joints,) angles of a posture, rad.
+
+    Args:
+        robot: whose posture it is. A joint whose limits leave no range, as where the file names none, is free.
+        posture: angles in the order of the robot's joints, rad.
+
+    Raises:
+        InputError: wrong shape, not finite, or an angle beyond the limits of its joint; the message names them.
+    """
+    angles = checks.vector("posture", posture, len(robot.joints))
+    lower, upper = robot.joint_lower, robot.joint_upper
+    beyond = (lower < upper) & ((angles < lower - ROUNDING) | (angles > upper + ROUNDING))
+    for k in np.flatnonzero(beyond):
+        limits = f"{lower[k]:g} to {upper[k]:g} rad"
+        message = f"posture: joint '{robot.joints[k]}' is at {angles[k]:g} rad, beyond its limits {limits}"
+        raise InputError(message, name="posture", value=posture)
+    return angles
+
+
+@kernel
+def _offset(t: float, p: StayingRecord, out: Vector) -> None:
+    """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and after the way."""
+    s = min(max(t - p.begin, 0.0), p.duration)
+    moving = 0.0 <= t - p.begin < p.duration
+    for i in range(3):
+        position = velocity = acceleration = 0.0
+        for n in range(p.way.shape[0] - 1, -1, -1):
+            acceleration = acceleration * s + 2.0 * velocity
+            velocity = velocity * s + position
+            position = position * s + p.way[n, i]
+        out[0, i] = position
+        out[1, i] = velocity if moving else 0.0
+        out[2, i] = acceleration if moving else 0.0
+
+
+@kernel
+def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
+    """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
+    if not abs(t) < LONGEST:
+        return False
+    rate = 2.0 * np.pi / p.shift_period
+    share, speed = 0.5 - 0.5 * np.cos(rate * t), 0.5 * rate * np.sin(rate * t)
+    acceleration = 0.5 * rate * rate * np.cos(rate * t)
+    _offset(t, p, o.body.reshape((3, 3)))
+    for i in range(3):
+        o.body[i] += share * p.shift[i]
+        o.body[3 + i] += speed * p.shift[i]
+        o.body[6 + i] += acceleration * p.shift[i]
+        for k in range(o.stance.shape[0]):
+            o.foot_position[k, i] = p.feet[k, i] - o.body[i]
+            o.foot_velocity[k, i] = -o.body[3 + i]
+            o.foot_acceleration[k, i] = -o.body[6 + i]
+    o.body[2] += p.height
+    for k in range(o.stance.shape[0]):
+        o.foot_position[k, 2] -= p.penetration_offset
+        o.stance[k], o.phase[k] = 1.0, 0.5
+    return True

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.carrying_places import place_that_carries
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTargetRecord
+from harpy_pin.gaits.steppable import nearest_steppable
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
@@ -181,7 +181,7 @@ def _feet_settled(p: CommandedRecord) -> bool:
         side = p.width * (1.0 - 2.0 * k)
         u, w = x - side * s, y + side * c
         if not p.terrain.level:
-            u, w = place_that_carries(p.terrain, u, w, p.foot[k, 0], p.foot[k, 1])
+            u, w = nearest_steppable(p.terrain, u, w, p.foot[k, 0], p.foot[k, 1])
         if np.hypot(p.foot[k, 0] - u, p.foot[k, 1] - w) > SETTLED:
             return False
     return True
@@ -240,7 +240,7 @@ def _plan(p: CommandedRecord, k: int, left: float) -> None:
         x += (FEET_APART - gap) * nx
         y += (FEET_APART - gap) * ny
     if not p.terrain.level:
-        x, y = place_that_carries(p.terrain, x, y, p.foothold[k, 0], p.foothold[k, 1])
+        x, y = nearest_steppable(p.terrain, x, y, p.foothold[k, 0], p.foothold[k, 1])
     p.foothold[k, 0], p.foothold[k, 1] = x, y
 
 

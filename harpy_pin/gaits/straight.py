@@ -145,7 +145,7 @@ class StraightGait(KeepsViews):
         try:
             known = (_stand if self.standing else _walk)(t, self._record, self.target._record_)
         except TypeError:
-            raise refuse_time(t) from None
+            known = False
         if not known:
             raise refuse_time(t)
         return self.target
@@ -293,15 +293,9 @@ def _foot(k: int, on_ground: bool, fraction: float, p: StraightRecord, o: GaitTa
 
 @kernel(points=(5, 3), position=(3,), velocity=(3,), acceleration=(3,))
 def bezier(points: Vector, s: float, duration: float, position: Vector, velocity: Vector, acceleration: Vector) -> None:
-    """Point, velocity and acceleration of a Bezier curve, by de Casteljau's scheme.
+    """Point, velocity and acceleration of the Bezier curve of five control points, by de Casteljau's scheme.
 
-    Args:
-        points: (5, 3) control points, m.
-        s: curve parameter in [0, 1].
-        duration: time in which s goes from 0 to 1, s.
-        position: (3,) out, m.
-        velocity: (3,) out, m/s.
-        acceleration: (3,) out, m/s².
+    The curve parameter s goes from 0 to 1 in the ``duration``.
     """
     r = 1.0 - s
     for i in range(3):

@@ -25,14 +25,7 @@ LENGTH = 1e-6
 
 @kernel
 def contact_frame(x: float, y: float, z: float, out: Vector) -> None:
-    """The frame of a normal.
-
-    Args:
-        x: first entry of the normal, which has length one and points upwards.
-        y: its second entry.
-        z: its third entry.
-        out: (3, 3) rotation from the contact's axes to the world's.
-    """
+    """The frame of the normal (x, y, z), upwards and of length one: the rotation from its axes to the world's."""
     share = 1.0 / (1.0 + z)
     out[0, 0], out[0, 1], out[0, 2] = 1.0 - share * x * x, -share * x * y, x
     out[1, 0], out[1, 1], out[1, 2] = -share * x * y, 1.0 - share * y * y, y
@@ -96,12 +89,7 @@ def _contact_frames(normal: Vector, out: Vector) -> None:
 
 @kernel
 def turn_feet(d: DynamicsRecord, frame: Vector) -> None:
-    """Feet's positions, velocities, drifts and Jacobians, of world axes, in those of their contacts, in place.
-
-    Args:
-        d: element of the record of :class:`harpy_pin.model.dynamics.Dynamics`.
-        frame: (feet, 3, 3) of each foot.
-    """
+    """Feet's positions, velocities, drifts and Jacobians, of world axes, in those of the contacts' frames."""
     for k in range(frame.shape[0]):
         r = frame[k]
         to_contact(r, d.foot_position[k])

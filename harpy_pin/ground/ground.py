@@ -42,7 +42,7 @@ _STIFFNESS, _DAMPING = 8000.0, 268.3
 GRAVITY = 9.81
 """m/s²."""
 DEPTH, WALKING_DEPTH = 0.005, 0.002
-"""How deep a robot at rest is in its ground, and how deep one point is that carries a walking robot alone, m."""
+"""How deep a robot at rest is in its ground, and how deep one point is that bears a walking robot alone, m."""
 
 
 class GroundRecord(RecordOf):
@@ -256,7 +256,7 @@ def resting_stiffness(robot: Robot) -> float:
 
 
 def walking_stiffness(robot: Robot) -> float:
-    """Stiffness of the ground on which a robot walks, N/m: a point that carries all of it is 2 mm deep.
+    """Stiffness of the ground on which a robot walks, N/m: a point that bears all of it is 2 mm deep.
 
     On softer ground soles rock at touchdown, and slip.
 

@@ -76,13 +76,7 @@ def greatest_rise(terrain: Records[TerrainRecord], way: float) -> float:
 
 @kernel
 def surface_height(t: TerrainRecord, x: float, y: float) -> float:
-    """Height of the ground at a place, m.
-
-    Args:
-        t: element of the record.
-        x: m.
-        y: m.
-    """
+    """Height of the ground at a place, m."""
     if t.level:
         return 0.0
     height = t.slope[0] * x + t.slope[1] * y + profile_height(t, x) + t.above
@@ -93,12 +87,7 @@ def surface_height(t: TerrainRecord, x: float, y: float) -> float:
 
 @kernel
 def profile_height(t: TerrainRecord, x: float) -> float:
-    """Height of the profile at a place, m.
-
-    Args:
-        t: element of the record.
-        x: m.
-    """
+    """Height of the profile at a place, m."""
     i = _piece(t, x)
     if i < 0:
         return 0.0
@@ -107,13 +96,7 @@ def profile_height(t: TerrainRecord, x: float) -> float:
 
 @kernel
 def grid_height(t: TerrainRecord, x: float, y: float) -> float:
-    """Height of the grid's surface at a place, m.
-
-    Args:
-        t: element of the record, which has a grid.
-        x: m.
-        y: m.
-    """
+    """Height of the surface of a terrain's grid at a place, m."""
     u, v = _place(t, x, 0), _place(t, y, 1)
     a, b = _first(t, u, 0), _first(t, v, 1)
     c, d = _next(t, a, 0), _next(t, b, 1)
@@ -125,13 +108,7 @@ def grid_height(t: TerrainRecord, x: float, y: float) -> float:
 
 @kernel
 def surface_slope(t: TerrainRecord, x: float, y: float) -> tuple[float, float]:
-    """Rise of the ground per metre along x and y at a place.
-
-    Args:
-        t: element of the record.
-        x: m.
-        y: m.
-    """
+    """Rise of the ground per metre along x and y at a place."""
     if t.level:
         return 0.0, 0.0
     along, across = t.slope[0], t.slope[1]
@@ -154,13 +131,7 @@ def surface_slope(t: TerrainRecord, x: float, y: float) -> tuple[float, float]:
 
 @kernel
 def surface_normal(t: TerrainRecord, x: float, y: float) -> tuple[float, float, float]:
-    """Normal of the ground at a place, of length one, upwards.
-
-    Args:
-        t: element of the record.
-        x: m.
-        y: m.
-    """
+    """Normal of the ground at a place, of length one, upwards."""
     along, across = surface_slope(t, x, y)
     size = np.sqrt(1.0 + along * along + across * across)
     return -along / size, -across / size, 1.0 / size

@@ -94,13 +94,7 @@ class LegRecord(RecordOf, LegGeometry):
 
 @kernel(angles=(3,), out=(3,))
 def leg_forward(leg: LegRecord, angles: Vector, out: Vector) -> None:
-    """Foot position relative to the body, body axes.
-
-    Args:
-        leg: element of :attr:`LegGeometry.record`.
-        angles: (3,) hip frontal, hip sagittal, knee, rad.
-        out: (3,) foot position, m.
-    """
+    """Foot position relative to the body, body axes, m, from hip frontal, hip sagittal and knee angle, rad."""
     upper, lower = leg.upper, leg.lower
     x = -upper * np.sin(angles[1]) - lower * np.sin(angles[1] + angles[2])
     z = -upper * np.cos(angles[1]) - lower * np.cos(angles[1] + angles[2])
@@ -112,13 +106,7 @@ def leg_forward(leg: LegRecord, angles: Vector, out: Vector) -> None:
 
 @kernel(angles=(3,), out=(3, 3))
 def leg_jacobian(leg: LegRecord, angles: Vector, out: Vector) -> None:
-    """Derivative of the foot position by the joint angles.
-
-    Args:
-        leg: element of :attr:`LegGeometry.record`.
-        angles: (3,) hip frontal, hip sagittal, knee, rad.
-        out: (3, 3) Jacobian, body axes, m/rad.
-    """
+    """Derivative of the foot position by these joint angles, body axes, m/rad."""
     upper, lower = leg.upper, leg.lower
     s1, c1 = np.sin(angles[1]), np.cos(angles[1])
     s12, c12 = np.sin(angles[1] + angles[2]), np.cos(angles[1] + angles[2])
@@ -213,12 +201,7 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
 
 @kernel(q=("7+",), rotation=(3, 3))
 def body_rotation(q: Vector, rotation: Vector) -> None:
-    """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the quaternion (x, y, z, w).
-
-    Args:
-        q: (nq,) configuration, the quaternion of unit length.
-        rotation: (3, 3) out.
-    """
+    """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the unit quaternion (x, y, z, w)."""
     x, y, z, w = q[3], q[4], q[5], q[6]
     rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
     rotation[0, 1] = 2.0 * (x * y - z * w)

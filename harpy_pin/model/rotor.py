@@ -97,13 +97,7 @@ def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
 
 @kernel
 def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
-    """The forces of thrust variables; the other way round than :func:`read_thrusts`.
-
-    Args:
-        d: element of the record of :class:`harpy_pin.model.dynamics.Dynamics`, at the present state.
-        variables: (thrust variables, or more), N.
-        out: (thrusters, 3) out: world axes, N.
-    """
+    """The forces (thrusters, 3) of thrust variables; the other way round than :func:`read_thrusts`."""
     rotors = d.rotor_axis.shape[0]
     free = out.shape[0] - rotors
     for k in range(free):

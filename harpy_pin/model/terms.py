@@ -27,13 +27,7 @@ SMALL_ANGLE = 1e-4
 
 @kernel
 def place_bodies(t: TreeRecord, q: Vector, v: Vector) -> None:
-    """Placement, velocity and drift of every body.
-
-    Args:
-        t: tree (an element of its record).
-        q: (nq,) configuration.
-        v: (nv,) generalised velocity.
-    """
+    """Placement, velocity and drift of every body."""
     _base(t, q, v)
     for i in range(1, t.parent.shape[0]):
         _place(t, q, i)
@@ -107,10 +101,7 @@ def _move(t: TreeRecord, speed: float, i: int) -> None:
 def joint_space_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
     """Mass matrix and bias forces, after :func:`place_bodies`.
 
-    Args:
-        t: tree (an element of its record).
-        mass_matrix: (nv, nv) out; entries of joints that do not carry each other are left as they are, zero.
-        bias: (nv,) out.
+    Entries of the mass matrix of joints on different branches are left as they are, zero.
     """
     bodies = t.parent.shape[0]
     for i in range(bodies):
@@ -220,12 +211,7 @@ def _base_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
 
 @kernel
 def point_terms(d: DynamicsRecord, q: Vector) -> None:
-    """Positions, velocities, drifts and Jacobians of feet, thruster mounts and rotors, after :func:`place_bodies`.
-
-    Args:
-        d: element of the record of :class:`harpy_pin.model.dynamics.Dynamics`.
-        q: (nq,) configuration.
-    """
+    """Positions, velocities, drifts and Jacobians of feet, thruster mounts and rotors, after :func:`place_bodies`."""
     t, feet = d.tree, d.foot_position.shape[0]
     free = d.body.shape[0] - feet - d.rotor_axis.shape[0]
     for k in range(d.body.shape[0]):
@@ -263,7 +249,7 @@ def _motion(d: DynamicsRecord, q: Vector, k: int, i: int, x: float, y: float, z:
 
 @kernel
 def _jacobian(t: TreeRecord, i: int, x: float, y: float, z: float, out: Vector) -> None:
-    """Linear Jacobian, world axes, of a point of body i; columns of joints that do not carry it stay as they are."""
+    """Linear Jacobian, world axes, of a point of body i; columns of joints beyond it stay as they are."""
     r = t.rotation
     while 0 < i < t.parent.shape[0]:  # a compiler sees that a single body has none above it
         s, column = t.screw[i], t.column[i]
@@ -304,13 +290,7 @@ def _rotor(d: DynamicsRecord, n: int, i: int, x: float, y: float, z: float, out:
 
 @kernel
 def integrate(t: TreeRecord, q: Vector, displacement: Vector) -> None:
-    """Move q by a displacement, in place, as Pinocchio's ``integrate``: the base along the screw of its six entries.
-
-    Args:
-        t: tree (an element of its record).
-        q: (nq,) configuration, in and out.
-        displacement: (nv,) velocity times time, base entries in base axes.
-    """
+    """Move q by velocity times time, in place, as Pinocchio's ``integrate``: the base along a screw."""
     _move_base(q, displacement)
     for i in range(1, t.parent.shape[0]):
         place, step = t.place[i], displacement[t.column[i]]

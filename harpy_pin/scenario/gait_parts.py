@@ -12,12 +12,11 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
 from harpy_pin.gaits.gait import Gait
-from harpy_pin.gaits.hovering import Hovering
 from harpy_pin.gaits.on_terrain import OnTerrain
-from harpy_pin.gaits.standing import Standing
+from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.gaits.velocity import is_sequence, read_velocity
-from harpy_pin.gaits.walking.schedules import BY_FEET, FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.build import BY_FEET, FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
 from harpy_pin.ground.terrain import Terrain

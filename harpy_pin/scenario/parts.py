@@ -11,7 +11,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.build import FOUR_FEET, TWO_FEET
 
 __all__ = ["Part", "check_part_name", "defaults_of", "plain", "read_part", "read_record"]
 

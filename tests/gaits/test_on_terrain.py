@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.downhill import SHARE
 from harpy_pin.gaits.on_felt_ground import OnFeltGround
-from harpy_pin.gaits.on_terrain import OnTerrain
-from harpy_pin.gaits.terrain_record import RADIUS, STEEPEST, way_over
+from harpy_pin.gaits.on_terrain import FRICTION_SHARE, OnTerrain
+from harpy_pin.gaits.terrain_targets import RADIUS, STEEPEST, way_over
 from harpy_pin.ground.terrain import Plane, Ramp, Rough, Stairs
 from harpy_pin.log.measures import measure
 from harpy_pin.model.catalogue import installed_data
@@ -252,7 +251,7 @@ def test_weight_and_thrust_along_the_slope_leave_no_moment_about_the_feet(headin
     mass = pin.centerOfMass(ROBOT_DOWNHILL.model, ROBOT_DOWNHILL.model.createData(), q) - middle
     arm = frames(q, ROBOT_DOWNHILL.thrusters).mean(axis=0) - middle
     uphill = np.array((np.cos(heading) * np.cos(angle), np.sin(heading) * np.cos(angle), np.sin(angle)))
-    thrust = (np.sin(angle) - SHARE * FRICTION * np.cos(angle)) * uphill
+    thrust = (np.sin(angle) - FRICTION_SHARE * FRICTION * np.cos(angle)) * uphill
     moment = np.cross(mass, (0.0, 0.0, -1.0)) + np.cross(arm, thrust)  # per newton of weight
     across = np.array((-np.sin(heading), np.cos(heading), 0.0))
     assert abs(moment @ across) < 1e-3
@@ -274,7 +273,7 @@ def test_body_and_feet_are_told_where_they_begin():
 
 @pytest.mark.parametrize(
     ("terrain", "friction"),
-    [(STEEP, None), (STEEP, 1.01 * np.tan(np.radians(25.0)) / SHARE), (Ramp(slope=0.4), FRICTION)],
+    [(STEEP, None), (STEEP, 1.01 * np.tan(np.radians(25.0)) / FRICTION_SHARE), (Ramp(slope=0.4), FRICTION)],
     ids=["friction not given", "enough friction", "no plane"],
 )
 def test_it_stays_above_its_feet_otherwise(terrain, friction):

@@ -11,7 +11,7 @@ from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.gaits.on_terrain import OnTerrain
-from harpy_pin.gaits.walking.footholds import MARGIN
+from harpy_pin.gaits.steppable import MARGIN
 from harpy_pin.gaits.walking.stepping_over import LIFT, UP
 from harpy_pin.ground.surface import greatest_rise
 from harpy_pin.ground.terrain import Plane, Rough, Stairs

@@ -13,9 +13,9 @@ from needs import needs_robots
 from scipy.optimize import brentq
 
 import harpy_pin as hp
+from harpy_pin.gaits.walking.build import build_of
 from harpy_pin.gaits.walking.footholds import _keep_in_reach
-from harpy_pin.gaits.walking.motors import fastest_speed, swing_load
-from harpy_pin.gaits.walking.settings import build_of
+from harpy_pin.gaits.walking.pace import fastest_speed, swing_load
 from harpy_pin.gaits.walking.swinging import CREEP, NEAR, SETTLE, STRAIGHT_NEAR, UPRIGHT_END, upright_end
 from harpy_pin.gaits.walking.walking_gait import LOW
 

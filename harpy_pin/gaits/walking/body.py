@@ -1,4 +1,4 @@
-"""The acceleration of the centre of mass that the feet which carry can give, and the targets of body and feet."""
+"""The acceleration of the centre of mass that the stance feet can give, and the targets of body and feet."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ def demand_acceleration(p: WalkingRecord) -> None:
     x, y = m.centre[0] - ax / square, m.centre[1] - ay / square
     if p.walking and p.sways:
         x, y = _along_cycle(p, x, y)
-    carrying = np.empty((p.measured.point.shape[0], 2))
-    count = stance_points(p, -1, SOLE_MARGIN, carrying)
+    stance = np.empty((p.measured.point.shape[0], 2))
+    count = stance_points(p, -1, SOLE_MARGIN, stance)
     if count == 0:
         p.pressure[0], p.pressure[1] = m.centre[0], m.centre[1]
     else:
-        p.pressure[0], p.pressure[1] = nearest_in_hull(carrying, count, x, y)
+        p.pressure[0], p.pressure[1] = nearest_in_hull(stance, count, x, y)
     for i in range(2):
         p.demand[i] = square * (m.centre[i] - p.pressure[i])
 
@@ -70,12 +70,7 @@ def _along_cycle(p: WalkingRecord, x: float, y: float) -> tuple[float, float]:
 
     Over a step ξ runs away from the middle s of the stance feet, ξ(t) = s + b exp(ω t), with b as in
     :mod:`harpy_pin.gaits.walking.pendulum`. The centre of pressure that holds it there is s + (1 + k) (ξ − ξ(t)).
-    Along the line between two point feet velocity has the say.
-
-    Args:
-        p: element of the gait's record.
-        x: of the centre of pressure that the velocity asks for, m.
-        y: of that centre of pressure, m.
+    Along the line between two point feet the one that the velocity asks for, (x, y), has the say.
     """
     m, g = p.measured, (p.swings + 1) % 2
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
@@ -91,8 +86,8 @@ def _along_cycle(p: WalkingRecord, x: float, y: float) -> tuple[float, float]:
                 line[i] += m.place[k, i] if number == 0.0 else -m.place[k, i]
                 middle, number = middle + m.place[k, i], number + 1.0
         middle /= number
-        wanted = middle + now * cyclic_offset(p.desired[i] * p.step_duration, jump[i], growth)
-        at[i] = middle + (1.0 + CYCLE_GAIN) * (m.centre[i] + m.drift[i] / p.omega - wanted)
+        desired = middle + now * cyclic_offset(p.desired[i] * p.step_duration, jump[i], growth)
+        at[i] = middle + (1.0 + CYCLE_GAIN) * (m.centre[i] + m.drift[i] / p.omega - desired)
         if number == 1.0:
             line[i] = 0.0
     length = np.hypot(line[0], line[1])
@@ -199,8 +194,10 @@ def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
 
 @kernel
 def _share_of_load(p: WalkingRecord, k: int) -> float:
-    """How much of its largest normal force a foot may carry: it rises from its touchdown on, and falls before it is
-    lifted, each over the time in which every foot is on the ground."""
+    """Share of its largest normal force up to which a foot may be loaded.
+
+    It rises from its touchdown on, and falls before it is lifted, each over the time in which every foot is down.
+    """
     if not p.walking:
         return 1.0
     both = p.double_support * p.step_duration

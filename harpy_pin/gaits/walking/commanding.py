@@ -57,12 +57,7 @@ def foot_speed(p: WalkingRecord, c: Vector) -> float:
 
 @kernel
 def steer(p: WalkingRecord, span: float) -> None:
-    """Applied velocity and path after a time: the velocity follows the goal at bounded acceleration.
-
-    Args:
-        p: element of the gait's record.
-        span: the time, s.
-    """
+    """Applied velocity and path after the time ``span``: the velocity follows the goal at bounded acceleration."""
     u = p.velocity
     share = 1.0 if p.walking and p.phase >= 0.0 else 0.0  # it stands until it has shifted its weight
     dx, dy, dw = share * p.goal[0] - u[0], share * p.goal[1] - u[1], share * p.goal[2] - u[2]

@@ -80,15 +80,15 @@ def _haste(p: WalkingRecord) -> float:
     """How much faster than its clock a step goes on, so that the body does not lean too far from a stance foot
     alone: beyond, the ground would have to hold more than it can."""
     left = max(1.0 - p.phase, 0.0) * p.step_duration
-    carrying, m = np.empty((p.measured.point.shape[0], 2)), p.measured
-    if p.lean == np.inf or left == 0.0 or stance_points(p, p.swings, 0.0, carrying) != 1:
+    stance, m = np.empty((p.measured.point.shape[0], 2)), p.measured
+    if p.lean == np.inf or left == 0.0 or stance_points(p, p.swings, 0.0, stance) != 1:
         return 1.0
     low, high = left / MOST_HASTE, left
-    if _lean_after(m, carrying[0], p.omega, high) <= p.lean:
+    if _lean_after(m, stance[0], p.omega, high) <= p.lean:
         return 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _lean_after(m, carrying[0], p.omega, middle) <= p.lean:
+        if _lean_after(m, stance[0], p.omega, middle) <= p.lean:
             low = middle
         else:
             high = middle
@@ -105,7 +105,7 @@ def _lean_after(m: MeasuredRecord, foot: Vector, omega: float, time: float) -> f
 
 @kernel
 def _notice_touchdowns(p: WalkingRecord, done: float) -> int:
-    """Feet that are loaded late enough in their swing carry; returns how many of the group are in the air."""
+    """Feet that are loaded late enough in their swing have landed; returns how many of the group still swing."""
     in_air = 0
     for k in range(p.group.shape[0]):
         if p.in_air[k] != 0.0:
@@ -198,8 +198,8 @@ def _feet_in_place(p: WalkingRecord) -> bool:
 @kernel
 def _commanded(p: WalkingRecord) -> bool:
     """Whether a velocity is commanded."""
-    wanted: float = abs(p.goal[0]) + abs(p.goal[1]) + abs(p.goal[2])
-    return wanted != 0.0
+    size: float = abs(p.goal[0]) + abs(p.goal[1]) + abs(p.goal[2])
+    return size != 0.0
 
 
 @kernel
@@ -217,7 +217,7 @@ def _beside_feet(p: WalkingRecord) -> float:
 
 @kernel
 def _first_group(p: WalkingRecord) -> int:
-    """The group whose feet are farthest from the capture point: the others carry."""
+    """The group whose feet are farthest from the capture point: the others stay on the ground."""
     m, best, first = p.measured, -1e9, 0
     c, s = np.cos(m.heading), np.sin(m.heading)
     ahead = (c * m.centre[3] + s * m.centre[4]) / p.omega

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.carrying_places import MARGIN, place_that_carries
+from harpy_pin.gaits.steppable import MARGIN, nearest_steppable
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.stepping_over import ACROSS
@@ -24,12 +24,7 @@ EARLY_FROZEN = 0.4
 
 @kernel
 def choose_footholds(p: WalkingRecord, left: float) -> None:
-    """Footholds of the group that swings.
-
-    Args:
-        p: element of the gait's record.
-        left: time until touchdown, s.
-    """
+    """Footholds of the group that swings, at the time ``left`` before its touchdown."""
     if left < (EARLY_FROZEN if p.steps_over else FROZEN) * p.step_duration:
         return
     x, y = _landing_middle(p, left)
@@ -55,14 +50,14 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
 def _landing_middle(p: WalkingRecord, left: float) -> tuple[float, float]:
     """Where the middle of the group's feet lands, m."""
     m, g = p.measured, p.swings
-    carrying = np.empty((p.measured.point.shape[0], 2))
-    count = stance_points(p, g, 0.0, carrying)
+    stance = np.empty((p.measured.point.shape[0], 2))
+    count = stance_points(p, g, 0.0, stance)
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
     if count == 0:
         return m.centre[0], m.centre[1]
-    at = nearest_in_hull(carrying, count, p.pressure[0], p.pressure[1])
+    at = nearest_in_hull(stance, count, p.pressure[0], p.pressure[1])
     there, speed = np.empty(2), np.empty(2)
-    _predict_centre(p, carrying, count, at[0], at[1], left, there, speed)
+    _predict_centre(p, stance, count, at[0], at[1], left, there, speed)
     growth = np.exp(p.omega * p.step_duration)
     following = (g + 1) % p.groups
     jump_ahead, jump_aside = p.middle[following, 0] - p.middle[g, 0], p.middle[following, 1] - p.middle[g, 1]
@@ -73,29 +68,19 @@ def _landing_middle(p: WalkingRecord, left: float) -> tuple[float, float]:
             offset = cyclic_offset(p.desired[i] * p.step_duration, jump[i], growth)
             there[i] += speed[i] / p.omega - offset
         else:
-            stance = (p.groups - 1 + p.double_support) * p.step_duration
-            there[i] += middle[i] + 0.5 * stance * p.desired[i] + (speed[i] - p.desired[i]) / p.omega
+            standing = (p.groups - 1 + p.double_support) * p.step_duration
+            there[i] += middle[i] + 0.5 * standing * p.desired[i] + (speed[i] - p.desired[i]) / p.omega
     return there[0], there[1]
 
 
 @kernel
 def _predict_centre(
-    p: WalkingRecord, carrying: Vector, count: int, x: float, y: float, left: float, there: Vector, speed: Vector
+    p: WalkingRecord, stance: Vector, count: int, x: float, y: float, left: float, there: Vector, speed: Vector
 ) -> None:
-    """Place and velocity of the centre of mass at touchdown.
+    """Place and velocity of the centre of mass at touchdown, after the time ``left``.
 
-    It is a pendulum about the centre of pressure, but goes on with its velocity along a line between two point feet,
-    and everywhere on more of them.
-
-    Args:
-        p: element of the gait's record.
-        carrying: (points, 2) contact points of stance feet, m.
-        count: how many.
-        x: of the centre of pressure, m.
-        y: of the centre of pressure, m.
-        left: time until touchdown, s.
-        there: (2,) out, m.
-        speed: (2,) out, m/s.
+    It is a pendulum about the centre of pressure (x, y), but goes on with its velocity along a line between two point
+    feet, and everywhere on more of them. The first ``count`` rows of ``stance`` are the stance feet's contact points.
     """
     m = p.measured
     there[0], speed[0] = predict(m.centre[0], m.drift[0], x, p.omega, left)
@@ -106,7 +91,7 @@ def _predict_centre(
         for i in range(2):
             there[i], speed[i] = m.centre[i] + left * m.drift[i], m.drift[i]
         return
-    ex, ey = carrying[1, 0] - carrying[0, 0], carrying[1, 1] - carrying[0, 1]
+    ex, ey = stance[1, 0] - stance[0, 0], stance[1, 1] - stance[0, 1]
     length = np.hypot(ex, ey)
     ex, ey = ex / length, ey / length
     steady = ex * m.drift[0] + ey * m.drift[1]
@@ -156,19 +141,12 @@ def _keep_in_reach(p: WalkingRecord, k: int, left: float) -> None:
 
 @kernel
 def keep_off_edges(p: WalkingRecord, k: int, before_x: float, before_y: float, moving: bool) -> None:
-    """Move a foothold to a place that carries a foot, where there is one near: near to it, and to the one before.
+    """Move the foothold of foot k off edges, to a place near to it and to that of the tick before.
 
-    A foot that is on its way does not change sides of an edge.
-
-    Args:
-        p: element of the gait's record.
-        k: the foot.
-        before_x: foothold of the tick before, m.
-        before_y: its other coordinate, m.
-        moving: whether the foot is on its way.
+    A foot that is moving does not change sides of an edge.
     """
     x, y = p.foothold[k, 0], p.foothold[k, 1]
-    p.foothold[k, 0], p.foothold[k, 1] = place_that_carries(p.terrain, x, y, before_x, before_y)
+    p.foothold[k, 0], p.foothold[k, 1] = nearest_steppable(p.terrain, x, y, before_x, before_y)
     jump = max(abs(p.foothold[k, 0] - before_x), abs(p.foothold[k, 1] - before_y))
     if moving and jump > 2.0 * MARGIN:
         p.foothold[k, 0], p.foothold[k, 1] = before_x, before_y
@@ -176,14 +154,9 @@ def keep_off_edges(p: WalkingRecord, k: int, before_x: float, before_y: float, m
 
 @kernel
 def keep_line(p: WalkingRecord, x: float, y: float) -> None:
-    """Move both footholds of a group along y so that the line between them goes through its middle again.
+    """Move both footholds of a group along y so that the line between them goes through its middle (x, y) again.
 
     A foothold that is moved away from an edge turns that line, across which the robot is a pendulum.
-
-    Args:
-        p: element of the gait's record.
-        x: of the middle, m.
-        y: of the middle, m.
     """
     first = second = -1
     for k in range(p.group.shape[0]):

@@ -1,11 +1,11 @@
-"""From a measured state: centre of mass, heading, and where the feet are and what they carry."""
+"""From a measured state: centre of mass, heading, and places and loads of the feet."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.terrain_record import fit_plane
+from harpy_pin.gaits.terrain_targets import fit_plane
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.ground.surface import surface_height
 from harpy_pin.model.entry import all_possible, all_possible_rows, is_unit
@@ -21,17 +21,7 @@ LOAD_SHARE = 0.5
 
 @kernel
 def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
-    """Take up a state; a bad sample is ignored.
-
-    Args:
-        p: record of the gait.
-        q: (nq,) configuration.
-        v: (nv,) generalised velocity.
-        foot_force: (points, 3) as measured, N.
-
-    Returns:
-        Whether the state was taken up.
-    """
+    """Take up a configuration, a velocity and the forces (points, 3) on the feet; returns whether they were good."""
     m = p.measured
     if not (all_possible(q) and all_possible(v) and is_unit(q) and all_possible_rows(foot_force)):
         return False

@@ -1,21 +1,23 @@
-"""How long a step lasts and how fast a robot walks, from its legs and motors."""
+"""How long a step lasts and how fast a robot walks, from its legs and the inverse dynamics of their swing."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from itertools import pairwise
 from math import inf
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.gaits.standing import GRAVITY
-from harpy_pin.gaits.walking.motors import fastest_speed, swing_load
-from harpy_pin.gaits.walking.settings import Build, draw_together
-from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR, upright_end
+from harpy_pin.gaits.walking.build import Build, Pace, draw_together
+from harpy_pin.gaits.walking.pendulum import toward
+from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR, UPRIGHT_END, upright_end
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Pace", "pace_of"]
+__all__ = ["fastest_speed", "pace_of", "swing_load"]
 
 STEP, SOLE_STEP = 0.82, 1.7
 """Duration of a step on points and on soles, in √(leg / g)."""
@@ -31,7 +33,7 @@ SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
 LEFT = 0.75
-"""Share that is used of the reach that is left where feet are drawn together: a stretched leg carries nothing."""
+"""Share that is used of the reach that is left where feet are drawn together: a stretched leg cannot push."""
 MOST_PUSH, FREE_PUSH = 0.25, 0.22
 """Largest acceleration of the body by legs that are swung, as a share of gravity; and that from which on their motors,
 which then have to hold the body too, swing them with less of their torques."""
@@ -39,27 +41,14 @@ PEAK = 15.6
 """Of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
 MOST_LOAD = 0.85
 """Largest torque of a leg that swings, as a share of its limit."""
-
-
-@dataclass(frozen=True)
-class Pace:
-    """How long the steps of a walk last, and how fast it goes.
-
-    Attributes:
-        step_duration: of a slow walk, s.
-        double_support: share of a step in which every foot is on the ground, at the largest speed.
-        slow_double_support: the same of a robot that hardly walks.
-        gentle: whether feet go down slowly, and take over the load slowly.
-        stride: longest way of a step, m: beyond, steps are shorter in time.
-        max_speed: largest velocity of a foot's place, m/s.
-    """
-
-    step_duration: float
-    double_support: float
-    slow_double_support: float
-    gentle: bool
-    stride: float
-    max_speed: float
+SAMPLES = 30
+"""Of a swing."""
+ITERATIONS = 6
+"""Of the inverse kinematics at each of them, from the one before."""
+SMALL = 1e-6
+"""Regularises it where a leg is stretched, m²."""
+HALVINGS = 7
+"""Of the range of speeds."""
 
 
 def pace_of(
@@ -80,7 +69,7 @@ def pace_of(
     gentle = groups == 2 and len(build.place) == 4 and not soles and not _one_behind_the_other(build, group)
     double_support = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
     slow = SLOW_BOTH if gentle else double_support
-    duration = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing)) * natural
+    duration = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing_acceleration)) * natural
     runs = groups == 2 and len(build.place) == 4
     stride = STRIDE * build.leg if runs else inf
     share = SOLE_SPEED if soles else SPEED if runs else SLOW_SPEED
@@ -120,3 +109,80 @@ def _reach(build: Build, group: NDArray[np.int64]) -> float:
     draw_together(together, group, build.narrow)
     drawn = float(np.linalg.norm(apart - together, axis=1).max())
     return LEFT * (build.reach - drawn) if drawn > 0.0 else build.reach
+
+
+def swing_load(
+    robot: Robot,
+    q: Vector,
+    build: Build,
+    speed: float,
+    step_duration: float,
+    double_support: float,
+    clearance: float,
+    upright: float = UPRIGHT_END,
+) -> float:
+    """Largest torque of the motors of a leg that swings, as a share of their limits; of the weakest leg.
+
+    The body goes straight on at the speed; a foot goes from half a stance behind its place to half a stance ahead.
+
+    Args:
+        robot: with feet.
+        q: (nq,) configuration in which it stands.
+        build: how it is built.
+        speed: forward, m/s.
+        step_duration: s.
+        double_support: share of a step in which every foot is on the ground.
+        clearance: height of a foot at mid-swing, m.
+        upright: share of its swing, at the end, in which a foot moves vertically.
+    """
+    model, data = robot.model, robot.model.createData()
+    duration = (1.0 - double_support) * step_duration
+    time, rest = np.linspace(0.0, duration, SAMPLES), (1.0 - upright) * duration
+    ahead = np.array([toward(0.0, 0.0, 0.0, 1.0, rest, min(t, rest))[0] for t in time])
+    u = np.minimum(time / rest, 1.0)
+    way = np.zeros((SAMPLES, 3))
+    way[:, 0] = speed * (2.0 * step_duration * ahead - 0.5 * (1.0 + double_support) * step_duration - time)
+    way[:, 2] = q[2] - build.height + 64.0 * clearance * (u * (1.0 - u)) ** 3
+    worst = 0.0
+    for first in np.cumsum((0, *robot.corners))[:-1]:
+        path, joints = _follow(robot, q, robot.feet[first], way)
+        rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
+        for i in range(1, SAMPLES - 1):
+            torque = pin.rnea(model, data, path[i], 0.5 * (rate[i - 1] + rate[i]), (rate[i] - rate[i - 1]) / time[1])
+            worst = max(worst, float(np.max(np.abs(torque[joints]) / model.effortLimit[joints])))
+    return worst
+
+
+def _follow(robot: Robot, q: Vector, foot: str, way: Vector) -> tuple[list[Vector], list[int]]:
+    """Configurations in which one leg brings its foot along a way, and the columns of this leg's joints."""
+    model, data, frame = robot.model, robot.model.createData(), robot.frame_id(foot)
+    pin.framesForwardKinematics(model, data, q)
+    start, path = data.oMf[frame].translation.copy(), []
+    joints = [model.joints[j].idx_v for j in model.supports[model.frames[frame].parentJoint] if j > 1]
+    for offset in way:
+        for _ in range(ITERATIONS):
+            jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3, joints]
+            step = np.zeros(model.nv)
+            missing = start + offset - data.oMf[frame].translation
+            step[joints] = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + SMALL * np.eye(3), missing)
+            q = pin.integrate(model, q, step)
+            pin.framesForwardKinematics(model, data, q)
+        path.append(q)
+    return path, joints
+
+
+def fastest_speed(load: Callable[[float], float], high: float, most: float) -> float:
+    """Largest speed up to some bound at which a load is below another.
+
+    Args:
+        load: of a speed, growing.
+        high: the bound, m/s.
+        most: of the load.
+    """
+    if load(high) <= most:
+        return high
+    low = 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if load(middle) <= most else (low, middle)
+    return low

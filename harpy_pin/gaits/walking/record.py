@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.gaits.walking.build import Build, Pace
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
@@ -34,16 +35,18 @@ class MeasuredRecord(RecordOf):
     load: Vector = sized("feet")  # normal force on each foot, of the last samples, N
 
 
-class WalkingRecord(RecordOf):
-    """What :class:`~harpy_pin.gaits.walking.WalkingGait` knows, has measured and remembers."""
+class WalkingRecord(RecordOf, Build, Pace):
+    """What :class:`~harpy_pin.gaits.walking.WalkingGait` knows, has measured and remembers.
+
+    How the robot is built and how fast it walks are the numbers of :class:`Build` and :class:`Pace`.
+    """
 
     tree: TreeRecord  # bodies and joints of the robot
     terrain: TerrainRecord  # the ground; all heights below are above it
     steps_over: int  # 1 where swing feet go over the ground by world heights: ``lift`` holds these
     ground_reach: float  # half the side of the square to which that plane is fitted, m
-    point_body: NDArray[np.int64]  # (points,) the body that carries each contact point
+    point_body: NDArray[np.int64]  # (points,) the body to which each contact point is fixed
     point_offset: Vector  # (points, 3) its place there, m
-    foot: NDArray[np.int64]  # (points,) the foot that each contact point is of
     corner: Vector  # (points, 2) its place about the foot's middle, axes of the foot, m
     group: NDArray[np.int64]  # (feet,) in which step of the cycle each foot swings
     groups: int  # steps of a cycle
@@ -51,37 +54,26 @@ class WalkingRecord(RecordOf):
     middle: Vector  # (groups, 2) mean of those of a group, m
     sways: int  # 1 where two groups stand apart, so that the body goes to and fro between them
     step_duration: float  # T of the present step, from one touchdown to the next, s
-    usual_step: float  # that of a slow walk, s
-    stride: float  # longest way of a step, m: at high speed steps are shorter in time
     double_support: float  # share of the present step in which every foot is on the ground
-    fast_double_support: float  # that at the largest speed
-    slow_double_support: float  # that of a robot that hardly walks
     # share of its largest normal force up to which a foot's load rises over that time, and from which it falls, at the
     # largest speed
     fast_load_ramp: float
     slow_load_ramp: float  # that of a robot that hardly walks
-    first_load: float  # share of it that a foot which has just landed may carry
-    last_load: float  # share of it that a foot may carry which is about to be lifted
+    first_load: float  # share of it up to which a foot may be loaded that has just landed
+    last_load: float  # the same of a foot that is about to be lifted
     start_time: float  # for which the robot stands on every foot before its first step, s
     omega: float  # of the pendulum, 1/s
-    height: float  # of the body, m
     clearance: float  # height of a foot at mid-swing, m
     penetration_offset: float  # how much deeper than the ground a swing foot aims, m
     low: float  # height from which on a foot goes down slowly, m
     deeper: float  # how much deeper than the ground it then aims, m
-    reach: float  # largest horizontal distance of a foot from its hip, m
-    hip: float  # height of the hips above the feet, of four legs, m
-    beside: Vector  # (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m
     arrives: float  # share of its swing before its end at which a foot is almost where it lands
     # distance of the centre of mass from a single stance foot on a point at which the next one should land, m
     lean: float
     most_aside: float  # largest velocity sideways, m/s
-    # (feet, 2, 3) acceleration of the pendulum for that of each foot relative to the body, axes of the heading
-    reaction: Vector
     touch_force: float  # normal force from which on a foot touches the ground, N
     acceleration: float  # largest change of the applied velocity, m/s²
     turn_acceleration: float  # largest change of the applied turning velocity, rad/s²
-    max_speed: float  # largest velocity, m/s
     max_turn: float  # largest turning velocity, rad/s
     height_range: Vector  # (2,) least and largest change of the height, m
     always: int  # 1 where it steps at zero command, too

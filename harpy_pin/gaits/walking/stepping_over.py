@@ -37,14 +37,7 @@ PEAK = 5.7735
 
 @kernel
 def swing_over(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Bring a swing foot to the present time.
-
-    Args:
-        p: element of the gait's record.
-        k: the foot.
-        left: time until it should land, s.
-        span: time since the last update, s.
-    """
+    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it should land."""
     swing, duration = p.swing[k], (1.0 - p.double_support) * p.step_duration
     u = 1.0 - left / duration
     if u >= ACROSS:

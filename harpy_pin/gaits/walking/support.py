@@ -22,17 +22,7 @@ TINY = 1e-12
 
 @kernel
 def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[float, float]:
-    """The point of the convex hull of some points that is nearest to a place: a polygon, a segment or one point.
-
-    Args:
-        points: (any, 2) of which the first ``count`` count, at least one, m.
-        count: how many.
-        x: of the place, m.
-        y: of the place, m.
-
-    Returns:
-        Its x and y, m.
-    """
+    """The point nearest to (x, y) of the convex hull, polygon, segment or point, of the first ``count`` points."""
     outside = count < 3
     best = np.hypot(points[0, 0] - x, points[0, 1] - y)
     at_x, at_y = points[0, 0], points[0, 1]
@@ -62,16 +52,9 @@ def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[flo
 
 @kernel
 def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) -> int:
-    """Contact points of the stance feet, each drawn by a margin towards the middle of its foot.
+    """Contact points (points, 2) of the stance feet, without those of one group (−1 for none); returns how many.
 
-    Args:
-        p: element of the gait's record.
-        without: a group that is left out; −1 for none.
-        margin: share of the way to the middle.
-        out: (points, 2) m.
-
-    Returns:
-        How many there are.
+    Each is drawn by the share ``margin`` of the way to the middle of its foot.
     """
     m, count = p.measured, 0
     for n in range(m.point.shape[0]):

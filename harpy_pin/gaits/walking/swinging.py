@@ -49,14 +49,7 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
 
 @kernel
 def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Bring a swing foot to the present time.
-
-    Args:
-        p: element of the gait's record.
-        k: the foot.
-        left: time until it should land, s.
-        span: time since the last update, s.
-    """
+    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it should land."""
     if p.steps_over:
         swing_over(p, k, left, span)
         return
@@ -76,28 +69,18 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
 
 @kernel
 def _sticks(p: WalkingRecord, k: int, left: float) -> bool:
-    """Whether a swing foot is still in the ground, into which it has sunk, and has not begun to move across it.
-
-    Args:
-        p: element of the gait's record.
-        k: the foot.
-        left: share of its swing that is left.
-    """
+    """Whether a swing foot with this share of its swing left is in the ground, and has not begun to move across it."""
     begun: bool = p.swing[k, 2, 0] != 0.0 or p.swing[k, 2, 1] != 0.0 or p.swing[k, 2, 2] != 0.0
     return p.low > 0.0 and not begun and left > 1.0 - STUCK and p.measured.place[k, 2] < p.felt[k]
 
 
 @kernel
 def upright_end(speed: float, natural: float, near: float) -> float:
-    """Share of its swing, at the end, in which a foot moves vertically.
+    """Share of its swing, at the end, in which a foot moves vertically, at a speed of the walk.
 
     A foot that meets the ground while it moves across it is thrown up by contacts that are convex, such as MuJoCo's, at
-    μ times that velocity. So a fast one stops earlier.
-
-    Args:
-        speed: of the walk, m/s.
-        natural: ω times the body's height, m/s.
-        near: :data:`NEAR`.
+    μ times that velocity. So a fast one stops earlier. ``natural`` is ω times the body's height, ``near`` is
+    :data:`NEAR`.
     """
     if speed <= 0.0:
         return UPRIGHT_END

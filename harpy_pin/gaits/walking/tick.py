@@ -21,21 +21,15 @@ __all__: list[str] = []
 LONGEST_GAP = 0.05
 """Time that counts between two updates, at most, s."""
 LONG_AGO = 1e3
-"""Time since the last touchdown of a foot that has always carried, s."""
+"""Time since the last touchdown of a foot that has not yet swung, s."""
 
 
 @kernel
 def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
-    """All targets at a time, from the state that was measured last.
+    """All targets at the time t, from the state that was measured last.
 
-    Args:
-        t: time, s. Zero, or one that is more than a step before the last, begins the walk anew; one that is less
-            before it counts as the last.
-        p: record of the gait.
-        target: of its targets, out.
-
-    Returns:
-        Whether it is a time before the next row of the script begins; nothing is done otherwise.
+    Time zero, or one that is more than a step before the last, begins the walk anew; one that is less before it counts
+    as the last. Returns False, with nothing done, where t is no time or the next row of the script begins before it.
     """
     if not (abs(t) < LONGEST and t < p.switch):
         return False

@@ -1,4 +1,4 @@
-"""A walk of any robot with two or four feet that goes where it is told."""
+"""A walk of any robot with two or four feet that follows a velocity command."""
 
 from __future__ import annotations
 
@@ -16,12 +16,11 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_of_capped
+from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
-from harpy_pin.gaits.walking.pace import Pace, pace_of
+from harpy_pin.gaits.walking.pace import pace_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
-from harpy_pin.gaits.walking.schedules import groups_of
-from harpy_pin.gaits.walking.settings import Build, build_of, draw_together
 from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import flat_terrain
@@ -51,12 +50,13 @@ LOW, AIM = 0.02, 0.2
 """Of trots and paces: height from which on a foot goes down slowly, in clearances, and how far below the ground
 it then aims, as a share of the penetration offset. A foot that lands hard slips: inertia of its leg turns it aside."""
 LOAD_RAMP, FAST_LOAD_RAMP, FIRST_LOAD, LAST_LOAD = 0.26, 0.4, 0.07, 0.01
-"""Of trots and paces: how much of its largest normal force a foot may carry that is about to take over its share of the
-load, or begins to give it away, slow and at the largest speed; that has just landed; and that is about to be lifted."""
+"""Of trots and paces: share of its largest normal force up to which a foot is loaded that is about to take over its
+part of the load, or begins to give it away, slow and at the largest speed; that has just landed; and that is about
+to be lifted."""
 LEAST_LOAD = 0.05
-"""The last two of other walks, where a foot may carry all of it at once."""
+"""The last two of other walks, where a foot may take all of it at once."""
 LOADED, MIN_LOADED = 0.03, 0.6
-"""Normal force from which on a foot touches the ground, as a share of what it carries when standing, and least, N."""
+"""Normal force from which on a foot touches the ground, as a share of its load when standing, and least, N."""
 SWING_WEIGHT = 1.0
 """Of the acceleration of a swing foot, a fifth of the default: where motors are at their limits, the body comes
 first."""
@@ -65,7 +65,7 @@ SWING_RATE, LEAST_RATE = 4.2, 19.0
 fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT, POINT_TURN_WEIGHT = 0.2, 0.02
 """Of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²; and where
-one point carries alone. Its force holds the body upright against the swinging leg only by pushing it aside and up."""
+one point stands alone. Its force holds the body upright against the swinging leg only by pushing it aside and up."""
 POINT_TURN_RATE = 10.0
 """Rate at which the body comes back upright where turning weighs that little, in √(g / leg)."""
 POSTURE_WEIGHT = 1e-7
@@ -75,7 +75,7 @@ a posture."""
 
 @fixed_arrays("applied", "command", "record")
 class WalkingGait(FollowsVelocity):
-    """Targets of a robot on two or four feet that walks where it is told.
+    """Targets of a robot on two or four feet that follows a velocity command.
 
     It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. All
     settings follow from the robot's mass, legs, feet and standing posture.
@@ -142,7 +142,7 @@ class WalkingGait(FollowsVelocity):
         group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
         pace = pace_of(robot, q, build, group, clearance, max_speed=optional("max_speed", max_speed, 20.0))
         self._build = build
-        self.step_duration, self.double_support = pace.step_duration, pace.double_support
+        self.step_duration, self.double_support = pace.usual_step, pace.fast_double_support
         self.record: Records[WalkingRecord] = self._make_record(
             build, pace, group, start_time=0.0 if feet == 2 and not soles else START * natural, clearance=clearance
         )
@@ -171,7 +171,10 @@ class WalkingGait(FollowsVelocity):
         groups, gentle = int(group.max()) + 1, pace.gentle
         balances = feet == 2 and not soles and groups == 2
         sways = groups == 2 and draw_together(nominal, group, build.narrow) > SWAY * build.rise
-        aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.step_duration
+        aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.usual_step
+        known = {**vars(build), **vars(pace)}
+        if balances:
+            known["reach"] = min(build.reach, STEEPEST * build.rise)
         return make_record(
             WalkingRecord,
             {"feet": feet},
@@ -181,19 +184,14 @@ class WalkingGait(FollowsVelocity):
             ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
-            foot=build.foot.astype(np.int64),
             corner=(build.point - build.place[build.foot])[:, :2],
             group=group,
             groups=np.int64(groups),
             nominal=nominal,
             middle=np.array([nominal[group == g].mean(axis=0) for g in range(groups)]),
             sways=np.int64(sways),
-            step_duration=pace.step_duration,
-            usual_step=pace.step_duration,
-            stride=pace.stride,
+            step_duration=pace.usual_step,
             double_support=pace.slow_double_support,
-            fast_double_support=pace.double_support,
-            slow_double_support=pace.slow_double_support,
             penetration_offset=OFFSET,
             low=LOW * settings["clearance"] if gentle else 0.0,
             deeper=(AIM if gentle else 1.0) * OFFSET,
@@ -201,16 +199,10 @@ class WalkingGait(FollowsVelocity):
             slow_load_ramp=LOAD_RAMP if gentle else 1.0,
             first_load=FIRST_LOAD if gentle else LEAST_LOAD,
             last_load=LAST_LOAD if gentle else LEAST_LOAD,
-            max_speed=pace.max_speed,
             omega=float(np.sqrt(GRAVITY / build.rise)),
-            height=build.height,
-            reach=min(build.reach, STEEPEST * build.rise) if balances else build.reach,
-            hip=build.hip,
-            beside=build.beside,
             arrives=(NEAR if gentle else STRAIGHT_NEAR) if feet == 4 else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
             most_aside=aside if balances else np.inf,
-            reaction=build.reaction,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
             acceleration=ACCELERATION,
             turn_acceleration=TURN_ACCELERATION,
@@ -220,6 +212,7 @@ class WalkingGait(FollowsVelocity):
             holds_heading=np.int64(soles or feet > 2),
             soles=np.int64(soles),
             **settings,
+            **known,
             measured=make_record(MeasuredRecord, {"feet": feet, "points": len(robot.feet)}),
         )
 
@@ -232,10 +225,10 @@ class WalkingGait(FollowsVelocity):
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
-        They are those of :attr:`Standing.parameters`, but: a foot carries at most twice the weight, not each of its
-        corners, because a sole whose corners are loaded fast at touchdown slips; swing feet weigh less; and joints
-        and the turning of the body weigh as the robot's size says, because one sole, or a line between two points,
-        holds little moment, and what is missing must not lift the body. On one point turning weighs less still,
+        They are those of :attr:`Standing.parameters`, but: a foot, not each of its corners, is loaded with at most
+        twice the weight, because a sole whose corners are loaded fast at touchdown slips; swing feet weigh less; and
+        joints and the turning of the body weigh as the robot's size says, because one sole, or a line between two
+        points, holds little moment, and what is missing must not lift the body. On one point turning weighs less still,
         and comes back the faster.
         """
         parameters, square = self._standing.parameters, self._build.rise**2

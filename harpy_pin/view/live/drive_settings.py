@@ -8,7 +8,7 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.build import FOUR_FEET, TWO_FEET
 from harpy_pin.ground.ground import Ground
 
 __all__ = ["CONTROLLERS", "LiveSettings"]

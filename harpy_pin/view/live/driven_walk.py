@@ -14,7 +14,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
 from harpy_pin.gaits.gait import GaitTarget
-from harpy_pin.gaits.walking.schedules import FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.build import FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import walking_stiffness
 from harpy_pin.ground.terrain import Plane

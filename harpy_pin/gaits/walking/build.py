@@ -1,4 +1,4 @@
-"""Settings of a walk that follow from the robot: its legs, its feet, and the posture in which it stands."""
+"""How a robot is built, in the posture in which it stands, and by which schedules its feet step."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from harpy_pin import checks
+from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Build", "build_of", "draw_together"]
+__all__ = ["BY_FEET", "FOUR_FEET", "TWO_FEET", "Build", "Pace", "build_of", "draw_together", "groups_of"]
 
 NARROW, SOLE_NARROW = 0.27, 0.15
 """Largest distance of the two centres of pressure between which the body sways, on points and on soles, in heights of
@@ -37,7 +39,7 @@ class Build:
         reach: largest horizontal distance of a foot from its hip, m.
         hip: height of the hips above the feet, of four legs, m.
         beside: (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m.
-        swing: largest horizontal acceleration that the hips' motors alone give a foot, m/s²; of the weakest leg.
+        swing_acceleration: largest horizontal one that the motors of the weakest leg's hip alone give a foot, m/s².
         reaction: (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's
             angular momentum about the ground, forward and to the left.
         narrow: largest distance of the two groups of feet between which the body sways, m.
@@ -52,9 +54,30 @@ class Build:
     reach: float
     hip: float
     beside: Vector
-    swing: float
+    swing_acceleration: float
     reaction: Vector
     narrow: float
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How long the steps of a walk last, and how fast it goes.
+
+    Attributes:
+        usual_step: time from one touchdown to the next of a slow walk, s.
+        fast_double_support: share of a step in which every foot is on the ground, at the largest speed.
+        slow_double_support: the same of a robot that hardly walks.
+        gentle: whether feet go down slowly, and take over the load slowly.
+        stride: longest way of a step, m: beyond, steps are shorter in time.
+        max_speed: largest velocity of a foot's place, m/s.
+    """
+
+    usual_step: float
+    fast_double_support: float
+    slow_double_support: float
+    gentle: bool
+    stride: float
+    max_speed: float
 
 
 def build_of(robot: Robot, q: Vector) -> Build:
@@ -130,3 +153,41 @@ def draw_together(places: Vector, group: NDArray[np.int64], most: float) -> floa
     for g in range(2):
         places[group == g] -= share * middles[g]
     return (1.0 - share) * apart
+
+
+Steps = tuple[tuple[str, ...], ...]
+FOUR_FEET: dict[str, Steps] = {
+    "trot": (("left front", "right hind"), ("right front", "left hind")),
+    "crawl": (("left hind",), ("left front",), ("right hind",), ("right front",)),
+    "pace": (("left front", "left hind"), ("right front", "right hind")),
+    "bound": (("left front", "right front"), ("left hind", "right hind")),
+}
+"""Feet of four-legged robots that swing together, step after step."""
+TWO_FEET: dict[str, Steps] = {"walk": (("left",), ("right",)), "step": (("left",), ("right",))}
+"""Feet of bipeds that swing, step after step; ``step`` goes on stepping where it stands."""
+BY_FEET = {2: TWO_FEET, 4: FOUR_FEET}
+"""By the number of feet."""
+
+
+def groups_of(schedule: str, places: Vector) -> NDArray[np.int64]:
+    """(feet,) the step of the cycle in which each foot swings.
+
+    Args:
+        schedule: a name of :data:`FOUR_FEET`, of :data:`TWO_FEET`, or ``stand``.
+        places: (feet, 2) of the feet about their middle, x forward and y to the left, m.
+
+    Raises:
+        InputError: an unknown name, one for another number of feet, or two feet in the same quarter.
+    """
+    known = BY_FEET.get(len(places), {})
+    checks.one_of("schedule", schedule, ("stand", *known))
+    if schedule == "stand":
+        return np.zeros(len(places), dtype=np.int64)
+    names = []
+    for x, y in places:
+        side = "left" if y > 0.0 else "right"
+        names.append(side if len(places) == 2 else f"{side} {'front' if x > 0.0 else 'hind'}")
+    if len(set(names)) < len(names):
+        raise InputError(f"the feet must be in different quarters about their middle, got {names}", name="robot")
+    steps = known[schedule]
+    return np.array([next(g for g, feet in enumerate(steps) if name in feet) for name in names], dtype=np.int64)

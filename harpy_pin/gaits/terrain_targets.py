@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.carrying_places import beside_edges
 from harpy_pin.gaits.gait import GaitTargetRecord, copy_target
+from harpy_pin.gaits.steppable import nearest_steppable
 from harpy_pin.ground.surface import (
     TerrainRecord,
     grid_height,
@@ -42,27 +42,22 @@ class OnTerrainRecord(RecordOf):
     reach: float  # half the side of the square around the body whose plane the body follows, m
     own_swings: int  # 1 where the gait says the world heights of swing feet
     leans: int  # 1 where the body leans with the ground
-    normal_error: float  # angle by which the normals told are wrong, about y, rad
+    normal_error: float  # error of the normals, an angle about y, rad
     offset: Vector = sized(3)  # how far the body is from where the gait has it, world axes, m
     time: float = 0.0  # of the last update, s
     swing_time: float = 0.0  # duration of a swing, s; zero where it is not known where feet land
     landing: Vector = sized("feet", 2)  # where the swing of each foot ends: ahead of the body, and beside the path, m
-    aside: Vector = sized("feet", 2)  # how far from the gait's place each foot carries, or was lifted, m
+    aside: Vector = sized("feet", 2)  # how far from the gait's place each foot stands, or was lifted, m
     next_aside: Vector = sized("feet", 2)  # how far from it the place is where a swing foot will land, m
     moving: Vector = sized("feet")  # 1 for a swing foot
 
 
 @kernel
 def fit_plane(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float, float, float]:
-    """The plane nearest to the ground around a place, in squares: its height there, and its rise along x and y.
+    """Height at (x, y) of the plane nearest to the ground around it, and its rise along x and y.
 
-    It goes on steadily where the place does, over the edge of a step, too.
-
-    Args:
-        t: element of the terrain's record.
-        x: of the place, m.
-        y: of the place, m.
-        reach: half the side of the square around it, m.
+    That ground is the square to ``reach`` on each side. The plane goes on steadily where the place does, over the edge
+    of a step, too.
     """
     if t.level:
         return 0.0, 0.0, 0.0
@@ -108,13 +103,7 @@ def _fit_grid(t: TerrainRecord, x: float, y: float, reach: float) -> tuple[float
 
 @kernel
 def way_over(t: TerrainRecord, x: float, y: float) -> tuple[float, float, float]:
-    """The lowest way over the ground that is nowhere steeper than ``STEEPEST``: its height, and its rise along x and y.
-
-    Args:
-        t: element of the terrain's record.
-        x: of the place, m.
-        y: of the place, m.
-    """
+    """Height, and rise along x and y, of the lowest way over the ground that is nowhere steeper than ``STEEPEST``."""
     height = surface_height(t, x, y)
     along, across = surface_slope(t, x, y)
     along, across = min(max(along, -STEEPEST), STEEPEST), min(max(across, -STEEPEST), STEEPEST)
@@ -149,13 +138,7 @@ def _over_profile(t: TerrainRecord, x: float) -> tuple[float, float]:
 
 @kernel
 def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> None:
-    """Targets on the terrain from those of flat ground.
-
-    Args:
-        p: element of the record.
-        g: the gait's targets on flat ground.
-        o: out.
-    """
+    """Targets ``o`` on the terrain from those of flat ground, ``g``."""
     t = p.terrain
     height, along, across = fit_plane(t, g.body[0], g.body[1], p.reach)
     copy_target(g, o)
@@ -177,7 +160,7 @@ def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> No
 def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: int) -> None:
     """One foot: on the ground itself; one that is lifted goes over what is higher around it."""
     t = p.terrain
-    beside_edges(p, g, k, o)
+    _beside_edges(p, g, k, o)
     x, y = g.body[0] + o.foot_position[k, 0], g.body[1] + o.foot_position[k, 1]
     o.ground_height[k] = surface_height(t, x, y)
     nx, ny, nz = surface_normal(t, x, y)
@@ -197,3 +180,43 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
     o.foot_position[k, 2] = g.body[2] + g.foot_position[k, 2] + height - o.body[2]
     o.foot_velocity[k, 2] = g.body[5] + g.foot_velocity[k, 2] + velocity - o.body[5]
     o.foot_acceleration[k, 2] = g.body[8] + g.foot_acceleration[k, 2] + acceleration - o.body[8]
+
+
+@kernel
+def note_time(p: OnTerrainRecord, t: float) -> None:
+    """At time zero, and where the clock has gone back by more than a swing, every foot is where the gait says."""
+    if t <= 0.0 or t < p.time - p.swing_time:
+        p.aside[:] = 0.0
+        p.next_aside[:] = 0.0
+        p.moving[:] = 0.0
+    p.time = t
+
+
+@kernel
+def _beside_edges(p: OnTerrainRecord, g: GaitTargetRecord, k: int, o: GaitTargetRecord) -> None:
+    """Move the target of foot k of ``o``, a copy of those on flat ground in ``g``, along the ground off edges."""
+    if p.swing_time == 0.0:
+        return
+    if g.stance[k] != 0.0:
+        if p.moving[k] != 0.0:
+            p.moving[k] = 0.0
+            p.aside[k] = p.next_aside[k]
+        for i in range(2):
+            o.foot_position[k, i] += p.aside[k, i]
+        return
+    u = g.phase[k]
+    if p.moving[k] == 0.0:
+        p.moving[k] = 1.0
+        x = g.body[0] + g.body[3] * (1.0 - u) * p.swing_time + p.landing[k, 0]
+        y = p.landing[k, 1]
+        at = nearest_steppable(p.terrain, x, y, x, y)
+        p.next_aside[k, 0], p.next_aside[k, 1] = at[0] - x, at[1] - y
+    rate = 1.0 / p.swing_time
+    share = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+    speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) * rate
+    bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) * rate * rate
+    for i in range(2):
+        way = p.next_aside[k, i] - p.aside[k, i]
+        o.foot_position[k, i] += p.aside[k, i] + share * way
+        o.foot_velocity[k, i] += speed * way
+        o.foot_acceleration[k, i] += bend * way
