@@ -17,7 +17,6 @@ from harpy_pin import InputError, make_gait
 from harpy_pin.gaits import GaitParameters, StraightGait
 from harpy_pin.gaits.straight import bezier
 
-PERIOD = 1.5
 coordinates = arrays(float, (5, 3), elements=st.floats(-2, 2))
 times = st.floats(0.0, 12.0)
 
@@ -29,7 +28,7 @@ WALKS = {
     "backwards": {"speed": -0.2},
     "quick steps": {"step_duration": 0.3, "speed": 0.5},
     "no sway": {"sway": 0.0},
-    "no press": {"penetration_offset": 0.0},
+    "no offset": {"penetration_offset": 0.0},
 }
 
 
@@ -38,19 +37,15 @@ def gait(robot, request):
     return StraightGait(robot, GaitParameters(**WALKS[request.param]))
 
 
-def at(gait, t):
-    """Copies of the targets at a time."""
-    target = gait.update(t)
-    names = ("body", "foot_position", "foot_velocity", "foot_acceleration", "stance", "phase", "world_frame_blend")
-    return {name: getattr(target, name).copy() for name in names}
+def targets(gait, times):
+    """Records of the targets, one for each time."""
+    return np.concatenate([gait.update(float(t)).record.copy() for t in np.atleast_1d(times)])
 
 
-def world(gait, t):
-    """Feet in the world: position, velocity, acceleration."""
-    target = at(gait, t)
-    body = target["body"].reshape(3, 1, 3)
-    feet = np.stack((target["foot_position"], target["foot_velocity"], target["foot_acceleration"]))
-    return body + feet
+def world(rows):
+    """Feet in the world: position, velocity, acceleration; (times, 3, feet, 3)."""
+    relative = np.stack((rows["foot_position"], rows["foot_velocity"], rows["foot_acceleration"]), axis=1)
+    return rows["body"].reshape(-1, 3, 1, 3) + relative
 
 
 def grid(gait, periods=2, rows=1501):
@@ -83,142 +78,129 @@ def test_bezier_against_bernstein(points, s, duration):
 # --- The walk -------------------------------------------------------------------------------------------------------
 
 
-def test_one_or_two_feet_carry_and_they_take_turns(gait):
-    p = gait.parameters
-    for t in grid(gait):
-        stance = at(gait, t)["stance"]
-        step, phase = divmod(t, p.step_duration)
-        carrier = int(step) % 2  # the left foot carries the even steps
-        assert stance[carrier] == 1.0
-        assert stance[1 - carrier] == (1.0 if phase < p.double_support * p.step_duration else 0.0)
+def test_feet_stand_in_turns_with_double_support_between(gait):
+    p, t = gait.parameters, grid(gait)
+    stance, (step, phase) = targets(gait, t)["stance"], np.divmod(t, p.step_duration)
+    left = step % 2 == 0  # the left foot stands in the even steps
+    np.testing.assert_array_equal(np.where(left, stance[:, 0], stance[:, 1]), 1.0)
+    np.testing.assert_array_equal(
+        np.where(left, stance[:, 1], stance[:, 0]), phase < p.double_support * p.step_duration
+    )
 
 
-def test_a_carrying_foot_stands_still_in_the_world(gait):
+def test_a_stance_foot_stands_still_in_the_world(gait):
     """Body target + relative target: no motion in x and y for the whole of a stance, footholds one step apart."""
-    p = gait.parameters
-    footholds = {}
-    for t in grid(gait, periods=3, rows=1801):
-        target, (position, velocity, acceleration) = at(gait, t), world(gait, t)
-        for k in range(2):
-            if target["stance"][k]:
-                np.testing.assert_allclose(velocity[k, :2], 0.0, atol=1e-12)
-                np.testing.assert_allclose(acceleration[k, :2], 0.0, atol=1e-10)
-                started = t - target["phase"][k] * p.step_duration * (1 + p.double_support)
-                key = (k, round(started / p.step_duration))
-                first = footholds.setdefault(key, position[k].copy())
-                np.testing.assert_allclose(position[k, :2], first[:2], atol=1e-12)
+    p, t = gait.parameters, grid(gait, periods=3, rows=1801)
+    rows, footholds = targets(gait, t), {}
+    feet, stance = world(rows), rows["stance"] == 1.0
+    np.testing.assert_allclose(feet[:, 1, :, :2][stance], 0.0, atol=1e-12)
+    np.testing.assert_allclose(feet[:, 2, :, :2][stance], 0.0, atol=1e-10)
+    begun = np.round(t[:, None] / p.step_duration - rows["phase"] * (1 + p.double_support))
+    for k in range(2):
+        for step in np.unique(begun[stance[:, k], k]):
+            places = feet[stance[:, k] & (begun[:, k] == step), 0, k, :2]
+            footholds[k, step] = places[0]
+            np.testing.assert_allclose(places - places[0], 0.0, atol=1e-12)
     for (k, step), place in footholds.items():
         assert place[1] == pytest.approx(p.width * (1 - 2 * k), abs=1e-12)
-        follower = footholds.get((1 - k, step + 1))
-        if follower is not None:
-            assert follower[0] - place[0] == pytest.approx(p.speed * p.step_duration, abs=1e-12)
+        if (1 - k, step + 1) in footholds:
+            ahead = footholds[1 - k, step + 1][0] - place[0]
+            assert ahead == pytest.approx(p.speed * p.step_duration, abs=1e-12)
     assert len(footholds) >= 6
 
 
-def test_a_carrying_foot_presses_no_deeper_than_told(gait):
-    """Foot target in the world between −press and the surface, a flying foot at or above the surface."""
-    p = gait.parameters
-    highest = 0.0
-    for t in grid(gait):
-        height, stance = world(gait, t)[0][:, 2], at(gait, t)["stance"]
-        for k in range(2):
-            if stance[k]:
-                assert -p.penetration_offset - 1e-12 <= height[k] <= 1e-12
-            else:
-                assert -1e-12 <= height[k] <= p.clearance + 1e-12
-                highest = max(highest, height[k])
-    assert highest == pytest.approx(p.clearance, rel=1e-3)
+def test_a_stance_foot_aims_no_deeper_than_its_offset(gait):
+    """Its target in the world is between −offset and the surface, that of a swing foot at or above the surface."""
+    p, rows = gait.parameters, targets(gait, grid(gait))
+    height, stance = world(rows)[:, 0, :, 2], rows["stance"] == 1.0
+    assert height[stance].min() >= -p.penetration_offset - 1e-12
+    assert height[stance].max() <= 1e-12
+    assert height[~stance].min() >= -1e-12
+    assert height[~stance].max() == pytest.approx(p.clearance, rel=1e-3)
 
 
 def test_lift_off_and_touchdown_at_rest(gait):
     """At both ends of a swing the foot has the velocity of the ground, and no vertical speed."""
     p = gait.parameters
     for step in range(1, 5):
-        swing = step % 2  # carries the odd step's successor: flies in the step before it carries
+        swing, end = step % 2, step * p.step_duration
         begin = (step - 1 + p.double_support) * p.step_duration
-        end = step * p.step_duration
-        for t in (begin + 1e-9, end - 1e-8):
-            target = at(gait, t)
-            assert target["stance"][swing] == 0.0
-            np.testing.assert_allclose(world(gait, t)[1][swing], 0.0, atol=1e-5)
-        middle = world(gait, 0.5 * (begin + end))[1][swing]
-        assert abs(middle[0]) > abs(p.speed)  # it overtakes the body in between
+        rows = targets(gait, (begin + 1e-9, end - 1e-8, 0.5 * (begin + end)))
+        assert not rows["stance"][:, swing].any()
+        velocity = world(rows)[:, 1, swing]
+        np.testing.assert_allclose(velocity[:2], 0.0, atol=1e-5)
+        assert abs(velocity[2, 0]) > abs(p.speed)  # it overtakes the body in between
 
 
 def test_targets_are_continuous(gait):
     """Positions of body and feet never jump; nor does the velocity along the ground."""
-    p = gait.parameters
-    h = 1e-7
+    p, h = gait.parameters, 1e-7
     events = [i * p.step_duration for i in range(1, 6)]
     events += [(i + p.double_support) * p.step_duration for i in range(6)]
-    for t in (*events, *np.linspace(0.01, 4 * p.step_duration, 97)):
-        before, after = at(gait, t - h), at(gait, t + h)
-        np.testing.assert_allclose(before["body"], after["body"], atol=1e-5)
-        np.testing.assert_allclose(before["foot_position"], after["foot_position"], atol=1e-5)
-        np.testing.assert_allclose(before["foot_velocity"][:, :2], after["foot_velocity"][:, :2], atol=1e-4)
-        # The only jump: the stance presses into the ground at once, 4 press / stance time.
-        press = 4 * p.penetration_offset / (p.step_duration * (1 + p.double_support))
-        jump = np.abs(before["foot_velocity"][:, 2] - after["foot_velocity"][:, 2])
-        assert np.all(jump <= press + 1e-4)
+    t = np.array([*events, *np.linspace(0.01, 4 * p.step_duration, 97)])
+    before, after = targets(gait, t - h), targets(gait, t + h)
+    for name in ("body", "foot_position"):
+        np.testing.assert_allclose(before[name], after[name], atol=1e-5)
+    jump = np.abs(before["foot_velocity"] - after["foot_velocity"])
+    assert jump[..., :2].max() <= 1e-4
+    # The only jump: the stance goes into the ground at once, 4 offset / stance time.
+    assert jump[..., 2].max() <= 4 * p.penetration_offset / (p.step_duration * (1 + p.double_support)) + 1e-4
 
 
 @settings(max_examples=200)
 @given(t=times)
 def test_targets_at_the_very_hand_over(robot, t):
-    """No instant, however rounded, has no support, a progress outside [0, 1] or anything not finite."""
-    gait = make_gait(robot)
-    for moment in (t, 0.75 * round(t / 0.75), 0.75 * round(t / 0.75) + 0.15, np.nextafter(0.75 * round(t / 0.75), 0)):
-        target = at(gait, max(moment, 0.0))
-        assert target["stance"].sum() >= 1
-        assert np.all((target["phase"] >= -1e-8) & (target["phase"] <= 1 + 1e-8))
-        assert np.all((target["world_frame_blend"] >= 0) & (target["world_frame_blend"] <= 1))
-        assert all(np.all(np.isfinite(value)) for value in target.values())
+    """No instant, however rounded, has no support, a phase outside [0, 1] or anything not finite."""
+    step = 0.75 * round(t / 0.75)
+    rows = targets(make_gait(robot), np.maximum((t, step, step + 0.15, np.nextafter(step, 0)), 0.0))
+    assert (rows["stance"].sum(axis=1) >= 1).all()
+    assert rows["phase"].min() >= -1e-8
+    assert rows["phase"].max() <= 1 + 1e-8
+    assert rows["world_frame_blend"].min() >= 0
+    assert rows["world_frame_blend"].max() <= 1
+    assert all(np.isfinite(rows[name]).all() for name in rows.dtype.names)
 
 
 def test_velocities_and_accelerations_are_derivatives(gait):
-    p = gait.parameters
-    h = 1e-6
-    for t in np.linspace(0.013, 4 * p.step_duration, 83):
-        phase = np.mod(t, p.step_duration)
-        if min(abs(phase - p.double_support * p.step_duration), phase, p.step_duration - phase) < 2 * h:
-            continue
-        here, ahead, behind = at(gait, t), at(gait, t + h), at(gait, t - h)
-        for value, slope in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
-            found = (ahead[value] - behind[value]) / (2 * h)
-            np.testing.assert_allclose(here[slope], found, atol=1e-6, rtol=1e-7)
-        body = (ahead["body"] - behind["body"]) / (2 * h)
-        np.testing.assert_allclose(here["body"][3:], body[:6], atol=1e-7)
+    p, h = gait.parameters, 1e-6
+    t = np.linspace(0.013, 4 * p.step_duration, 83)
+    phase = np.mod(t, p.step_duration)
+    events = (np.abs(phase - p.double_support * p.step_duration), phase, p.step_duration - phase)
+    t = t[np.min(events, axis=0) > 2 * h]
+    here, ahead, behind = (targets(gait, t + shift) for shift in (0.0, h, -h))
+    for value, slope in (("foot_position", "foot_velocity"), ("foot_velocity", "foot_acceleration")):
+        np.testing.assert_allclose(here[slope], (ahead[value] - behind[value]) / (2 * h), atol=1e-6, rtol=1e-7)
+    body = (ahead["body"] - behind["body"]) / (2 * h)
+    np.testing.assert_allclose(here["body"][:, 3:], body[:, :6], atol=1e-7)
 
 
 def test_steps_are_mirror_images(gait):
     """One step later the right foot does what the left did, seen in the mirror."""
     p = gait.parameters
-    flip = np.array([1, -1, 1])
-    for t in np.linspace(0.011, 2 * p.step_duration, 41):
-        first, second = at(gait, t), at(gait, t + p.step_duration)
-        for name in ("foot_position", "foot_velocity", "foot_acceleration"):
-            np.testing.assert_allclose(second[name][::-1], first[name] * flip, atol=1e-9, err_msg=name)
-        np.testing.assert_allclose(second["stance"][::-1], first["stance"])
-        np.testing.assert_allclose(second["body"][1::3], -first["body"][1::3], atol=1e-9)
+    t = np.linspace(0.011, 2 * p.step_duration, 41)
+    first, second = targets(gait, t), targets(gait, t + p.step_duration)
+    for name in ("foot_position", "foot_velocity", "foot_acceleration"):
+        np.testing.assert_allclose(second[name][:, ::-1], first[name] * (1, -1, 1), atol=1e-9, err_msg=name)
+    np.testing.assert_allclose(second["stance"][:, ::-1], first["stance"])
+    np.testing.assert_allclose(second["body"][:, 1::3], -first["body"][:, 1::3], atol=1e-9)
 
 
 def test_body_moves_as_asked(gait):
     p = gait.parameters
-    targets = np.array([at(gait, t)["body"] for t in np.linspace(0, 2 * p.step_duration, 401)])
-    np.testing.assert_allclose(targets[:, 2], p.height)
-    np.testing.assert_allclose(targets[:, 3], p.speed)
-    np.testing.assert_allclose(np.abs(targets[:, 1]).max(), p.sway, atol=1e-5)
-    # It sways to the side that carries: left (y > 0) during the first step.
-    assert np.all(targets[1:200, 1] >= 0.0)
-    assert np.all(targets[201:400, 1] <= 0.0)
+    body = targets(gait, np.linspace(0, 2 * p.step_duration, 401))["body"]
+    np.testing.assert_allclose(body[:, 2], p.height)
+    np.testing.assert_allclose(body[:, 3], p.speed)
+    np.testing.assert_allclose(np.abs(body[:, 1]).max(), p.sway, atol=1e-5)
+    # It sways to the side of the stance foot: left (y > 0) during the first step.
+    assert np.all(body[1:200, 1] >= 0.0)
+    assert np.all(body[201:400, 1] <= 0.0)
 
 
 def test_every_target_is_within_reach_of_the_leg(robot, gait):
     """Between the moments that the constructor checks, too."""
-    for t in grid(gait):
-        target = at(gait, t)
+    for row in targets(gait, grid(gait)):
         for k, geometry in enumerate(gait.geometry):
-            angles = hp.leg_inverse_kinematics(geometry, target["foot_position"][k])
+            angles = hp.leg_inverse_kinematics(geometry, row["foot_position"][k])
             assert np.all(angles >= robot.joint_lower[3 * k : 3 * k + 3])
             assert np.all(angles <= robot.joint_upper[3 * k : 3 * k + 3])
 
@@ -227,19 +209,18 @@ def test_paper_numbers(robot):
     """equations.md §3: one step of 0.225 m in 0.75 s, height 0.6 m, ±0.025 m sideways with period 1.5 s."""
     gait = make_gait(robot)
     assert (gait.parameters.speed, gait.parameters.step_duration, gait.parameters.height) == (0.3, 0.75, 0.6)
-    carry = [world(gait, t)[0][k, 0] for t, k in ((0.3, 0), (0.3 + 0.75, 1), (0.3 + 1.5, 0))]
-    np.testing.assert_allclose(np.diff(carry), 0.225, atol=1e-12)
-    np.testing.assert_allclose(at(gait, 0.375)["body"][1], 0.025, atol=1e-12)
-    np.testing.assert_allclose(at(gait, 0.375 + 0.75)["body"][1], -0.025, atol=1e-12)
+    feet = world(targets(gait, (0.3, 0.3 + 0.75, 0.3 + 1.5)))[:, 0, :, 0]
+    np.testing.assert_allclose(np.diff((feet[0, 0], feet[1, 1], feet[2, 0])), 0.225, atol=1e-12)
+    np.testing.assert_allclose(targets(gait, (0.375, 1.125))["body"][:, 1], (0.025, -0.025), atol=1e-12)
 
 
 # --- Initial state --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("sink", [0.0, 0.0025])
-def test_initial_state_matches_the_targets(robot, gait, sink):
-    q, v = gait.initial_state(penetration=sink)
-    target = at(gait, 0.0)
+@pytest.mark.parametrize("depth", [0.0, 0.0025])
+def test_initial_state_matches_the_targets(robot, gait, depth):
+    q, v = gait.initial_state(penetration=depth)
+    target = targets(gait, 0.0)[0]
     model, data = robot.model, robot.model.createData()
     pin.forwardKinematics(model, data, q, v)
     pin.updateFramePlacements(model, data)
@@ -254,7 +235,7 @@ def test_initial_state_matches_the_targets(robot, gait, sink):
         desired = target["body"][3:6] + target["foot_velocity"][k]
         np.testing.assert_allclose(velocity, desired, atol=1e-12)
     lowest = min(data.oMf[robot.frame_id(foot)].translation[2] for foot in robot.feet)
-    assert lowest == pytest.approx(-sink, abs=1e-12)
+    assert lowest == pytest.approx(-depth, abs=1e-12)
     assert np.all(q[7:] >= robot.joint_lower)
     assert np.all(q[7:] <= robot.joint_upper)
 
@@ -265,10 +246,9 @@ def test_initial_state_matches_the_targets(robot, gait, sink):
 def test_standing(robot):
     gait = make_gait(robot, speed=0.0)
     assert gait.standing
-    first = at(gait, 0.0)
-    for t in (0.1, 0.75, 3.3, 100.0):
-        for name, value in at(gait, t).items():
-            np.testing.assert_array_equal(value, first[name], err_msg=name)
+    rows = targets(gait, (0.0, 0.1, 0.75, 3.3, 100.0))
+    first = rows[0]
+    assert (rows == first).all()
     np.testing.assert_array_equal(first["stance"], [1, 1])
     np.testing.assert_array_equal(first["body"], [0, 0, 0.6, 0, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(first["foot_velocity"], 0.0)
@@ -297,16 +277,14 @@ def test_joint_limits_count_as_reach(urdf_with):
         make_gait(stiff)
 
 
-def test_press_is_the_sink_of_one_foot_under_the_weight(robot):
+def test_the_offset_is_the_depth_of_one_foot_under_the_weight(robot):
     """The tuned 5 mm to the last bit on the ground it was tuned on; elsewhere in proportion to load and softness."""
     assert make_gait(robot).parameters.penetration_offset == 0.005
     for stiffness in (4e3, 4e4, 8e4):
-        press = make_gait(robot, stiffness=stiffness).parameters.penetration_offset
-        sink = (
-            2.0 * hp.Simulator(robot, hp.Ground(stiffness=stiffness)).static_penetration
-        )  # both feet share the weight
-        assert press == pytest.approx(sink, rel=0.015)
-        assert press * stiffness == pytest.approx(40.0)
+        offset = make_gait(robot, stiffness=stiffness).parameters.penetration_offset
+        on_both = hp.Simulator(robot, hp.Ground(stiffness=stiffness)).static_penetration
+        assert offset == pytest.approx(2.0 * on_both, rel=0.015)
+        assert offset * stiffness == pytest.approx(40.0)
     twice = replace(robot, model=robot.model.copy())
     for i in range(1, 8):
         body = robot.model.inertias[i]
