@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.execute import run_campaign
-from comparison.campaign.settings import CampaignSettings
+from comparison.campaign.settings import QUICK, CampaignSettings
 from comparison.measure.controllers import CONTENDERS
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, pushed_walk, record_states, walk
@@ -28,7 +28,7 @@ from harpy_pin import checks, measure
 from harpy_pin.files import finite
 from harpy_pin.model.robot import Robot, load_harpy
 
-LOW_FRICTION = 0.25
+FRICTION = 0.25
 """The paper's friction coefficient."""
 
 RECORDED = ("governed", "wbc")
@@ -46,8 +46,7 @@ class Settings:
     """What to compare, and how thoroughly.
 
     Attributes:
-        friction: friction coefficient of the main condition.
-        low_friction: of the further condition.
+        friction: friction coefficient of the walks whose states are timed.
         duration: of a walk, s.
         seed: of the order in which candidates are timed.
         impulse: of the pushes during the walks on which every controller's tick is timed, N·s.
@@ -56,8 +55,7 @@ class Settings:
         campaign: the walks of the campaign, where it is asked for.
     """
 
-    friction: float = 0.8
-    low_friction: float = LOW_FRICTION
+    friction: float = FRICTION
     duration: float = 6.0
     seed: int = 0
     impulse: float = 3.0
@@ -66,7 +64,7 @@ class Settings:
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
     def __post_init__(self) -> None:
-        checks.numbers(self, "friction", "low_friction", low=0.0, high=checks.MAX_FRICTION)
+        checks.numbers(self, "friction", low=0.0, high=checks.MAX_FRICTION)
         checks.ticks(checks.number("duration", self.duration, low=0.2), 1e-3)
         checks.numbers(self, "seed", "impulse", low=0.0)
         checks.number("repetitions", self.timing.repetitions, low=1.0)
@@ -77,7 +75,13 @@ class Settings:
     def quick(cls, **changes: Any) -> Settings:
         """Shorter walks, fewer repetitions, fewer sizes: to see whether it works, not to quote."""
         timing = TimingSettings(repetitions=3, programs=500, samples=30)
-        given = {"duration": 2.0, "faces": FACES[:2], "timing": timing, "campaign": CampaignSettings.quick(), **changes}
+        given = {
+            "duration": 2.0,
+            "faces": FACES[:2],
+            "timing": timing,
+            "campaign": CampaignSettings(**QUICK),
+            **changes,
+        }
         return cls(**given)
 
 
@@ -88,7 +92,6 @@ class SectionInputs:
     Attributes:
         robot: that walked.
         settings: of the comparison.
-        sequences: recorded states by condition: ``""`` and ``_low_friction``.
         pushed: states of walks with pushes on low friction: of the contact-force filter, and of the QP controller.
         rows: file of the campaign's rows; None where they are not to be kept.
         progress: of the comparison.
@@ -96,7 +99,6 @@ class SectionInputs:
 
     robot: Robot
     settings: Settings
-    sequences: dict[str, list[StateSequence]]
     pushed: list[StateSequence]
     rows: Path | None
     progress: Progress
@@ -106,14 +108,14 @@ class SectionInputs:
         return _stage(self.progress, what, total)
 
     def bench(self, name: str, stream: int, pieces: int | None = None) -> Bench:
-        """What a section needs to time: the low friction, and random numbers of its own by their stream.
+        """What a section needs to time: the friction, and random numbers of its own by their stream.
 
         Progress has one piece for each repetition by default.
         """
         settings = self.settings
         return Bench(
             robot=self.robot,
-            friction=settings.low_friction,
+            friction=settings.friction,
             settings=settings.timing,
             rng=np.random.default_rng([settings.seed, stream]),
             on_pass=self.stage(name, settings.timing.repetitions if pieces is None else pieces),
@@ -122,7 +124,7 @@ class SectionInputs:
 
 def _ticks(inputs: SectionInputs) -> dict[str, Any]:
     measured = time_ticks(inputs.bench("ticks", 1), inputs.pushed)
-    return {"friction": inputs.settings.low_friction, "impulse": inputs.settings.impulse, "contenders": measured}
+    return {"friction": inputs.settings.friction, "impulse": inputs.settings.impulse, "contenders": measured}
 
 
 def _growth(inputs: SectionInputs) -> dict[str, Any]:
@@ -183,30 +185,26 @@ def compare(
         checks.one_of("section", name, SECTIONS)
     document: dict[str, Any] = {"machine": describe_machine()}
     robot, rng, least = load_harpy(), np.random.default_rng(settings.seed), settings.timing.warm_up + 50
-    conditions = {"": settings.friction, "_low_friction": settings.low_friction}
-    sequences: dict[str, list[StateSequence]] = {}
-    step = _stage(progress, "walking", len(conditions) * len(CONTENDERS))
-    for key, friction in conditions.items():  # nothing of these walks is timed: the first ones compile
-        runs = {}
-        for name in CONTENDERS:
-            runs[name] = walk(name, friction=friction, duration=settings.duration)
-            step()
-        sequences[key] = [record_states(name, runs[name], least=least) for name in RECORDED]
-        document[f"walk{key}"] = {name: dict(measure(run).as_dict()) for name, run in runs.items()}
-    step = _stage(progress, "timing", sum(count_passes(settings.timing, len(s)) for s in sequences.values()))
-    for key, friction in conditions.items():
-        bench = Bench(robot=robot, friction=friction, settings=settings.timing, rng=rng, on_pass=step)
-        document |= {f"{part}{key}": value for part, value in time_contenders(bench, sequences[key]).items()}
+    step = _stage(progress, "walking", len(CONTENDERS))
+    runs = {}
+    for name in CONTENDERS:  # nothing of these walks is timed: the first ones compile
+        runs[name] = walk(name, friction=settings.friction, duration=settings.duration)
+        step()
+    sequences = [record_states(name, runs[name], least=least) for name in RECORDED]
+    document["walk"] = {name: dict(measure(run).as_dict()) for name, run in runs.items()}
+    step = _stage(progress, "timing", count_passes(settings.timing, len(sequences)))
+    bench = Bench(robot=robot, friction=settings.friction, settings=settings.timing, rng=rng, on_pass=step)
+    document |= time_contenders(bench, sequences)
     pushed = []
     if sections:
         step = _stage(progress, "pushed walks", len(PUSHED))
-        how = {"friction": settings.low_friction, "duration": settings.duration, "impulse": settings.impulse}
+        how = {"friction": settings.friction, "duration": settings.duration, "impulse": settings.impulse}
         for name, contender in PUSHED.items():
             pushed.append(record_states(name, pushed_walk(contender, **how), least=least))
             step()
-    inputs = SectionInputs(robot, settings, sequences, pushed, rows, progress)
+    inputs = SectionInputs(robot, settings, pushed, rows, progress)
     document |= {name: section(inputs) for name, section in SECTIONS.items() if name in sections}
-    states = " and ".join(f"{len(s)} of the walk of '{s.name}'" for s in sequences[""])
+    states = " and ".join(f"{len(s)} of the walk of '{s.name}'" for s in sequences)
     states += ", each replayed in the order of time by every contender"
     document["settings"] = asdict(settings) | {"states": states}
     document["versions"] = describe_all_versions()

@@ -166,9 +166,9 @@ def whole_document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object
     timing = TimingSettings(repetitions=2, warm_up=10, block=60, settle=5, programs=40, samples=5)
     campaign = CampaignSettings(walks=1, duration=1.5)
     rows, code = tmp_path_factory.mktemp("campaign") / "rows.jsonl", code_digest()
-    with Store(rows) as store:  # done here, no cluster is started
+    with Store(rows) as store:
         for task in plan(campaign):
-            store.append(task.key(code), {"measures": walk_task(task, code)})
+            store.append(task.key(code), {"measures": walk_task(task)})
     settings = Settings(duration=0.25, faces=(4, 8), timing=timing, campaign=campaign)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(growth, "ROBOTS", {"Bolt": growth.ROBOTS["Bolt"]})

@@ -1,4 +1,4 @@
-"""Many seeded walks, the same for every controller, over whatever may go wrong, on a cluster of processes.
+"""Many seeded walks, the same for every controller, over whatever may go wrong.
 
 :mod:`~comparison.campaign.settings` says how many and what varies, :mod:`~comparison.contenders` who walks;
 :mod:`~comparison.campaign.plan` draws the walks, :mod:`~comparison.campaign.walks` does one,

@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from comparison.campaign.execute import Progress, execute
+from comparison.campaign.execute import execute
 from comparison.campaign.plan import Task, code_digest
 from comparison.campaign.settings import FACTORS, JOINT_DAMPING, level_key
 from comparison.campaign.store import Store
 from comparison.campaign.summary import WHOLE_BODY
 from comparison.contenders import label
+from comparison.measure.walking import Progress
 from comparison.tables import Cell, Table, number_text
 from harpy_pin.ground.ground import Ground
 from harpy_pin.scenario import Compliant, Straight
@@ -45,7 +46,6 @@ def with_reasons(
     tasks: Sequence[Task],
     path: Path,
     *,
-    scheduler: str | None = None,
     progress: Progress = lambda done, total: None,
 ) -> list[dict[str, Any]]:
     """Exceptions with ``reasons``: texts of the levels without any one of which the controllers that fell stand.
@@ -54,14 +54,13 @@ def with_reasons(
         exceptions: of a campaign's summary.
         tasks: of the campaign.
         path: of the campaign's file, which keeps the further walks, too.
-        scheduler: see :func:`comparison.campaign.execute.execute`.
         progress: is told how many walks are done.
     """
     code, by_place = code_digest(), {(task.seed, task.contender): task for task in tasks}
     fell = [(entry, [by_place[entry["seed"], name] for name in entry["fell"]]) for entry in exceptions]
     walks = [other for _, those in fell for task in those for other in variations(task).values()]
     with Store(path) as store:
-        execute(walks, store, scheduler=scheduler, progress=progress)
+        execute(walks, store, progress=progress)
 
         def stands(task: Task) -> bool:
             return not store.rows[task.key(code)]["measures"]["fell"]

@@ -123,11 +123,6 @@ class CampaignSettings:
         checks.number("jitter", self.jitter, low=0.0)
 
     @classmethod
-    def quick(cls, **changes: Any) -> CampaignSettings:
-        """Fewer and shorter walks: to see whether it works, not to quote."""
-        return cls(**{"walks": 54, "duration": 2.5, **changes})
-
-    @classmethod
     def wide(cls, **changes: Any) -> CampaignSettings:
         """Everything varies, ground, engine and speed as well, from a seed of its own.
 
@@ -176,9 +171,11 @@ class CampaignSettings:
         return cls.wide(**{"walks": 210 * len(TUNED), "contenders": TUNED, **changes})
 
 
+QUICK: dict[str, Any] = {"walks": 54, "duration": 2.5}
+"""Fewer and shorter walks of any kind: to see whether it works, not to quote."""
+
 KINDS: dict[str, Callable[..., CampaignSettings]] = {
     "plain": CampaignSettings,
-    "quick": CampaignSettings.quick,
     "wide": CampaignSettings.wide,
     "variants": CampaignSettings.variants,
     "harsh": CampaignSettings.harsh,

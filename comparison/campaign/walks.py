@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.plan import Task, code_digest
+from comparison.campaign.plan import Task
 from comparison.campaign.settings import ENGINES, JOINT_DAMPING
 from comparison.contenders import controller_part
 from comparison.measure.walking import walk_as_far_as_it_goes
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Straight, load_harpy, make_gait, measure
-from harpy_pin.errors import InputError
 from harpy_pin.gaits import StraightGait
 from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.scenario import ControllerPart, Governed
@@ -41,20 +40,13 @@ ICE = (0.4, 0.7)
 """Where the strip of ice begins and ends, as shares of the way that the walk is to go: about two steps."""
 
 
-def walk_task(task: Task, code: str) -> dict[str, Any]:
+def walk_task(task: Task) -> dict[str, Any]:
     """Walk the scenario of a task, and measure.
-
-    ``code`` is the :func:`~comparison.campaign.plan.code_digest` of the process that planned the campaign.
 
     Returns:
         The measures :data:`MEASURES`, ``fall_time_s`` (None without a fall) and ``ending``. A controller that fails
         counts as a fall at that moment.
-
-    Raises:
-        InputError: this process runs other code than the one that planned the campaign.
     """
-    if code != code_digest():
-        raise InputError("a worker runs other code or other versions than the campaign", name="code")
     run = walk_as_far_as_it_goes(scenario(task))
     measures = measure(run).as_dict()
     row: dict[str, Any] = {name: measures[name] for name in MEASURES}

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from comparison.benchmark import LOW_FRICTION, Settings
+from comparison.benchmark import FRICTION, Settings
 from comparison.cli.output import NumbersFile, print_tables, stages, writing
 from comparison.peers.compare import compare_peers
 from comparison.peers.environment import PEERS, PLAYGROUND, default_folder
@@ -36,7 +36,7 @@ def peers(
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Shorter walks, fewer repetitions, one robot.")] = False,
     json: NumbersFile = None,
-    friction: Annotated[float, typer.Option(help="Friction coefficient of the walks.")] = LOW_FRICTION,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of the walks.")] = FRICTION,
 ) -> None:
     """Time other libraries' controllers.
 
@@ -49,7 +49,7 @@ def peers(
     if install:
         _install(folder)
         return
-    settings = Settings.quick(low_friction=friction) if quick else Settings(low_friction=friction)
+    settings = Settings.quick(friction=friction) if quick else Settings(friction=friction)
     with writing(json) as document, stages() as progress:
         document |= compare_peers(
             progress,

@@ -39,10 +39,10 @@ def _study(study: Study) -> tuple[str, Tables]:
 
 SOURCES: Mapping[str, tuple[str, Tables]] = {
     "comparison": ("--out {folder}/comparison", tables_of),
-    "wide": ("campaign --wide --out {folder}/wide.jsonl", _campaign),
-    "variants": ("campaign --variants --out {folder}/variants.jsonl", _campaign),
-    "damped": ("campaign --variants --walks 960 --joint-damping 5 --out {folder}/damped.jsonl", _campaign),
-    "harsh": ("campaign --harsh --out {folder}/harsh.jsonl", _campaign),
+    "wide": ("campaign wide --out {folder}/wide.jsonl", _campaign),
+    "variants": ("campaign variants --out {folder}/variants.jsonl", _campaign),
+    "damped": ("campaign variants --walks 960 --joint-damping 5 --out {folder}/damped.jsonl", _campaign),
+    "harsh": ("campaign harsh --out {folder}/harsh.jsonl", _campaign),
     **{name: _study(study) for name, study in STUDIES.items()},
 }
 """For each source of a page the command that measures it, without ``--json``, and the tables of what it writes."""

@@ -30,9 +30,7 @@ def whole(
         Path | None, typer.Option("--figures", metavar="DIR", help="Also save the figures there (pareto.png, ...).")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the pushes and of the order in which controllers are timed.")] = 0,
-    friction: Annotated[
-        float, typer.Option(help="Friction coefficient of the main condition. The paper's 0.25 is always added.")
-    ] = 0.8,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of the walks whose states are timed.")] = 0.25,
     duration: Annotated[
         float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]", show_default=False)
     ] = None,

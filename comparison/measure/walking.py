@@ -7,10 +7,11 @@ import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from typing import Any, TypeVar
 
-from harpy_pin.errors import ControlError
+from harpy_pin.errors import ControlError, HarpyError
 from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
@@ -51,6 +52,8 @@ def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> 
             with without_interrupts():  # Ctrl-C ends the workers by this process
                 found = pool.map(walk, jobs)
             yield from found
+        except BrokenProcessPool as error:
+            raise HarpyError("a process that walked was killed; the same command goes on with what is kept") from error
         finally:
             pool.shutdown(cancel_futures=True)
 
@@ -77,7 +80,7 @@ def walk_as_far_as_it_goes(scenario: Scenario, controller: Callable[..., Control
 
 
 def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
-    """The log of a walk that is ready to begin; likewise."""
+    """The log of a walk that is ready to begin; that of a controller that failed ends at its failure."""
     try:
         with warnings.catch_warnings():  # studies ask for such velocities on purpose
             warnings.filterwarnings("ignore", "velocity .* is more than the robot walks", UserWarning)

@@ -9,11 +9,13 @@ from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
+import qpsolvers
+from qpsolvers import Problem, Solution
 from scipy.sparse import csc_matrix
 
 from comparison.measure.timing import without_gc
 from comparison.measure.walking import Progress
-from comparison.public.problems import KEYS, Answer, Problem, residuals
+from comparison.public.problems import KEYS
 from harpy_pin.model.record import field
 from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, DualActiveSet
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
@@ -24,8 +26,8 @@ LEVELS = {"low": 1e-3, "mid": 1e-6, "high": 1e-9}
 TIME_LIMIT, SHIFT = 10.0, 10.0
 """Time that a program without a solution counts, s, and shift of the geometric mean of times, s: qpbenchmark's."""
 
-Contender = Callable[[Problem, float], tuple[Callable[[], Any], Callable[[Any], Answer | None]]]
-"""Of a program and an accuracy: what is timed, and what reads the answer from its result."""
+Contender = Callable[[Problem, float], tuple[Callable[[], Any], Callable[[Any], Solution]]]
+"""Of a program and an accuracy: what is timed, and what makes a solution of its result."""
 
 
 def settings_of(solver: str, eps: float) -> dict[str, Any]:
@@ -43,23 +45,17 @@ def settings_of(solver: str, eps: float) -> dict[str, Any]:
 def through_qpsolvers(solver: str) -> Contender:
     """A solver as qpbenchmark calls it; the conversion to sparse matrices is not timed there either."""
 
-    def contender(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Answer | None]]:
-        import qpsolvers
-
+    def contender(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
         arrays = {key: getattr(p, key) for key in KEYS}
         if solver == "clarabel":
             arrays |= {key: csc_matrix(arrays[key]) for key in ("P", "G", "A") if arrays[key] is not None}
         problem, options = qpsolvers.Problem(**arrays), settings_of(solver, eps)
-
-        def read(solution: Any) -> Answer | None:
-            return Answer(solution.x, solution.y, solution.z, solution.z_box) if solution.found else None
-
-        return lambda: qpsolvers.solve_problem(problem, solver=solver, **options), read
+        return lambda: qpsolvers.solve_problem(problem, solver=solver, **options), lambda solution: solution
 
     return contender
 
 
-def daqp_alone(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Answer | None]]:
+def daqp_alone(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
     """DAQP without what qpsolvers does before and after; its arrays are made beforehand."""
     import daqp
 
@@ -77,20 +73,20 @@ def daqp_alone(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any
     sense = np.zeros(len(upper), dtype=np.int32)
     sense[end:] = 5  # equality
 
-    def read(result: Any) -> Answer | None:
+    def read(result: Any) -> Solution:
         x, _, flag, info = result
         lam = info["lam"]
-        return Answer(x, lam[end:], lam[box:end], lam[:box] if box else None) if flag > 0 else None
+        return Solution(p, found=flag > 0, x=x, y=lam[end:], z=lam[box:end], z_box=lam[:box] if box else None)
 
     return lambda: daqp.solve(p.P, p.q, rows, upper, lower, sense, primal_tol=eps, dual_tol=eps), read
 
 
-def dual_made(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Answer | None]]:
+def dual_made(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
     """Ours as qpsolvers calls a solver: all memory is made for this program. It is exact and takes no tolerance."""
-    return lambda: solve_with_dual(p), lambda answer: answer
+    return lambda: solve_with_dual(p), lambda solution: solution
 
 
-def dual_kept(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Answer | None]]:
+def dual_kept(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any], Solution]]:
     """Ours as a controller calls it: memory is there, the arrays are filled and the program is solved."""
     program, solver = _make(p)
 
@@ -98,14 +94,16 @@ def dual_kept(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any]
         _fill(p, program)
         return solver.solve(program).status is QPStatus.SOLVED
 
-    return solve, lambda solved: _answer(program, solver) if solved else None
+    return solve, lambda solved: _solution(p, program, solver) if solved else Solution(p, found=False)
 
 
-def solve_with_dual(p: Problem) -> Answer | None:
+def solve_with_dual(p: Problem) -> Solution:
     """Our dual method on a program, its memory made for it."""
     program, solver = _make(p)
     _fill(p, program)
-    return _answer(program, solver) if solver.solve(program).status is QPStatus.SOLVED else None
+    return (
+        _solution(p, program, solver) if solver.solve(program).status is QPStatus.SOLVED else Solution(p, found=False)
+    )
 
 
 def _make(p: Problem) -> tuple[QuadraticProgram, DualActiveSet]:
@@ -132,7 +130,7 @@ def _fill(p: Problem, program: QuadraticProgram) -> None:
         np.minimum(p.ub, UNBOUNDED, out=program.upper[:bounded])
 
 
-def _answer(program: QuadraticProgram, solver: DualActiveSet) -> Answer:
+def _solution(p: Problem, program: QuadraticProgram, solver: DualActiveSet) -> Solution:
     """The solution, with multipliers in the form and the signs of qpsolvers."""
     n_eq, bounded, x = len(program.equality_value), program.bounded, solver.solution.z.copy()
     rows = np.zeros(len(solver.active))
@@ -143,7 +141,7 @@ def _answer(program: QuadraticProgram, solver: DualActiveSet) -> Answer:
     if n_eq:  # the method keeps neither the sign of an equality nor one that is redundant
         rest = program.hessian @ x + program.gradient + program.inequality.T @ rows
         y = np.asarray(np.linalg.lstsq(program.equality.T, -rest, rcond=None)[0], dtype=np.float64)
-    return Answer(x, y, rows[bounded:], rows[:bounded] if bounded else None)
+    return Solution(p, found=True, x=x, y=y, z=rows[bounded:], z_box=rows[:bounded] if bounded else None)
 
 
 CONTENDERS: dict[str, Contender] = {
@@ -170,7 +168,7 @@ def _shifted_mean(times: Sequence[float]) -> float:
 
 
 def time_solvers(
-    problems: Sequence[Problem], repetitions: int, progress: Progress | None = None
+    problems: Sequence[tuple[str, Problem]], repetitions: int, progress: Progress | None = None
 ) -> dict[str, dict[str, Any]]:
     """All solvers on all programs to all accuracies, one after the other on each program.
 
@@ -182,27 +180,27 @@ def time_solvers(
     kept: dict[tuple[str, str], list[_Row]] = {(name, level): [] for name in CONTENDERS for level in LEVELS}
     with warnings.catch_warnings(), without_gc():
         warnings.simplefilter("ignore")
-        for done, p in enumerate(problems, start=1):
+        for done, (name, p) in enumerate(problems, start=1):
             for level, eps in LEVELS.items():
-                for name, contender in CONTENDERS.items():
-                    kept[name, level].append(_solved(*contender(p, eps), p, repetitions))
+                for solver, contender in CONTENDERS.items():
+                    kept[solver, level].append(_solved(name, *contender(p, eps), repetitions))
             if progress is not None:
                 progress(done, len(problems))
     return {name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()} for name in CONTENDERS}
 
 
-def _solved(solve: Callable[[], Any], read: Callable[[Any], Answer | None], p: Problem, repetitions: int) -> _Row:
+def _solved(name: str, solve: Callable[[], Any], read: Callable[[Any], Solution], repetitions: int) -> _Row:
     """A row for a program; a first, untimed call warms up."""
-    answer, times = None, []
     with suppress(Exception):  # as in qpbenchmark: a solver that raises has found nothing
-        answer = read(solve())
-        for _ in range(repetitions if answer is not None else 0):
+        solution, times = read(solve()), []
+        for _ in range(repetitions if solution.found else 0):
             begin = perf_counter()
             solve()
             times.append(perf_counter() - begin)
-    if answer is None:
-        return _Row(p.name, False, TIME_LIMIT, (np.inf, np.inf, np.inf))
-    return _Row(p.name, True, float(np.median(times)), residuals(p, answer))
+        if times:
+            residuals = (solution.primal_residual(), solution.dual_residual(), solution.duality_gap())
+            return _Row(name, True, float(np.median(times)), residuals)
+    return _Row(name, False, TIME_LIMIT, (np.inf, np.inf, np.inf))
 
 
 def _summary(rows: Sequence[_Row], eps: float) -> dict[str, Any]:

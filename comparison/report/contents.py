@@ -15,9 +15,6 @@ from comparison.sections.ticks import ticks_tables
 from comparison.sections.timing import timing_tables
 from comparison.tables import Cell, Table, with_interval
 
-CONDITIONS = {"": "friction", "_low_friction": "low_friction"}
-"""Suffix of a condition's sections in the document, and the setting that holds its friction."""
-
 MEASURES = {
     "fell": "fell",
     "distance_m": "distance, m",
@@ -41,20 +38,15 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
     tables: list[Table] = []
     if "ticks" in document and "campaign" in document:
         tables.append(pareto_table(document))
-    for key, name in CONDITIONS.items():
-        friction, walk = document["settings"][name], document[f"walk{key}"]
-        tables += timing_tables(document[f"timing{key}"], key, friction)
-        cells = (Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in CONTENDERS)
-        tables.append(Table(f"walk{key}", f"One undisturbed walk of each, friction {friction:g}", tuple(cells)))
-        for part, title in {
-            "checks": "Checks of what was timed",
-            "activity": "Activity of governor and solver",
-        }.items():
-            tables.append(_flat(document[f"{part}{key}"], f"{part}{key}", f"{title}, friction {friction:g}"))
-    low = document["settings"]["low_friction"]
+    friction, walk = document["settings"]["friction"], document["walk"]
+    tables += timing_tables(document["timing"], friction)
+    cells = (Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in CONTENDERS)
+    tables.append(Table("walk", f"One undisturbed walk of each, friction {friction:g}", tuple(cells)))
+    tables.append(_flat(document["checks"], "checks", "Checks of what was timed"))
+    tables.append(_flat(document["activity"], "activity", "Activity of governor and solver"))
     sections: dict[str, Any] = {
         "ticks": ticks_tables,
-        "formulations": lambda entry: [formulations_table(entry, low)],
+        "formulations": lambda entry: [formulations_table(entry, friction)],
         "campaign": summary_tables,
         "growth": growth_tables,
         "simulator": lambda entry: [simulator_table(entry)],

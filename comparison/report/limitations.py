@@ -34,7 +34,7 @@ LIMITATIONS = (
     "0.2, 0.15 and 0.1. The program's were then chosen among rounded candidates by twelve more walks, whose pushes and "
     "mass errors overlap with the campaign's. The default gait was itself searched for little slip. The scripts of "
     "these searches are lost. 'python -m comparison tune' is the search that can be repeated, with one budget for all; "
-    "of its settings only the paper's best variant is in this table, 'campaign --variants' walks the others.",
+    "of its settings only the paper's best variant is in this table, 'campaign variants' walks the others.",
     "Where no row is violated the paper's governor takes its cheap branch and only lags behind its target; the share "
     "of ticks with a violated row is in the table of activity. Where that share is zero, the constraints had no effect "
     "on the walk, whatever the measures say. Updates with violated rows are therefore timed apart, with a governor "

@@ -216,8 +216,8 @@ def _summary(laps: Mapping[str, list[Laps]], overhead: float) -> dict[str, Any]:
     return timing
 
 
-def timing_tables(timing: Mapping[str, Any], key: str, friction: float) -> list[Table]:
-    """Times of ticks and phases, and their ratios; ``key`` ends the tables' names."""
+def timing_tables(timing: Mapping[str, Any], friction: float) -> list[Table]:
+    """Times of ticks and phases, and their ratios."""
     cells = [
         cell
         for contender in CONTENDERS
@@ -232,6 +232,6 @@ def timing_tables(timing: Mapping[str, Any], key: str, friction: float) -> list[
     ratios = tuple(Cell(row, "ratio", r["p50"], "", r["min"], r["max"]) for row, r in rows.items())
     of_ratios = "Ratio of medians; in brackets the least and largest of the repetitions."
     return [
-        Table(f"timing{key}", f"Time per tick and phase, µs, friction {friction:g}", tuple(cells), note),
-        Table(f"ratios{key}", f"Ratios, friction {friction:g}", ratios, of_ratios),
+        Table("timing", f"Time per tick and phase, µs, friction {friction:g}", tuple(cells), note),
+        Table("ratios", f"Ratios, friction {friction:g}", ratios, of_ratios),
     ]

@@ -18,7 +18,7 @@ TABLES = {
 }
 FOUND = "paper's governor, tracked, PID, tuned"
 PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP"
-PID, SOLVE = "no governor, PID, tuned", "comparison/timing_low_friction"
+PID, SOLVE = "no governor, PID, tuned", "comparison/timing"
 ACTIVE = "WBC QP, active-set warm start"
 TICK_LAW, TICK_PRINTED = f"comparison/ticks|{LAW}|median", f"comparison/ticks|{PRINTED}|median"
 HARSH, DAMPED = f"harsh/variants|{LAW}", "damped/variants"
