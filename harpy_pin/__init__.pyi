@@ -28,7 +28,7 @@ from .scenario import (
     walk,
 )
 from .simulation.actuators import Actuators
-from .simulation.controller import Controller
+from .simulation.loop import Controller
 from .simulation.push import Push
 from .simulation.sensors import Noise
 from .simulation.simulator import Simulator

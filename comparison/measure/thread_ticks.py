@@ -11,7 +11,7 @@ import numpy as np
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.scenario.build import Walk
-from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.loop import Controller
 
 FIRST = 10
 """Ticks that are not timed: they load what every tick needs."""

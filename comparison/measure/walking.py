@@ -15,7 +15,7 @@ from harpy_pin.errors import ControlError, HarpyError
 from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
 from harpy_pin.scenario import Scenario, walk
-from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.loop import Controller
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""

@@ -31,7 +31,7 @@ from harpy_pin import (
     make_controller,
 )
 from harpy_pin.contrib.flight import Fly, Flying, Jump
-from harpy_pin.contrib.thrust_watch import ThrustWatch
+from harpy_pin.contrib.thrusters import ThrustWatch
 from harpy_pin.ground import Plane, Ramp, Terrain
 from harpy_pin.simulation.mujoco import installed_version
 
@@ -60,7 +60,7 @@ class Manoeuvre:
         walks: whether it walks on.
         slope: of the ground, degrees: from 1.2 m on for flights that walk on, else everywhere.
         failing: whether the left fan loses half its power in the air.
-        watched: whether the controller finds that out (:mod:`harpy_pin.contrib.thrust_watch`).
+        watched: whether the controller finds that out (:mod:`harpy_pin.contrib.thrusters`).
         lag: of the thrusts, s.
         known: whether the controller knows of it.
         thrust: whether it has thrust at all.

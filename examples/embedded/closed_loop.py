@@ -80,7 +80,7 @@ def program(duration: float, *, single: bool) -> dict[str, str]:
         gait=motion.gait._record,
         dynamics=plant.dynamics.record,
         ground=plant._ground,
-        step=plant.step_record,
+        step=plant.record,
         q=plant.q,
         v=plant.v,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import cpu_count
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
 from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import Tasks, task_terms
-from harpy_pin.errors import InputError, shown
+from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
@@ -33,8 +32,6 @@ __all__ = ["BatchTargets", "CondensedBatch"]
 
 BAD_STATE = -1
 """Status of a robot whose state or targets are not finite: its torques and thrusts are zero."""
-SMALL = 64
-"""Robots that are not worth a second thread."""
 Array = NDArray[Any]
 
 
@@ -127,24 +124,22 @@ class CondensedBatch(KeepsViews):
     ) -> None:
         self.robot = robot
         self.n = n = checks.whole("n", n, low=1)
-        try:
-            self.dtype = np.dtype(dtype)
-        except (TypeError, ValueError):
-            raise InputError(f"dtype must be float64 or float32, got {shown(dtype)}", name="dtype") from None
-        if self.dtype not in (np.dtype(np.float64), np.dtype(np.float32)):
-            raise InputError(f"dtype must be float64 or float32, got {self.dtype}", name="dtype", value=dtype)
+        checks.one_of("dtype", getattr(dtype, "__name__", str(dtype)), ("float64", "float32"))
+        self.dtype = np.dtype(dtype)
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
         lags = p.thrust_lag or p.thrust_turning_lag
         if p.estimate_friction or p.estimate_joint_friction or lags:
             message = "a batch estimates no friction and knows no lag of thrusts"
             raise InputError(message, name="parameters", value=p)
-        gait = _standing(robot)
+        gait: FullGait
+        if robot.name == "harpy":
+            gait = make_gait(robot, speed=0.0)
+        else:
+            gait = Standing(robot) if robot.feet else Hovering(robot)
         tasks = Tasks(gait, p, CondensedTasksRecord, condensed=condensed_record(robot, p.weights, p.limits))
         tasks.record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)
-        workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1)
-        self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
-        pieces = len(self._cuts) - 1
-        self._threads = Threads(pieces)
+        self._threads = Threads(n, threads)
+        pieces = len(self._threads.cuts) - 1
         tasks.record["condensed"]["mu"] = np.inf  # that of each robot counts
         self._records = [tasks.record.copy() for _ in range(pieces)]
         self._target_records = [gait.target.record.copy() for _ in range(pieces)]
@@ -198,15 +193,14 @@ class CondensedBatch(KeepsViews):
         given = tuple(self._array(name, value) for name, value in (("q", q), ("v", v), ("foot_force", foot_force)))
         for name in ("mu", "mass_error"):
             checks.vector(name, getattr(self, name), self.n)
-        t = self.targets
-        targets = (t.body, t.heading, t.foot_position, t.foot_velocity, t.foot_acceleration, t.stance, t.phase)
+        targets = tuple(getattr(self.targets, name) for name in BatchTargets.__slots__)
         robots, results = (self.mu, self.mass_error), (self.torque, self.thrust, self.force, self.status)
 
-        def piece(k: int) -> None:
+        def piece(k: int, begin: int, end: int) -> None:
             parts = (self._records[k], self._target_records[k], self._body)
-            step_batch(self._cuts[k], self._cuts[k + 1], parts, self._memory, robots, given, targets, results)
+            step_batch(begin, end, parts, self._memory, robots, given, targets, results)
 
-        self._threads.run(piece, range(len(self._records)))
+        self._threads.run(piece)
         return self.torque, self.thrust
 
     def close(self) -> None:
@@ -224,13 +218,6 @@ class CondensedBatch(KeepsViews):
         if array.shape != self._shapes[name]:
             raise InputError(f"{name} must have shape {self._shapes[name]}, got {array.shape}", name=name, value=value)
         return array
-
-
-def _standing(robot: Robot) -> FullGait:
-    """A gait with the robot's number of feet."""
-    if robot.name == "harpy":
-        return make_gait(robot, speed=0.0)
-    return Standing(robot) if robot.feet else Hovering(robot)
 
 
 @kernel(release=True)

@@ -2,38 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from os import getpid
+from os import cpu_count, getpid
 from typing import Any
+
+import numpy as np
+
+from harpy_pin import checks
 
 __all__ = ["Threads"]
 
+SMALL = 64
+"""Robots that are not worth a second thread."""
+
 
 class Threads:
-    """Threads of the present process, begun when they are first needed.
+    """Threads of the present process, begun when they are first needed, each for a part of a batch.
 
     A forked child has none of its parent's threads, and would wait for them for ever: it begins its own. So does a
     copy.
 
     Args:
-        count: how many; with one, the work is done by the thread that calls.
+        n: robots in the batch.
+        most: threads that work at a time, at most; None: one for each core.
+
+    Attributes:
+        cuts: where one part ends and the next begins; with one part, the work is done by the thread that calls.
     """
 
-    def __init__(self, count: int) -> None:
-        self.count = count
+    def __init__(self, n: int, most: int | None = None) -> None:
+        workers = checks.whole("threads", cpu_count() or 1 if most is None else most, low=1, high=1024)
+        self.cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
         self._pool: ThreadPoolExecutor | None = None
         self._process = getpid()
 
-    def run(self, piece: Callable[..., None], *arguments: Sequence[int]) -> None:
-        """Call a function for each tuple of arguments, and wait until all of it is done."""
-        if self.count == 1:
-            for given in zip(*arguments, strict=True):
-                piece(*given)
+    def run(self, piece: Callable[[int, int, int], None]) -> None:
+        """Call a function with the number, the begin and the end of each part, and wait until all of it is done."""
+        parts = range(len(self.cuts) - 1), self.cuts[:-1], self.cuts[1:]
+        if len(self.cuts) == 2:
+            piece(0, *self.cuts)
             return
         if self._pool is None or self._process != getpid():
-            self._pool, self._process = ThreadPoolExecutor(self.count), getpid()
-        list(self._pool.map(piece, *arguments))
+            self._pool, self._process = ThreadPoolExecutor(len(parts[0])), getpid()
+        list(self._pool.map(piece, *parts))
 
     def close(self) -> None:
         """End the threads; the next :meth:`run` begins new ones."""
@@ -41,5 +53,5 @@ class Threads:
             self._pool.shutdown()
         self._pool = None
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Threads, (self.count,)
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_pool": None}

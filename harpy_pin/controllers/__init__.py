@@ -12,7 +12,7 @@ from harpy_pin.controllers.named_controllers import (
 )
 from harpy_pin.controllers.parameters import GovernedParameters, JointGains, WholeBodyParameters
 from harpy_pin.controllers.whole_body import WholeBodyController
-from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.loop import Controller
 
 __all__ = [
     "CONTROLLERS",

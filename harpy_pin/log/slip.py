@@ -12,7 +12,6 @@ Two numbers for each foot since the simulator's last reset:
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
@@ -44,23 +43,6 @@ class SlipRecord(RecordOf):
     away: Vector = sized("feet", fill=np.inf)
 
 
-class ContactRecord(RecordOf):
-    """What every plant keeps of the contact.
-
-    Attributes:
-        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
-        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
-            one tick to a rotor that it could not carry out as given.
-        slip: paths of the feet on the ground.
-        frame: (feet, 3, 3) of each contact, see :mod:`harpy_pin.ground.contact_frame`; unused on flat ground.
-    """
-
-    force: Vector = sized("3 feet")
-    counts: NDArray[np.int64] = sized(3, whole=True)
-    slip: SlipRecord
-    frame: Vector = sized("feet", 3, 3)
-
-
 def slip_record(feet: int) -> Records[SlipRecord]:
     """A new :class:`SlipRecord`."""
     return make_record(SlipRecord, {"feet": feet})
@@ -76,57 +58,37 @@ def forget_slip(s: SlipRecord, position: Vector) -> None:
 
 
 @kernel
-def note_slip(s: SlipRecord, position: Vector, force: Vector, dt: float) -> None:
+def note_slip(s: SlipRecord, level: bool, frame: Vector, position: Vector, force: Vector, dt: float) -> None:
     """Take one step into account.
 
     Args:
         s: element of the record.
-        position: (feet, 3) at the end of the step, m.
-        force: (3 feet,) over the step, N.
-        dt: of the step, s.
-    """
-    for k in range(position.shape[0]):
-        x, y = position[k, 0], position[k, 1]
-        if force[3 * k + 2] > 0.0:
-            if s.away[k] > DEBOUNCE:
-                s.ended[k] = s.net[k]
-                s.touchdown[k, 0], s.touchdown[k, 1] = s.before[k, 0], s.before[k, 1]
-            s.away[k] = 0.0
-            s.path[k] += np.hypot(x - s.before[k, 0], y - s.before[k, 1])
-            s.net[k] = s.ended[k] + np.hypot(x - s.touchdown[k, 0], y - s.touchdown[k, 1])
-        else:
-            s.away[k] += dt
-        s.before[k, 0], s.before[k, 1] = x, y
-
-
-@kernel
-def note_slip_along(s: SlipRecord, frame: Vector, position: Vector, force: Vector, dt: float) -> None:
-    """Take one step on ground that is not flat into account.
-
-    Args:
-        s: element of the record.
+        level: whether the ground is flat; frames are not read then.
         frame: (feet, 3, 3) of the contacts.
         position: (feet, 3) at the end of the step, m.
         force: (3 feet,) over the step, world axes, N.
         dt: of the step, s.
     """
     for k in range(position.shape[0]):
-        r = frame[k]
-        if r[0, 2] * force[3 * k] + r[1, 2] * force[3 * k + 1] + r[2, 2] * force[3 * k + 2] > 0.0:
+        f, r = force[3 * k : 3 * k + 3], frame[k]
+        normal = f[2] if level else r[0, 2] * f[0] + r[1, 2] * f[1] + r[2, 2] * f[2]
+        if normal > 0.0:
             if s.away[k] > DEBOUNCE:
                 s.ended[k] = s.net[k]
                 s.touchdown[k] = s.before[k]
             s.away[k] = 0.0
-            s.path[k] += _distance_along(r, s.before[k], position[k])
-            s.net[k] = s.ended[k] + _distance_along(r, s.touchdown[k], position[k])
+            s.path[k] += _distance(level, r, s.before[k], position[k])
+            s.net[k] = s.ended[k] + _distance(level, r, s.touchdown[k], position[k])
         else:
             s.away[k] += dt
         s.before[k] = position[k]
 
 
 @kernel
-def _distance_along(frame: Vector, begin: Vector, end: Vector) -> float:
+def _distance(level: bool, frame: Vector, begin: Vector, end: Vector) -> float:
     """Distance of two places along the ground, m."""
+    if level:
+        return float(np.hypot(end[0] - begin[0], end[1] - begin[1]))
     along = across = 0.0
     for c in range(3):
         along += frame[c, 0] * (end[c] - begin[c])

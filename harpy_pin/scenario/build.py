@@ -25,7 +25,7 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import heavier, load_harpy, load_robot
 from harpy_pin.model.state import State
 from harpy_pin.scenario.scenario import Scenario
-from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.sensors import Sensors
 

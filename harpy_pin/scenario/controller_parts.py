@@ -19,7 +19,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.governors.rows import EVALUATE_AT
 from harpy_pin.scenario.parts import Part, defaults_of, plain
-from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.loop import Controller
 
 __all__ = ["CONTROLLER_PARTS", "Condensed", "ControllerPart", "Governed", "WholeBody"]
 

@@ -1,9 +1,8 @@
 """What ``harpy_pin.simulation`` offers; :mod:`lazy_loader` reads this file."""
 
 from .actuators import Actuators
-from .battery import Battery
-from .controller import Controller
 from .implicit_contact import contact_step
+from .loop import Controller
 from .plant import GRAVITY, Plant
 from .push import Push
 from .sensors import Noise, Sensors
@@ -13,7 +12,6 @@ from .thrusters import Thrusters
 __all__ = [
     "GRAVITY",
     "Actuators",
-    "Battery",
     "Controller",
     "Noise",
     "Plant",

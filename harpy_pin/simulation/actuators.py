@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -14,7 +15,6 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.battery import Battery, read_part
 from harpy_pin.simulation.thrusters import Thrusters
 
 __all__ = ["Actuators"]
@@ -40,7 +40,6 @@ class Actuators:
         no_load_speed: at which a motor under full voltage has no torque left, at the joint, rad/s: the torque is at
             most stall (1 − ω/ω₀) along the speed ω, and stall (1 + ω/ω₀) against it. None: torques know no speed.
         stall_share: torque of a motor at rest under full voltage, as a share of the model's peak torque. None: 1.
-        battery: behind thrusters and motors, also as a mapping; the thrusters' ``largest`` is then that at full charge.
     """
 
     bandwidth: float | None = None
@@ -50,22 +49,18 @@ class Actuators:
     thrusters: Thrusters = field(default_factory=Thrusters)
     no_load_speed: float | None = None
     stall_share: float | None = None
-    battery: Battery | None = None
 
     def __post_init__(self) -> None:
-        checks.keep(self, thrusters=read_part("actuators' thrusters", self.thrusters, Thrusters))
-        if self.battery is not None:
-            checks.keep(self, battery=read_part("actuators' battery", self.battery, Battery))
-            if self.thrusters.largest is None:
-                message = "a battery needs the thrusters' largest: the thrust at full charge"
-                raise InputError(message, name="battery", value=self.battery)
+        if isinstance(self.thrusters, Mapping):
+            for name in self.thrusters:
+                checks.one_of("setting of actuators' thrusters", name, [entry.name for entry in fields(Thrusters)])
+            checks.keep(self, thrusters=Thrusters(**self.thrusters))
+        checks.instance("actuators' thrusters", self.thrusters, Thrusters)
         if self.stall_share is not None and self.no_load_speed is None:
             raise InputError("a stall_share needs a no_load_speed", name="stall_share", value=self.stall_share)
         for entry in fields(self):
-            if entry.name in ("thrusters", "battery"):
-                continue
             value = getattr(self, entry.name)
-            if value is not None or entry.default is not None:
+            if entry.name != "thrusters" and (value is not None or entry.default is not None):
                 strict, high = entry.default is None, MAX_BANDWIDTH if entry.name == "bandwidth" else MAX_TORQUE
                 value = checks.number(f"actuators' {entry.name}", value, low=0.0, high=high, strict=strict)
                 checks.keep(self, **{entry.name: value})

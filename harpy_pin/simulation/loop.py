@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter_ns
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -22,19 +22,41 @@ from harpy_pin.log.run_file import FORMAT, MAX_STEP
 from harpy_pin.model.entry import is_finite
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.simulation.controller import Controller
 from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.simulation.sensors import Sensors
-from harpy_pin.simulation.upright import VERDICTS
+from harpy_pin.simulation.step import VERDICTS
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.plant import Plant
 
-__all__ = ["keep_run", "prepare_loop", "run_closed_loop", "run_metadata"]
+__all__ = ["Controller", "keep_run", "prepare_loop", "run_closed_loop", "run_metadata"]
 
 TOLD = 100
 """Ticks in Python after which progress is told."""
 FLOAT64 = np.dtype(np.float64)
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """Anything with ``step(state) -> Command``.
+
+    Members that are used where they are there:
+
+    - ``period``: time between ticks, s (1 ms where there is none);
+    - ``reset()``: forget the past, that is integrals, applied references and warm starts;
+    - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last tick to log, the same names and shapes each tick;
+    - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
+
+    All controllers of this library have all four.
+    """
+
+    def step(self, state: State) -> Command:
+        """Command of one tick; its arrays may be overwritten by the next.
+
+        Args:
+            state: what was measured; its arrays belong to the caller, and are overwritten by the next tick.
+        """
+        ...
 
 
 def run_closed_loop(

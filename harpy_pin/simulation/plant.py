@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled.calls import Call
-from harpy_pin.errors import InputError, shown
+from harpy_pin.errors import InputError
 from harpy_pin.ground.ground import Ground
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
@@ -25,42 +25,63 @@ from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, field
+from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.simulation.controller import Controller
-from harpy_pin.simulation.loop import prepare_loop, run_closed_loop
+from harpy_pin.simulation.actuators import Actuators
+from harpy_pin.simulation.loop import Controller, prepare_loop, run_closed_loop
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Sensors
-from harpy_pin.simulation.upright import VERDICTS, stands
+from harpy_pin.simulation.step import VERDICTS, PlantRecord, stands
+from harpy_pin.simulation.thrusters import settle_thrusters
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.ticks import CompiledLoop
 
-__all__ = ["GRAVITY", "Plant"]
+__all__ = ["GRAVITY", "Attachment", "Plant"]
 
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (equations.md §3)."""
 
 
-@fixed_arrays("counts", "gravity", "q", "slip_net", "slip_path", "v")
+class Attachment(Protocol):
+    """What acts on a plant besides commands and pushes, such as a battery behind its thrusters.
+
+    It reads and writes the plant's :attr:`~Plant.record`.
+
+    Attributes:
+        signals: for the log, by name: arrays that stay where they are.
+    """
+
+    signals: Mapping[str, NDArray[Any]]
+
+    def reset(self, plant: Plant) -> None:
+        """Begin anew, after a reset of the plant."""
+
+    def after_step(self, plant: Plant) -> None:
+        """Act, after each physics step."""
+
+
+@fixed_arrays("counts", "gravity", "q", "record", "slip_net", "slip_path", "v")
 class Plant(KeepsViews, ABC):
     """A robot, a ground and a time step. It has no state before :meth:`reset` gives it one.
 
     Args:
         robot: what to simulate; only its feet touch the ground, so that one without feet falls through it.
         ground: contact parameters, those that the feet feel.
-        contact: the record of the contact, with the fields ``force`` (3 feet,), ``counts`` (3,) and ``slip`` as in
-            :func:`harpy_pin.simulation.step.step_record`.
+        record: of contact and actuators.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
+        actuators: motors, joint friction and thrusters, as the record has them.
 
     Attributes:
         q: (nq,) configuration.
         v: (nv,) generalised velocity.
         t: time, s.
         dynamics: terms of the equations of motion at the present state.
+        record: what kernels know of contact, motors and thrusters.
+        attached: see :meth:`attach`.
         slip_path: (feet,) see :mod:`harpy_pin.log.slip`, m.
         slip_net: (feet,) net displacements of the same feet, m.
         counts: (3,) since the beginning of the last run: most iterations of the contact solver in a step; steps in
@@ -74,28 +95,36 @@ class Plant(KeepsViews, ABC):
     name: str  # in the log
     _q_: Vector
     _v_: Vector
-    _terrain: Record  # of the ground
+    _terrain: NDArray[np.void]  # of the ground
 
-    def __init__(self, robot: Robot, ground: Ground, contact: Record, *, dt: float, gravity: ArrayLike) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        ground: Ground,
+        record: Records[PlantRecord],
+        *,
+        dt: float,
+        gravity: ArrayLike,
+        actuators: Actuators,
+    ) -> None:
         self.robot = robot
         self.ground = ground
         self.dt = checks.number("dt", dt, low=1e-6)
         self.gravity = checks.vector("gravity", gravity, 3)
         self.dynamics = Dynamics(robot, gravity=self.gravity)
-        self._contact = contact
-        self._foot_force: Vector = field(contact, "force").reshape(-1, 3)
+        self.record, self.actuators = record, actuators
+        self.attached: tuple[Attachment, ...] = ()
+        self._foot_force: Vector = field(record, "force").reshape(-1, 3)
         self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
-        slip = contact["slip"]
+        slip = record["slip"]
         self.slip_path: Vector = field(slip, "path")
         self.slip_net: Vector = field(slip, "net")
-        self.counts: NDArray[np.int64] = field(contact, "counts")
+        self.counts: NDArray[np.int64] = field(record, "counts")
         model = self.dynamics.model
         self.q: Vector = pin.neutral(model)
         self.v: Vector = np.zeros(model.nv)
         self.t = 0.0
-        self._lagging: Vector | None = None  # thrust variables of the last step, where thrusts are not the commands
         self._applied = np.zeros(self._shapes[1])
-        self._battery: Record | None = None
         self._noted_torque, self._noted_thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
         self._clock, self._tick_ns = np.zeros(()), np.zeros((), np.int64)
         self._prepare()
@@ -107,12 +136,12 @@ class Plant(KeepsViews, ABC):
 
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""
-        forget_slip.prepare(self._contact["slip"], self.dynamics.foot_position)
+        forget_slip.prepare(self.record["slip"], self.dynamics.foot_position)
         stands.prepare(self._terrain, self.q, self.v, 0.0)
         prepare_loop(self.robot)
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
-        """Put the robot in a state; contact forces start at zero.
+        """Put the robot in a state; contact forces start at zero, motors and thrusters settle at the next command.
 
         Args:
             q: (nq,) configuration (the quaternion is normalised).
@@ -128,8 +157,22 @@ class Plant(KeepsViews, ABC):
         self.t = checks.number("t", t)
         self._foot_force[:] = 0.0
         self.dynamics.update(self.q, self.v)
-        forget_slip(self._contact["slip"], self.dynamics.foot_position)
+        forget_slip(self.record["slip"], self.dynamics.foot_position)
+        self.record["motors"]["settled"] = 0
+        settle_thrusters(self.record["thrusters"], self.actuators.thrusters, self.dt)
+        for part in self.attached:
+            part.reset(self)
         self._placed = True
+
+    def attach(self, part: Attachment) -> None:
+        """Let something act after each physics step from now on; runs log its signals, in Python's loop.
+
+        Args:
+            part: what acts.
+        """
+        part.reset(self)
+        self.attached += (part,)
+        vars(self).pop("signals", None)
 
     @property
     def state(self) -> State:
@@ -169,8 +212,7 @@ class Plant(KeepsViews, ABC):
         """What a log has of the plant, by name: arrays that stay where they are.
 
         The command and the times are those of the last logged tick. Of thrusters that lag there are the thrusts of the
-        last step, ``applied_thrust``; of a battery ``battery_charge``, ``battery_voltage`` and ``battery_energy``
-        (:mod:`harpy_pin.simulation.battery`).
+        last step, ``applied_thrust``.
         """
         d = self.dynamics
         signals = {
@@ -186,18 +228,19 @@ class Plant(KeepsViews, ABC):
             "thrust": self._noted_thrust,
             "tick_ns": self._tick_ns,
         }
-        if self._lagging is not None:
+        if self.actuators.thrusters:
             signals["applied_thrust"] = self._applied
-        if self._battery is not None:
-            signals |= {f"battery_{name}": field(self._battery, name) for name in ("charge", "voltage", "energy")}
+        for part in self.attached:
+            signals |= part.signals
         return signals
 
     @cached_property
     def log_calls(self) -> tuple[Call, ...]:
         """What brings :attr:`signals` up to date before a row is logged."""
-        if self._lagging is None:
+        if not self.actuators.thrusters:
             return ()
-        return (Call(write_thrusts, self.dynamics.record, self._lagging, self._applied),)
+        given = field(self.record["thrusters"], "mean_thrust")
+        return (Call(write_thrusts, self.dynamics.record, given, self._applied),)
 
     @abstractmethod
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
@@ -340,20 +383,3 @@ class Plant(KeepsViews, ABC):
                 "reset(*gait.initial_state(penetration=simulator.static_penetration))",
                 name="simulator",
             )
-
-    def _push_forces(self, pushes: Sequence[Push], steps: int) -> Vector:
-        """(steps, 3) mean force of the pushes over each of the coming steps, world axes, N.
-
-        Raises:
-            InputError: these are no pushes.
-        """
-        if not isinstance(pushes, Sequence):
-            raise InputError(f"pushes must be a tuple of pushes, got {shown(pushes)}", name="pushes", value=pushes)
-        force = np.zeros((steps, 3))
-        for push in pushes:
-            checks.instance("pushes", push, Push)
-            if push.time < self.t + steps * self.dt and push.time + push.duration > self.t:
-                for n in range(steps):
-                    begin = self.t + n * self.dt
-                    force[n] += push.share(begin, begin + self.dt) / self.dt * np.array(push.impulse)
-        return force

@@ -6,11 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
+from harpy_pin.model.state import Vector
 
-__all__ = ["Push", "check_pushes"]
+__all__ = ["Push", "check_pushes", "push_forces"]
 
 MAX_IMPULSE = 1e6
 """N·s along an axis."""
@@ -54,6 +57,35 @@ class Push:
         return before(end) - before(begin)
 
 
+def _are_pushes(pushes: Sequence[Push]) -> None:
+    if not isinstance(pushes, Sequence):
+        raise InputError(f"pushes must be a tuple of pushes, got {shown(pushes)}", name="pushes", value=pushes)
+    for push in pushes:
+        checks.instance("a push", push, Push)
+
+
+def push_forces(pushes: Sequence[Push], t: float, dt: float, steps: int) -> Vector:
+    """(steps, 3) mean force of pushes over each of the coming physics steps, world axes, N.
+
+    Args:
+        pushes: forces on the body.
+        t: time at which the first step begins, s.
+        dt: step, s.
+        steps: how many.
+
+    Raises:
+        InputError: these are no pushes.
+    """
+    _are_pushes(pushes)
+    force = np.zeros((steps, 3))
+    for push in pushes:
+        if push.time < t + steps * dt and push.time + push.duration > t:
+            for n in range(steps):
+                begin = t + n * dt
+                force[n] += push.share(begin, begin + dt) / dt * np.array(push.impulse)
+    return force
+
+
 def check_pushes(pushes: Sequence[Push], begin: float, end: float) -> None:
     """Refuse pushes that lie outside a run.
 
@@ -65,10 +97,8 @@ def check_pushes(pushes: Sequence[Push], begin: float, end: float) -> None:
     Raises:
         InputError: one ends before the run begins, or begins after it ends.
     """
-    if not isinstance(pushes, Sequence):
-        raise InputError(f"pushes must be a tuple of pushes, got {shown(pushes)}", name="pushes", value=pushes)
+    _are_pushes(pushes)
     for push in pushes:
-        checks.instance("a push", push, Push)
         if push.time + push.duration <= begin or push.time >= end:
             message = f"a push at {push.time:g} s lies outside the run from {begin:g} to {end:g} s"
             raise InputError(message, name="pushes", value=push)

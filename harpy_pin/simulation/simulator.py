@@ -18,17 +18,12 @@ from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.calls import Call
 from harpy_pin.ground.ground import Ground
 from harpy_pin.log.recorder import Recorder
-from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.actuators import Actuators
-from harpy_pin.simulation.battery import reset_battery
-from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
 from harpy_pin.simulation.plant import GRAVITY, Plant
-from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.step import step_record
-from harpy_pin.simulation.thrusters import settle_thrusters
+from harpy_pin.simulation.push import Push, push_forces
+from harpy_pin.simulation.step import MISFIT_COMMAND, physics_steps, step_record
 from harpy_pin.simulation.ticks import CompiledLoop, lasting_signals
 
 __all__ = ["GRAVITY", "Simulator"]
@@ -37,7 +32,6 @@ MAX_STEPS = 64
 """Physics steps in one control tick for which no array is made."""
 
 
-@fixed_arrays("step_record")
 class Simulator(Plant):
     """This library's own plant. It has no state before :meth:`reset` gives it one.
 
@@ -50,7 +44,7 @@ class Simulator(Plant):
 
     Attributes:
         sweeps: of the contact solver (Gauss–Seidel) in the last step.
-        step_record: what the kernel of a step reads and works in.
+        record: what the kernel of a step reads and works in.
         actuators: as given.
 
     Raises:
@@ -77,29 +71,21 @@ class Simulator(Plant):
         robot = actuators.damped(robot)
         thrusters = {"thrusts": robot.n_thrust, "thrusters": len(robot.thrusters)}
         sizes = {"nv": robot.model.nv, "feet": len(robot.feet), **thrusters}
-        self.step_record = step_record(**sizes, dt=dt, actuators=actuators, peak=robot.torque_limit)
-        self.actuators = actuators
+        record = step_record(**sizes, dt=dt, actuators=actuators, peak=robot.torque_limit)
         self._no_push = np.zeros((MAX_STEPS, 3))
         self.sweeps = 0
-        super().__init__(robot, ground, self.step_record, dt=dt, gravity=gravity)
-        if actuators.thrusters:
-            self._lagging = field(self.step_record["thrusters"], "mean_thrust")
-        if actuators.battery is not None:
-            self._battery = self.step_record["battery"]
+        super().__init__(robot, ground, record, dt=dt, gravity=gravity, actuators=actuators)
 
     def _prepare(self) -> None:
         torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
         arrays = (self.q, self.v, torque, thrust, self._no_push)
-        physics_steps.prepare(self.dynamics.record, self._ground, self.step_record, *arrays)
+        physics_steps.prepare(self.dynamics.record, self._ground, self.record, *arrays)
         super()._prepare()
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
-        """See :meth:`harpy_pin.simulation.plant.Plant.reset`; motors and thrusters settle at the next command."""
+        """See :meth:`harpy_pin.simulation.plant.Plant.reset`."""
         super().reset(q, v, t=t)
-        self.step_record["motors"]["settled"] = 0
-        settle_thrusters(self.step_record["thrusters"], self.actuators.thrusters, self.dt)
-        reset_battery(self.step_record["battery"], self.actuators.battery)
-        self.step_record["joints"]["torque"] = 0.0
+        self.record["joints"]["torque"] = 0.0
 
     @checked
     def change_ground(self, ground: Ground) -> None:
@@ -119,9 +105,13 @@ class Simulator(Plant):
             self._check_placed()
         if type(steps) is not int or not 0 <= steps <= checks.MAX_TICKS:
             steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
+        if self.attached and steps > 1:
+            for _ in range(steps):
+                self.advance(command, pushes)
+            return
         quiet = isinstance(pushes, tuple | list) and not pushes and steps <= len(self._no_push)
-        push = self._no_push[:steps] if quiet else self._push_forces(pushes, steps)
-        plant = (self.dynamics.record, self._ground, self.step_record, self.q, self.v)
+        push = self._no_push[:steps] if quiet else push_forces(pushes, self.t, self.dt, steps)
+        plant = (self.dynamics.record, self._ground, self.record, self.q, self.v)
         try:
             sweeps = physics_steps(*plant, command.torque, command.thrust, push)
         except (AttributeError, TypeError):
@@ -130,13 +120,15 @@ class Simulator(Plant):
             sweeps = physics_steps(*plant, *self._checked(command), push)
         self.sweeps = sweeps
         self.t += steps * self.dt
+        for part in self.attached:
+            part.after_step(self)
 
     def compile_loop(
         self, controller: Any, recorder: Recorder, *, start: float, period: float, substeps: int, fall_height: float
     ) -> CompiledLoop | None:
         """See :meth:`harpy_pin.simulation.plant.Plant.compile_loop`."""
         own = vars(self).keys() & {"advance", "log"}  # with a clock around them
-        if own or BACKEND != "c" or type(self) is not Simulator or not hasattr(controller, "calls"):
+        if own or self.attached or BACKEND != "c" or type(self) is not Simulator or not hasattr(controller, "calls"):
             return None
         d = self.dynamics
         state = State(0.0, self.q, self.v, d.foot_position, d.foot_velocity, self._foot_force)

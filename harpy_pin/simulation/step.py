@@ -1,7 +1,7 @@
-"""One time step of a robot in contact, implicit in the contact forces.
+"""Physics steps of a robot in contact, implicit in the contact forces, and whether it stands after them.
 
-Solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at the end
-of the step (:func:`harpy_pin.simulation.contact_step`). B is the joint damping. Coulomb friction in the joints,
+A step solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at
+the end of the step (:func:`harpy_pin.simulation.contact_step`). B is the joint damping. Coulomb friction in the joints,
 where there is any, is found with them (:mod:`harpy_pin.simulation.joint_friction`). The velocity of a foot includes
 ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
 
@@ -13,32 +13,71 @@ plane. A foot feels the tangent plane below it at the beginning of the step.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world
 from harpy_pin.ground.ground import GroundRecord, local_friction, local_stiffness
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
-from harpy_pin.log.slip import ContactRecord, slip_record
+from harpy_pin.log.slip import SlipRecord, note_slip, slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
-from harpy_pin.model.dynamics import EquationsRecord
-from harpy_pin.model.record import Records, make_record, sized
+from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord, update_terms
+from harpy_pin.model.entry import all_finite, all_finite_rows
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
+from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.actuators import Actuators, MotorsRecord, motors_record
-from harpy_pin.simulation.battery import BatteryRecord, battery_record
+from harpy_pin.model.terms import integrate
+from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
-from harpy_pin.simulation.thrusters import ThrustersRecord, thrusters_record
+from harpy_pin.simulation.thrusters import ThrustersRecord, drive_thrusters, thrusters_record
 
-__all__ = ["MAX_SWEEPS", "implicit_step", "step_record"]
+__all__ = [
+    "MAX_SWEEPS",
+    "MISFIT_COMMAND",
+    "VERDICTS",
+    "implicit_step",
+    "physics_steps",
+    "stands",
+    "step_record",
+    "upright",
+]
 
 MIN_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
+MISFIT_COMMAND = -1
+"""What :func:`physics_steps` returns for a command that it refuses."""
+VERDICTS = ("completed", "fell", "diverged")
+"""How a run ends, by what :func:`stands` returns."""
 
 
-class StepRecord(ContactRecord):
+class PlantRecord(RecordOf):
+    """What every plant keeps of contact and actuators.
+
+    Attributes:
+        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
+        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
+            one tick to a rotor that it could not carry out as given.
+        slip: paths of the feet on the ground.
+        frame: (feet, 3, 3) of each contact, see :mod:`harpy_pin.ground.contact_frame`; unused on flat ground.
+        thrust: (thrusts,) thrust variables of the command, N.
+        motors: between command and torques.
+        thrusters: between command and thrusts.
+    """
+
+    force: Vector = sized("3 feet")
+    counts: NDArray[np.int64] = sized(3, whole=True)
+    slip: SlipRecord
+    frame: Vector = sized("feet", 3, 3)
+    thrust: Vector = sized("thrusts")
+    motors: MotorsRecord
+    thrusters: ThrustersRecord
+
+
+class StepRecord(PlantRecord):
     """What :func:`implicit_step` knows and works in.
 
     Attributes:
@@ -49,11 +88,8 @@ class StepRecord(ContactRecord):
         height: (feet,) of the feet at the start of the step, m.
         friction: (feet, 3) static and sliding coefficient under them, then, and stiffness relative to the ground's.
         factor: (nv, nv) L of M + dt B = Lᵀ L.
-        thrust: (thrusts,) thrust variables of the command, N.
         columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
         joints: Coulomb friction of the joints.
-        motors: between command and torques.
-        thrusters: between command and thrusts.
     """
 
     dt: float
@@ -63,12 +99,8 @@ class StepRecord(ContactRecord):
     height: Vector = sized("feet")
     friction: Vector = sized("feet", 3)
     factor: Vector = sized("nv", "nv")
-    thrust: Vector = sized("thrusts")
     columns: Vector = sized("nv", "3 feet + 1")
     joints: JointFrictionRecord
-    motors: MotorsRecord
-    thrusters: ThrustersRecord
-    battery: BatteryRecord
 
 
 def step_record(
@@ -101,7 +133,6 @@ def step_record(
         joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
         motors=motors_record(own, np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
         thrusters=thrusters_record(own.thrusters, count=thrusters, variables=thrusts, dt=float(dt)),
-        battery=battery_record(own.battery),
     )
 
 
@@ -211,3 +242,59 @@ def forces_to_world(s: StepRecord) -> None:
     """The forces of the step in world axes."""
     for k in range(s.height.shape[0]):
         to_world(s.frame[k], s.force[3 * k : 3 * k + 3])
+
+
+@kernel
+def physics_steps(
+    d: DynamicsRecord,
+    ground: GroundRecord,
+    s: StepRecord,
+    q: Vector,
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
+    push: Vector,
+) -> int:
+    """A physics step for each row of ``push``, the force on the body's origin; the command stays meanwhile.
+
+    Returns:
+        Sweeps of the last contact problem; ``MISFIT_COMMAND``, with nothing done, for a command of the wrong size or
+        one whose numbers are not finite.
+    """
+    thrusters = d.body.shape[0] - d.foot_position.shape[0]
+    if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != thrusters or thrust.shape[1] != 3:
+        return MISFIT_COMMAND
+    if not (all_finite(torque) and all_finite_rows(thrust)):
+        return MISFIT_COMMAND
+    sweeps = 0
+    s.counts[2] += read_thrusts(d, thrust, s.thrust)
+    for n in range(push.shape[0]):
+        for i in range(3):
+            for c in range(3):
+                d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
+        drive_motors(s.motors, torque, v, s.dt)
+        drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
+        sweeps = implicit_step(d, ground, s, v, s.motors.mean_torque, s.thrusters.mean_thrust)
+        s.counts[0] = max(s.counts[0], sweeps)
+        s.counts[1] += sweeps > MAX_SWEEPS
+        integrate(d.tree, q, s.displacement)
+        update_terms(d, q, v)
+        note_slip(s.slip, ground.terrain.level, s.frame, d.foot_position, s.force, s.dt)
+    return sweeps
+
+
+@kernel
+def stands(terrain: TerrainRecord, q: Vector, v: Vector, fall_height: float) -> int:
+    """:func:`upright`, with the height above the ground below the body."""
+    return upright(q, v, fall_height + surface_height(terrain, q[0], q[1]))
+
+
+@kernel
+def upright(q: Vector, v: Vector, fall_height: float) -> int:
+    """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is not finite or beyond reason."""
+    speed = 0.0
+    for i in range(v.shape[0]):
+        speed += abs(v[i])
+    if not speed <= 1e4:
+        return 2
+    return 1 if q[2] < fall_height or 1.0 - 2.0 * (q[3] * q[3] + q[4] * q[4]) < 0.5 else 0

@@ -1,6 +1,6 @@
 """Thrusters of the true robot that are not what the controllers believe: slow to follow, idling, saturated, turning.
 
-The magnitude of a thrust follows its goal, which is the command within its limits, by a lag of first or second order.
+The magnitude of a thrust follows its goal, which is the command within its limits, by a lag of first order.
 Its direction turns towards that of the command along the great circle, in axes of the body. A rotor has a fixed
 direction, so only its thrust lags.
 """
@@ -12,7 +12,6 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
@@ -43,7 +42,6 @@ class Thrusters:
 
     Attributes:
         lag: time constant of the magnitude, s. 0: the thrust is there at once.
-        damping_ratio: of a lag of second order with the natural frequency 1 / lag; None: of first order.
         rate: fastest change of the goal that the thrust follows, N/s; None: any.
         least: thrust that never stops, N, in the last direction where the command has none. Rotors have limits of
             their own.
@@ -58,7 +56,6 @@ class Thrusters:
     """
 
     lag: float = 0.0
-    damping_ratio: float | None = None
     rate: float | None = None
     least: float = 0.0
     largest: float | None = None
@@ -71,8 +68,6 @@ class Thrusters:
             "least": checks.number("thrusters' least", self.least, low=0.0, high=MAX_THRUST),
             "turning_lag": checks.number("thrusters' turning_lag", self.turning_lag, low=0.0, high=MAX_LAG),
         }
-        if self.damping_ratio is not None:
-            values["damping_ratio"] = checks.number("thrusters' damping_ratio", self.damping_ratio, low=0.05, high=20.0)
         if self.rate is not None:
             values["rate"] = checks.number("thrusters' rate", self.rate, low=0.0, high=MAX_THRUST, strict=True)
         if self.largest is not None:
@@ -85,6 +80,22 @@ class Thrusters:
     def __bool__(self) -> bool:
         """Whether there is anything that the model does not say."""
         return self != Thrusters()
+
+    def response(self, dt: float) -> tuple[Vector, Vector]:
+        """How a magnitude follows a constant goal over a step; a lag of second order has another.
+
+        Args:
+            dt: step, s.
+
+        Returns:
+            The transition (2, 2) of [distance to the goal; rate of change], and the mean distance to the goal (2,) by
+            those at the beginning.
+        """
+        transition, mean = np.zeros((2, 2)), np.zeros(2)
+        if self.lag > 0.0:
+            transition[0, 0] = math.exp(-dt / self.lag)
+            mean[0] = -math.expm1(-dt / self.lag) * self.lag / dt
+        return transition, mean
 
     @classmethod
     def preset(cls, name: str, **changes: Any) -> Thrusters:
@@ -127,7 +138,7 @@ class ThrustersRecord(RecordOf):
 
     Attributes:
         ideal: whether the thrust is the command.
-        available: share of the largest magnitude that the battery gives.
+        available: share of the largest magnitude that there is at present.
         failing: index of the thruster that fails; −1 where none does.
         remaining_steps: until then.
         left: share of its thrust that is left.
@@ -171,7 +182,7 @@ def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: fl
         dt: step, s.
     """
     p = thrusters
-    transition, mean = _lag(p, dt)
+    transition, mean = p.response(dt)
     record = make_record(
         ThrustersRecord,
         {"thrusters": count, "thrusts": variables},
@@ -205,21 +216,6 @@ def settle_thrusters(record: Record, thrusters: Thrusters, dt: float) -> None:
     record["settled"] = 0
     record["available"] = 1.0
     record["remaining_steps"] = math.inf if thrusters.failing is None else round(thrusters.failing[1] / dt)
-
-
-def _lag(p: Thrusters, dt: float) -> tuple[Vector, Vector]:
-    """Exact solution over a step: the state's transition, and the mean distance to the goal."""
-    transition, mean = np.zeros((2, 2)), np.zeros(2)
-    if p.lag == 0.0:
-        return transition, mean
-    if p.damping_ratio is None:
-        transition[0, 0] = math.exp(-dt / p.lag)
-        mean[0] = -math.expm1(-dt / p.lag) * p.lag / dt
-        return transition, mean
-    frequency = 1.0 / p.lag
-    matrix = np.array([[0.0, 1.0], [-(frequency**2), -2.0 * p.damping_ratio * frequency]])
-    transition = expm(matrix * dt)
-    return transition, np.linalg.solve(matrix, transition - np.eye(2))[0] / dt
 
 
 @kernel

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import compiler
 from harpy_pin.compiled.bridge import Bound
 from harpy_pin.compiled.calls import Call
-from harpy_pin.simulation.physics import MISFIT_COMMAND, physics_steps
-from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.upright import stands
+from harpy_pin.simulation.push import Push, push_forces
+from harpy_pin.simulation.step import MISFIT_COMMAND, physics_steps, stands
 
 if TYPE_CHECKING:
     from harpy_pin.log.recorder import Recorder
@@ -89,7 +88,7 @@ class CompiledLoop:
         noted = simulator.log_calls
         bound = [call.bind() for call in (*calls, *noted)]
         push, state = np.zeros((substeps, 3)), (simulator.q, simulator.v)
-        plant = (simulator.dynamics.record, simulator._ground, simulator.step_record)
+        plant = (simulator.dynamics.record, simulator._ground, simulator.record)
         physics = physics_steps.bind(*plant, *state, *command, push)
         standing = stands.bind(simulator._terrain, *state, fall_height)
         layout = recorder.layout
@@ -121,7 +120,7 @@ class CompiledLoop:
             pushes: forces on the body.
 
         Returns:
-            How many were done, and how it stands: 0, 1 and 2 as :func:`~harpy_pin.simulation.upright.stands` says, or
+            How many were done, and how it stands: 0, 1 and 2 as :func:`~harpy_pin.simulation.step.stands` says, or
             ``HANDED_OVER``.
         """
         simulator, recorder, substeps, loop = self._simulator, self._recorder, self._substeps, self._loop
@@ -130,8 +129,7 @@ class CompiledLoop:
         forces = np.zeros((count, substeps, 3)) if pushes else None
         if forces is not None:
             for n in range(count):
-                simulator.t = loop.start + (tick + n) * loop.period
-                forces[n] = simulator._push_forces(pushes, substeps)
+                forces[n] = push_forces(pushes, loop.start + (tick + n) * loop.period, simulator.dt, substeps)
         given = None if forces is None else forces.ctypes.data
         done: int = _run_ticks()(ctypes.byref(loop), tick, count, given, rows.ctypes.data)
         simulator.sweeps = loop.sweeps

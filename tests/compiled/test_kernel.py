@@ -27,9 +27,7 @@ GUARD, CANARY = 32, 1.2345e67
 COMPILED = {
     "harpy_pin.wbc.condensed.condense",
     "harpy_pin.simulation.step",
-    "harpy_pin.simulation.physics",
     "harpy_pin.simulation.ticks",
-    "harpy_pin.simulation.upright",
     "harpy_pin.wbc.condensed.condensed_solver",
 }
 """Modules whose kernels are for kernels, and take what other objects have checked."""

@@ -156,7 +156,7 @@ def test_what_does_not_fit_is_refused():
         batch.step(q, v, force[:, :1])
     with pytest.raises(InputError, match="numbers"):
         batch.step([["a"]], v, force)
-    with pytest.raises(InputError, match="float64 or float32"):
+    with pytest.raises(InputError, match="float32, float64"):
         CondensedBatch(ROBOT, 3, dtype=np.int32)
     with pytest.raises(InputError):
         CondensedBatch(ROBOT, 0)

@@ -43,7 +43,7 @@ def test_name_is_known_to_gymnasium():
 @pytest.mark.parametrize("shield", [False, True])
 def test_vector_is_n_single_environments(shield, monkeypatch):
     """Through falls, resets and the end of episodes, on two threads."""
-    monkeypatch.setattr("harpy_pin.contrib.gym.batched_env.SMALL", 1)
+    monkeypatch.setattr("harpy_pin.contrib.threads.SMALL", 1)
     push = hp.Push(0.1, (0.0, 2.0, 0.0))
     scenario = hp.Scenario(
         gait=hp.Straight(speed=0.2),
@@ -60,7 +60,7 @@ def test_vector_is_n_single_environments(shield, monkeypatch):
     )
     assert ours.single_action_space == singles.single_action_space
     assert ours.observation_space == singles.observation_space
-    assert len(ours.batch._cuts) == 3
+    assert len(ours.batch._threads.cuts) == 3
     rng, ends = np.random.default_rng(0), np.zeros(2)
     for seed in (3, None):
         np.testing.assert_array_equal(ours.reset(seed=seed)[0], singles.reset(seed=seed)[0])

@@ -167,8 +167,8 @@ def test_rewards_by_name_and_by_a_function():
     linear = pin.rpy.rpyToMatrix(0.0, 0.0, -yaw) @ rotation @ step.state.v[:3]
     turning = (rotation @ step.state.v[3:6])[2]
     expected = {
-        "velocity": np.exp(-np.sum((linear[:2] - step.wanted[:2]) ** 2) / 0.25**2),
-        "turning": np.exp(-((turning - step.wanted[2]) ** 2) / 0.25**2),
+        "velocity": np.exp(-np.sum((linear[:2] - step.desired[:2]) ** 2) / 0.25**2),
+        "turning": np.exp(-((turning - step.desired[2]) ** 2) / 0.25**2),
         "alive": 1.0,
         "tilt": 1.0 - rotation[2, 2] ** 2,
         "height": ((step.state.q[2] - step.standing_height) / 0.1) ** 2,
@@ -199,7 +199,7 @@ def test_a_robot_of_ones_own_and_mujoco():
     scenario = hp.Scenario(plant="mujoco", ground=hp.Ground(mu_s=0.6), duration=0.5)
     env = RobotEnv(known, scenario=scenario, velocity=((0.1, 0, 0), (0.2, 0, 0)))
     env.reset(seed=0)
-    assert 0.1 <= env.wanted[0] <= 0.2
+    assert 0.1 <= env.desired[0] <= 0.2
     for _ in range(10):
         _, _, terminated, _, _ = env.step(np.array([0.2, 0.0, 0.0], dtype=np.float32))
     assert not terminated

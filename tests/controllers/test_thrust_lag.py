@@ -48,8 +48,8 @@ def test_thrusts_are_those_of_the_plant(turning_lag):
         means = []
         for _ in range(2):  # physics steps of a tick
             plant.advance(command)
-            means.append(plant.step_record["thrusters"]["mean_thrust"][0].copy())
-        end = plant.step_record["thrusters"]["direction"][0]
+            means.append(plant.record["thrusters"]["mean_thrust"][0].copy())
+        end = plant.record["thrusters"]["direction"][0]
         np.testing.assert_allclose(
             controller.tasks.record["lag"]["direction"][0], end, atol=1e-3
         )  # the body turns in a tick

@@ -125,7 +125,7 @@ def test_friction_and_contact_satisfy_both_conditions():
     limit, rng = 0.4, np.random.default_rng(3)
     simulator = hp.Simulator(ROBOT, hp.Ground(mu_s=0.3), actuators=Actuators(coulomb_friction=limit))
     simulator.reset(*hp.make_gait(ROBOT).initial_state(penetration=simulator.static_penetration))
-    torque = simulator.step_record["joints"]["torque"][0]
+    torque = simulator.record["joints"]["torque"][0]
     stuck = 0
     for _ in range(300):
         simulator.advance(hp.Command(rng.normal(0.0, 1.5, 6), rng.normal((0.0, 0.0, 9.0), 5.0, (2, 3))))

@@ -107,15 +107,13 @@ def actuators() -> None:
 @scene
 def thrusters() -> None:
     """Thrusters that lag, turn and idle, where the controllers know their lag and where not, in both engines."""
-    fans = hp.Thrusters(lag=0.02, damping_ratio=0.7, rate=500.0, least=0.5, largest=40.0, turning_lag=0.03)
+    fans = hp.Thrusters(lag=0.02, rate=500.0, least=0.5, largest=40.0, turning_lag=0.03)
     late = replace(PUSHED, actuators=hp.Actuators(thrusters=fans))
     for controller in (hp.Condensed, hp.WholeBody):
         walk(controller=controller(parameters={"thrust_lag": 0.02, "thrust_turning_lag": 0.03}), disturbances=late)
     walk(controller="condensed", disturbances=late, plant="mujoco")
     fans = hp.Thrusters(largest=40.0, failing=(0, 0.1, 0.5))
-    worn = hp.Actuators(
-        thrusters=fans, battery=hp.simulation.Battery(motors=hp.log.Motors(constant=0.6)), no_load_speed=20.0
-    )
+    worn = hp.Actuators(thrusters=fans, no_load_speed=20.0)
     for plant in ("compliant", "mujoco"):
         walk(disturbances=replace(PUSHED, actuators=worn), plant=plant)
 

@@ -4,7 +4,6 @@ Importing it makes ``gait="flying"`` known to scenarios.
 """
 
 from harpy_pin.contrib.flight.flights import Fly, Jump
-from harpy_pin.contrib.flight.flying_gait import FlyingGait
-from harpy_pin.contrib.flight.part import Flying
+from harpy_pin.contrib.flight.flying_gait import Flying, FlyingGait
 
 __all__ = ["Fly", "Flying", "FlyingGait", "Jump"]

@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, shown
+from harpy_pin.errors import InputError
+from harpy_pin.scenario.parts import Part, read_part
 
-__all__ = ["Fly", "Jump", "read_flights"]
+__all__ = ["Flight", "Fly", "Jump", "read_flights"]
 
 HIGHEST, FARTHEST = 100.0, 1e4
 """m."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Jump:
-    """Legs throw the body up, thrusters carry a part of its weight, brake its fall, and keep it upright.
+class Flight(Part):
+    """What every flight has.
 
     Attributes:
-        height: by which the body rises after the feet have left the ground, m.
+        height: by which the body of a jump rises after the feet have left the ground, or at which the feet of a flight
+            are above the higher of the two places, m.
         forward: from where the feet leave the ground to where they touch it, m.
         left: the same to the left, m.
-        carried: share of the weight that thrusters carry until they brake, 0.2 to 0.9.
 
     Raises:
         InputError: a value out of its domain.
@@ -32,58 +32,50 @@ class Jump:
     height: float = 0.3
     forward: float = 0.0
     left: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.keep(self, height=checks.number("height", self.height, low=0.02, high=HIGHEST))
+        for name in ("forward", "left"):
+            checks.keep(self, **{name: checks.number(name, getattr(self, name), low=-FARTHEST, high=FARTHEST)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Jump(Flight):
+    """Legs throw the body up, thrusters carry a part of its weight, brake its fall, and keep it upright.
+
+    Attributes:
+        carried: share of the weight that thrusters carry until they brake, 0.2 to 0.9.
+    """
+
+    name = "jump"
     carried: float = 0.5
 
     def __post_init__(self) -> None:
-        _check(self)
+        super().__post_init__()
         checks.keep(self, carried=checks.number("carried share of the weight", self.carried, low=0.2, high=0.9))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fly:
+class Fly(Flight):
     """Thrusters lift the robot, bring it to another place, hold it there, and set it down.
 
     Attributes:
-        height: of the feet above the higher of the two places, m.
-        forward: way to go, m.
-        left: the same to the left, m.
         hover: time for which it stays above the place where it lands, s.
         acceleration: largest on the way, m/s².
-
-    Raises:
-        InputError: a value out of its domain.
     """
 
-    height: float = 0.3
-    forward: float = 0.0
-    left: float = 0.0
+    name = "fly"
     hover: float = 0.0
     acceleration: float = 1.0
 
     def __post_init__(self) -> None:
-        _check(self)
-        hover = checks.number("hover", self.hover, low=0.0, high=1e6)
+        super().__post_init__()
         acceleration = checks.number("acceleration", self.acceleration, low=0.0, high=5.0, strict=True)
-        checks.keep(self, hover=hover, acceleration=acceleration)
+        checks.keep(self, hover=checks.number("hover", self.hover, low=0.0, high=1e6), acceleration=acceleration)
 
 
-def _check(flight: Jump | Fly) -> None:
-    """What both have."""
-    height = checks.number("height", flight.height, low=0.02, high=HIGHEST)
-    forward = checks.number("forward", flight.forward, low=-FARTHEST, high=FARTHEST)
-    checks.keep(
-        flight, height=height, forward=forward, left=checks.number("left", flight.left, low=-FARTHEST, high=FARTHEST)
-    )
-
-
-Flight = Jump | Fly
-"""What is flown."""
-KINDS: dict[str, type[Flight]] = {"jump": Jump, "fly": Fly}
-"""By the names that files have."""
-
-
-def read_flights(given: Any) -> tuple[Flight, ...]:
-    """Flights from themselves, or from mappings as :func:`flight_entry` makes them.
+def read_flights(given: Any) -> tuple[Jump | Fly, ...]:
+    """Flights from themselves, their names, or mappings as :meth:`Part.to_dict` makes them.
 
     Args:
         given: one, or a sequence of them.
@@ -92,24 +84,8 @@ def read_flights(given: Any) -> tuple[Flight, ...]:
         InputError: something else, or none.
     """
     several = given if isinstance(given, list | tuple) else [given]
-    flights = tuple(_read(one) for one in several)
+    kinds: dict[str, type[Jump | Fly]] = {"jump": Jump, "fly": Fly}
+    flights = tuple(read_part(kinds, "flight", one) for one in several)
     if not flights:
         raise InputError("flights must be at least one Jump or Fly", name="flights", value=given)
     return flights
-
-
-def _read(value: Any) -> Flight:
-    if isinstance(value, Jump | Fly):
-        return value
-    if isinstance(value, Mapping) and value.get("kind") in KINDS:
-        try:
-            return KINDS[str(value["kind"])](**{name: value[name] for name in value if name != "kind"})
-        except TypeError as error:
-            raise InputError(f"flight: {error}", name="flights", value=value) from None
-    raise InputError(f"a flight must be a Jump or a Fly, got {shown(value)}", name="flights", value=value)
-
-
-def flight_entry(flight: Flight) -> dict[str, Any]:
-    """The flight for files."""
-    kind = next(name for name, kind in KINDS.items() if isinstance(flight, kind))
-    return {"kind": kind, **asdict(flight)}

@@ -3,7 +3,6 @@ spare."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
@@ -38,19 +37,6 @@ BEND = 2.5
 """Duration of a crouch, in √(height / g)."""
 
 
-@dataclass(frozen=True)
-class TakeOff:
-    """What the body does on the ground before a flight, from standing.
-
-    Attributes:
-        bend: into the posture from which it leaves.
-        push: from there to the release; None where thrusters take the load off the feet.
-    """
-
-    bend: Quintic
-    push: Quintic | None
-
-
 class Flyer:
     """A robot that flies.
 
@@ -62,7 +48,7 @@ class Flyer:
         height: of the body in standing, m.
         scale: √(height / g), s.
         brake: acceleration upwards that flights use beyond the weight, m/s².
-        lag: with which thrusts follow the jumps' plan, s; zero unless :meth:`expect_lag` says otherwise.
+        lag: with which thrusts follow the jumps' plan, s; zero unless a controller knows of one.
         postures: in the air.
         air: (nq,) that of landing.
         feet: (3,) middle of the feet in it, about the body's origin, m.
@@ -91,35 +77,14 @@ class Flyer:
         self._gains = {1.0: self.balance.gain}
         self.lag = 0.0
 
-    def expect_lag(self, lag: float) -> bool:
-        """Plan for thrusts that lag under a controller that knows it.
-
-        Args:
-            lag: time constant of the thrusts, s.
-
-        Returns:
-            Whether this is new.
-        """
-        before, self.lag = self.lag, LED * lag
-        return self.lag != before
-
     def gain(self, weight: float) -> Vector:
-        """Feedback where thrusters carry the weight so many times.
-
-        Args:
-            weight: of the robot, in weights at rest.
-        """
+        """Feedback where thrusters carry the robot's weight times a factor."""
         if weight not in self._gains:
             self._gains[weight] = Balance(self.robot, self.air, weight=weight).gain
         return self._gains[weight]
 
     def legs(self, joints: Vector, duration: float) -> Quintic:
-        """Angles of the joints, from what they are to those of landing.
-
-        Args:
-            joints: (2, n) angles and rates.
-            duration: s.
-        """
+        """Angles of the joints, from present ones (2, n) with their rates to those of landing, in so many seconds."""
         rest = np.zeros((2, joints.shape[1]))
         return Quintic(np.vstack((joints, rest[:1])), np.vstack((self.air[7:], rest)), duration)
 

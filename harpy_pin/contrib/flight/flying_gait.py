@@ -8,7 +8,8 @@ measured force says so.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,9 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.contrib.flight.airway import ORIENTATION, Airway, Quintic, ask_for, rest
-from harpy_pin.contrib.flight.flights import flight_entry, read_flights
-from harpy_pin.contrib.flight.flyer import Flyer
-from harpy_pin.contrib.flight.planned_flights import PlannedFlights
+from harpy_pin.contrib.flight.flights import Flight, Fly, Jump, read_flights
+from harpy_pin.contrib.flight.flyer import LED, Flyer
+from harpy_pin.contrib.flight.planned_flights import crouch_and_push, fly_jump, lift, plan_jump, stretch
 from harpy_pin.contrib.flight.standing_feet import LandedGait, StandingFeet
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
@@ -29,9 +30,11 @@ from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
+from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart
 
-__all__ = ["FlyingGait"]
+__all__ = ["Flying", "FlyingGait"]
 
 PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")
 """In the order of the signal ``flight_phase``."""
@@ -95,7 +98,7 @@ class FlyingGait(KeepsViews):
         self._feet = StandingFeet(self.robot, begin, terrain)
         q, _ = self.gait.initial_state()
         self._flyer = Flyer(self.robot, q)
-        self._plans = PlannedFlights(self._flyer, self.flights)
+        self._plan()
         self._airway: Airway
         self._way: Quintic
         self._push: Quintic | None
@@ -112,7 +115,13 @@ class FlyingGait(KeepsViews):
         Raises:
             InputError: a jump that does not land where it should.
         """
-        self._plans.expect_lag(checks.number("lag", lag, low=0.0))
+        led, self._flyer.lag = self._flyer.lag, LED * checks.number("lag", lag, low=0.0)
+        if self._flyer.lag != led:
+            self._plan()
+
+    def _plan(self) -> None:
+        """Find how the jumps land where they should."""
+        self._plans = [one if isinstance(one, Fly) else plan_jump(self._flyer, one) for one in self.flights]
 
     def _begin(self) -> None:
         """Stand where the gait begins."""
@@ -196,8 +205,11 @@ class FlyingGait(KeepsViews):
                 self._landed.move_to(self._feet.home)
                 self._go("gait", t)
             else:
-                take_off = self._plans.take_off(self._flight, self._feet.home)
-                self._way, self._push = take_off.bend, take_off.push
+                plan, home = self._plans[self._flight], self._feet.home
+                if isinstance(plan, Fly):
+                    self._way, self._push = stretch(self._flyer, home)
+                else:
+                    self._way, self._push = crouch_and_push(self._flyer, plan, home)
                 self._go("bend", t)
         elif self.phase == "bend" and s >= self._way.duration:
             if self._push is None:
@@ -232,7 +244,11 @@ class FlyingGait(KeepsViews):
         """Let go of the ground."""
         flight, (body, joints) = self.flights[self._flight], self._motion()
         ground = self._feet.highest(self._feet.place[:, :2] + (flight.forward, flight.left))
-        self._airway = self._plans.airway(self._flight, body, joints, self._feet.home, ground)
+        plan, home = self._plans[self._flight], self._feet.home
+        if isinstance(plan, Fly):
+            self._airway = lift(self._flyer, plan, joints, home, ground)
+        else:
+            self._airway = fly_jump(self._flyer, plan, body, joints, home, ground)
         self._go("air", t)
 
     def _touch(self, t: float) -> None:
@@ -269,7 +285,7 @@ class FlyingGait(KeepsViews):
 
     def describe(self) -> Mapping[str, Any]:
         """The flights, and the gait's parameters."""
-        return {**self._after.describe(), "flights": [flight_entry(flight) for flight in self.flights]}
+        return {**self._after.describe(), "flights": [flight.to_dict() for flight in self.flights]}
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """The phase, as its place in :attr:`phase`'s list, and where the body should be, m."""
@@ -279,3 +295,55 @@ class FlyingGait(KeepsViews):
         else:
             plan = self._airway.body(s)[0] if self.phase == "air" else self._way.at(s)[0]
         return {"flight_phase": PHASES.index(self.phase), "body_plan": plan}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flying(GaitPart):
+    """Harpy jumps or flies, lands, and goes on where it is told, see :class:`~harpy_pin.contrib.flight.FlyingGait`.
+
+    Attributes:
+        flights: jumps (:class:`~harpy_pin.contrib.flight.Jump`) and flights (:class:`~harpy_pin.contrib.flight.Fly`),
+            one or several, also as the mappings that files have.
+        velocity: what it does after the last landing, as that of :class:`~harpy_pin.scenario.Commanded`; it stands by
+            default.
+        start: for how long it stands before each flight, s.
+    """
+
+    name = "flying"
+    extension = "harpy_pin.contrib.flight"
+    not_governed = FlyingGait.not_governed
+    flights: Flight | Sequence[Flight | Mapping[str, Any]] = (Jump(),)
+    velocity: Sequence[float] | Sequence[Sequence[float]] = ((0.0, 0.0, 0.0, 0.0),)
+    start: float = 0.5
+
+    def __post_init__(self) -> None:
+        checks.keep(self, flights=read_flights(self.flights), velocity=Commanded(velocity=self.velocity).velocity)
+        checks.keep(self, start=checks.number("start", self.start, low=0.0, high=1e6))
+
+    def to_dict(self) -> dict[str, Any]:
+        """See :class:`~harpy_pin.scenario.parts.Part`."""
+        return {**super().to_dict(), "flights": [flight.to_dict() for flight in read_flights(self.flights)]}
+
+    @checked
+    def make(self, robot: Robot, stiffness: float) -> Gait:
+        """See :class:`~harpy_pin.scenario.GaitPart`."""
+        return FlyingGait(Commanded(velocity=self.velocity).make(robot, stiffness), self.flights, start=self.start)
+
+    @checked
+    def over(self, gait: Gait, terrain: Terrain, *, normal_error: float, friction: float) -> Gait:
+        """See :class:`~harpy_pin.scenario.GaitPart`."""
+        return checks.instance("gait", gait, FlyingGait).over(terrain, normal_error=normal_error)
+
+    @checked
+    def controller_parameters(self, gait: Gait) -> Mapping[str, Any]:
+        """See :class:`~harpy_pin.scenario.GaitPart`."""
+        return checks.instance("gait", gait, FlyingGait).parameters
+
+    @classmethod
+    @checked
+    def fits(cls, robot: str) -> bool:
+        """See :class:`~harpy_pin.scenario.GaitPart`."""
+        return robot == "harpy"
+
+
+GAIT_PARTS[Flying.name] = Flying

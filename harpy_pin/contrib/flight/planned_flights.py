@@ -8,7 +8,6 @@ should.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
 
@@ -16,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin.contrib.flight.airway import SWIFT, Airway, Fall, Quintic, rest
-from harpy_pin.contrib.flight.flights import Flight, Fly, Jump
-from harpy_pin.contrib.flight.flyer import ABOVE, BEND, LEGS, TOUCHDOWN, Flyer, TakeOff
+from harpy_pin.contrib.flight.flights import Fly, Jump
+from harpy_pin.contrib.flight.flyer import ABOVE, BEND, LEGS, TOUCHDOWN, Flyer
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.model.state import Vector
@@ -137,8 +136,8 @@ def _landing(flyer: Flyer, throw: Throw) -> Vector:
     return np.full(2, np.nan)
 
 
-def crouch_and_push(flyer: Flyer, throw: Throw, feet: Vector) -> TakeOff:
-    """From standing to the release.
+def crouch_and_push(flyer: Flyer, throw: Throw, feet: Vector) -> tuple[Quintic, Quintic | None]:
+    """From standing to the release: into the crouch, then the push.
 
     Args:
         flyer: who jumps.
@@ -154,7 +153,7 @@ def crouch_and_push(flyer: Flyer, throw: Throw, feet: Vector) -> TakeOff:
     fall = (0.0, 0.0, (throw.jump.carried - 1.0) * GRAVITY)
     release = np.vstack((high, np.append(throw.across[:2], throw.speed), fall))
     bend = Quintic(rest(feet - flyer.stand), rest(low), BEND * flyer.scale)
-    return TakeOff(bend, Quintic(rest(low), release, duration))
+    return bend, Quintic(rest(low), release, duration)
 
 
 def fly_jump(flyer: Flyer, throw: Throw, body: Vector, joints: Vector, feet: Vector, ground: float) -> Airway:
@@ -186,14 +185,14 @@ SHORTEST = 0.4
 """Of a way, s."""
 
 
-def stretch(flyer: Flyer, feet: Vector) -> TakeOff:
-    """Legs become as long as in the air; the centre of mass comes where thrusters can carry it.
+def stretch(flyer: Flyer, feet: Vector) -> tuple[Quintic, Quintic | None]:
+    """Legs become as long as in the air; the centre of mass comes where thrusters can carry it. There is no push.
 
     Args:
         flyer: who flies.
         feet: (3,) middle of the feet on the ground, m.
     """
-    return TakeOff(Quintic(rest(feet - flyer.stand), rest(feet - flyer.feet), 2.0 * BEND * flyer.scale), None)
+    return Quintic(rest(feet - flyer.stand), rest(feet - flyer.feet), 2.0 * BEND * flyer.scale), None
 
 
 def lift(flyer: Flyer, flight: Fly, joints: Vector, feet: Vector, ground: float) -> Airway:
@@ -228,58 +227,3 @@ def _swift(begin: Vector, end: Vector, acceleration: float) -> Quintic:
     """From rest to rest with so much acceleration at most."""
     way = float(np.linalg.norm(end - begin))
     return Quintic(rest(begin), rest(end), max(sqrt(SWIFT * way / acceleration), SHORTEST))
-
-
-class PlannedFlights:
-    """The flights of a robot.
-
-    Args:
-        flyer: who flies.
-        flights: what is asked for.
-
-    Raises:
-        InputError: a jump that does not land where it should.
-    """
-
-    def __init__(self, flyer: Flyer, flights: Sequence[Flight]) -> None:
-        self._flyer, self._flights = flyer, flights
-        self._plan()
-
-    def _plan(self) -> None:
-        self._plans: list[Fly | Throw] = [
-            flight if isinstance(flight, Fly) else plan_jump(self._flyer, flight) for flight in self._flights
-        ]
-
-    def expect_lag(self, lag: float) -> None:
-        """Plan for thrusts that lag under a controller that knows it; see :class:`PlannedFlights`.
-
-        Args:
-            lag: time constant of the thrusts, s.
-        """
-        if self._flyer.expect_lag(lag):
-            self._plan()
-
-    def take_off(self, k: int, feet: Vector) -> TakeOff:
-        """From standing to where a flight leaves the ground.
-
-        Args:
-            k: which flight.
-            feet: (3,) middle of the feet on the ground, m.
-        """
-        plan = self._plans[k]
-        return stretch(self._flyer, feet) if isinstance(plan, Fly) else crouch_and_push(self._flyer, plan, feet)
-
-    def airway(self, k: int, body: Vector, joints: Vector, feet: Vector, ground: float) -> Airway:
-        """From there to touchdown.
-
-        Args:
-            k: which flight.
-            body: (2, 3) place and velocity of the body as it leaves the ground.
-            joints: (2, n) angles and rates of the joints there.
-            feet: (3,) middle of the feet on the ground before, m.
-            ground: height where they land, m.
-        """
-        plan = self._plans[k]
-        if isinstance(plan, Fly):
-            return lift(self._flyer, plan, joints, feet, ground)
-        return fly_jump(self._flyer, plan, body, joints, feet, ground)

@@ -129,29 +129,17 @@ class LandedGait:
         self._shift = np.zeros(2)
 
     def move_to(self, feet: Vector) -> None:
-        """Begin with the middle of the feet at a place.
-
-        Args:
-            feet: (3,) the place, m.
-        """
+        """Begin with the middle of the feet at a place (3,), m."""
         self._shift = feet[:2] - self._middle
 
     def update(self, t: float) -> GaitTarget:
-        """See :meth:`~harpy_pin.gaits.gait.Gait.update`.
-
-        Args:
-            t: time, s.
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""
         self.target.record[:] = self.gait.update(t).record
         self.target.body[:2] += self._shift
         return self.target
 
     def observe(self, state: State) -> None:
-        """Hand the measured state, moved back, to the gait, if it takes one.
-
-        Args:
-            state: of the present tick.
-        """
+        """Hand the measured state, moved back, to the gait, if it takes one."""
         observe = getattr(self.gait, "observe", None)
         if observe is not None:
             moved = state.copy()
@@ -160,11 +148,7 @@ class LandedGait:
             observe(moved)
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """That of the gait.
-
-        Args:
-            penetration: how deep the lower foot is in the ground, m.
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`."""
         return self.gait.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, Any]:

@@ -33,8 +33,6 @@ by more than 60°, or speeds beyond reason); *truncated* at the scenario's durat
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from os import cpu_count
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,12 +54,11 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
-from harpy_pin.scenario import Compliant, Scenario
-from harpy_pin.simulation.physics import physics_steps
+from harpy_pin.scenario import Compliant, Scenario, Straight
 from harpy_pin.simulation.plant import GRAVITY
-from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.push import push_forces
 from harpy_pin.simulation.simulator import Simulator
-from harpy_pin.simulation.upright import upright
+from harpy_pin.simulation.step import physics_steps, upright
 
 if TYPE_CHECKING:
     from harpy_pin.model.contact_map import ContactMapRecord
@@ -76,10 +73,10 @@ SPRING, DAMPER = 400.0, 3.0
 """Of the joints, N·m/rad and N·m·s/rad."""
 ANGLE, SPREAD = 0.5, 0.05
 """What an action of one does to a joint, and how far joints start from the posture at most, rad."""
+THRUST = 0.5
+"""What an action of one is, in weights of the robot."""
 TOLERANCE, EFFORT = 0.25, 0.1
 """Of the reward: width in m/s, and the price of thrust."""
-SMALL = 64
-"""BatchedEnv that are not worth a second thread."""
 
 
 def default_scenario() -> Scenario:
@@ -93,31 +90,15 @@ class SettingsRecord(LimitsRecord):
     Attributes:
         posture: (joints,) rad.
         height: of the base at the start, m.
-        fall_height: of the base, below which the robot has fallen, m.
-        angle: what an action of one does to a joint, rad.
-        spring: of the joints, N·m/rad.
-        damper: N·m·s/rad.
-        thrust: what an action of one is, N.
         weight: of the robot, N.
         speed: desired along x, m/s.
-        tolerance: width of the reward, m/s.
-        effort: price of thrust in the reward.
-        most: largest entry of an observation.
         shield: 1 where commands pass a shield.
     """
 
     posture: Vector
     height: float
-    fall_height: float
-    angle: float
-    spring: float
-    damper: float
-    thrust: float
     weight: float
     speed: float
-    tolerance: float
-    effort: float
-    most: float
     shield: int
 
 
@@ -155,19 +136,13 @@ class BatchedEnv(KeepsViews):
         self.n = n = checks.whole("num_envs", n, low=1, high=checks.MAX_TICKS)
         disturbances = s.disturbances
         signals = disturbances.noise or disturbances.delay or disturbances.actuators
-        if not isinstance(s.plant, Compliant) or signals or s.robot != "harpy":
-            message = (
-                "an environment has Harpy in the library's own plant, without noise, delay and other actuators: put a "
-                "wrapper around it"
-            )
-            raise InputError(message, name="scenario", value=s)
-        if s.ground.surface is not None:
-            raise InputError("an environment has flat ground, the scenario's has a terrain", name="scenario", value=s)
-        speed = getattr(s.gait, "speed", None)
-        if speed is None:
+        if not isinstance(s.plant, Compliant) or signals or s.robot != "harpy" or s.ground.surface is not None:
+            message = "an environment has Harpy in the library's own plant, without noise, delay and other actuators"
+            raise InputError(f"{message}, on flat ground: put a wrapper around it", name="scenario", value=s)
+        if not isinstance(s.gait, Straight):
             message = f"an environment rewards a speed along x, which the gait '{s.gait.name}' lacks: give Straight"
             raise InputError(message, name="scenario", value=s)
-        self._speed: float = speed
+        self._speed = s.gait.speed
         mass_error = disturbances.mass_error
         self.robot = heavier(load_harpy(s.urdf), mass_error) if mass_error != 0.0 else load_harpy(s.urdf)
         simulator = Simulator(self.robot, s.ground, dt=s.dt)
@@ -178,7 +153,7 @@ class BatchedEnv(KeepsViews):
         self._settings = self._make_settings(shield)
         parameters = ContactForceFilterParameters(mu=s.mu)
         governor = ContactForceFilter(self.robot, parameters, period=s.dt)
-        parts = (simulator.dynamics.record, simulator.step_record, governor.terms, governor.record)
+        parts = (simulator.dynamics.record, simulator.record, governor.terms, governor.record)
         self._ground = s.ground.record
         self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
         self._steps = checks.multiple("period", s.period, "physics step", s.dt)
@@ -187,9 +162,7 @@ class BatchedEnv(KeepsViews):
         self.observation, self.reward = np.zeros((n, OBSERVATIONS)), np.zeros(n)
         self.fallen = np.zeros(n, dtype=np.bool_)
         self._no_action, self._no_push = np.zeros(ACTIONS), np.zeros((n, self._steps, 3))
-        workers = checks.whole("threads", cpu_count() or 1 if threads is None else threads, low=1, high=1024)
-        self._cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
-        self._threads = Threads(len(self._cuts) - 1)
+        self._threads = Threads(n, threads)
         self._prepare()
         for i in range(n):
             self.reset(i, np.random.default_rng(i))
@@ -211,18 +184,10 @@ class BatchedEnv(KeepsViews):
             SettingsRecord,
             posture=q[7:],
             height=q[2],
-            fall_height=0.6 * q[2],
-            angle=ANGLE,
-            spring=SPRING,
-            damper=DAMPER,
-            thrust=0.5 * weight,
             weight=weight,
             torque_limit=robot.torque_limit,
             thrust_limit=robot.thrust_limit,
             speed=self._speed,
-            tolerance=TOLERANCE,
-            effort=EFFORT,
-            most=MOST,
             shield=shield,
         )
 
@@ -253,16 +218,9 @@ class BatchedEnv(KeepsViews):
         clipped = np.clip(checks.vector("action", action, (self.n, ACTIONS)), -1.0, 1.0)
         push = self._push_forces() if self.scenario.disturbances.pushes else self._no_push
 
-        def piece(begin: int, end: int) -> None:
-            _step_worlds(
-                begin,
-                end,
-                (self._dynamics, self._ground, self._step, self._terms, self._governor, self._settings),
-                (self.q, self.v, clipped, push, idle),
-                (self.observation, self.reward, self.fallen),
-            )
-
-        self._threads.run(piece, self._cuts[:-1], self._cuts[1:])
+        records = (self._dynamics, self._ground, self._step, self._terms, self._governor, self._settings)
+        given, results = (self.q, self.v, clipped, push, idle), (self.observation, self.reward, self.fallen)
+        self._threads.run(lambda _, begin, end: _step_worlds(begin, end, records, given, results))
         self.t[~idle] += self.scenario.period
 
     def truncated(self) -> NDArray[np.bool_]:
@@ -283,19 +241,7 @@ class BatchedEnv(KeepsViews):
     def _push_forces(self) -> Vector:
         """(n, steps, 3) mean force of the pushes over each of the coming steps, world axes, N."""
         pushes, dt = self.scenario.disturbances.pushes, self.scenario.dt
-        force = self._no_push.copy()
-        for i in range(self.n):
-            for n in range(self._steps):
-                force[i, n] = _push_force(pushes, self.t[i] + n * dt, dt)
-        return force
-
-
-def _push_force(pushes: Sequence[Push], begin: float, dt: float) -> Vector:
-    """(3,) mean force of the pushes over one physics step, N."""
-    total = np.zeros(3)
-    for push in pushes:
-        total += push.share(begin, begin + dt) / dt * np.array(push.impulse)
-    return total
+        return np.array([push_forces(pushes, t, dt, self._steps) for t in self.t])
 
 
 @kernel
@@ -352,7 +298,7 @@ def _step_worlds(
                 within_limits(p, torque, thrust)
             one = push[i, n : n + 1]
             physics_steps(dynamics[i], ground[0], step[i], q[i], v[i], torque, thrust, one)
-        fallen[i] = upright(q[i], v[i], p.fall_height) != 0
+        fallen[i] = upright(q[i], v[i], 0.6 * p.height) != 0
         reward[i] = _reward(dynamics[i], p, v[i], a)
         _observe(dynamics[i], step[i], p, q[i], v[i], a, observation[i])
 
@@ -364,13 +310,13 @@ def _command(
     """Torques of springs that follow the action, and its thrusts in world axes."""
     joints = torque.shape[0]
     for j in range(joints):
-        target = p.posture[j] + p.angle * a[j]
-        torque[j] = p.spring * (target - q[7 + j]) - p.damper * v[6 + j]
+        target = p.posture[j] + ANGLE * a[j]
+        torque[j] = SPRING * (target - q[7 + j]) - DAMPER * v[6 + j]
     for k in range(2):
         for i in range(3):
             thrust[k, i] = 0.0
             for c in range(3):
-                thrust[k, i] += d.tree.rotation[i, c] * p.thrust * a[joints + 3 * k + c]
+                thrust[k, i] += d.tree.rotation[i, c] * THRUST * p.weight * a[joints + 3 * k + c]
 
 
 @kernel
@@ -380,8 +326,8 @@ def _reward(d: DynamicsRecord, p: SettingsRecord, v: Vector, a: Vector) -> float
     ahead = r[0, 0] * v[0] + r[0, 1] * v[1] + r[0, 2] * v[2] - p.speed
     aside = r[1, 0] * v[0] + r[1, 1] * v[1] + r[1, 2] * v[2]
     for c in range(p.posture.shape[0], a.shape[0]):
-        cost += (p.thrust * a[c] / p.weight) ** 2
-    reward = np.exp(-(ahead * ahead + aside * aside) / (p.tolerance * p.tolerance)) - p.effort * cost
+        cost += (THRUST * a[c]) ** 2
+    reward = np.exp(-(ahead * ahead + aside * aside) / (TOLERANCE * TOLERANCE)) - EFFORT * cost
     return reward if np.isfinite(reward) else 0.0
 
 
@@ -396,7 +342,7 @@ def _observe(d: DynamicsRecord, s: StepRecord, p: SettingsRecord, q: Vector, v: 
         out[9 + i] = v[3 + i] / 3.0
     out[4], out[5] = r[0, 0], r[1, 0]
     for j in range(joints):
-        out[12 + j] = (q[7 + j] - p.posture[j]) / p.angle
+        out[12 + j] = (q[7 + j] - p.posture[j]) / ANGLE
         out[12 + joints + j] = v[6 + j] / 10.0
     for k in range(2):
         out[12 + 2 * joints + k] = s.force[3 * k + 2] / p.weight
@@ -404,4 +350,4 @@ def _observe(d: DynamicsRecord, s: StepRecord, p: SettingsRecord, q: Vector, v: 
         out[14 + 2 * joints + c] = a[c]
     out[14 + 2 * joints + a.shape[0]] = p.speed
     for i in range(out.shape[0]):
-        out[i] = min(max(out[i], -p.most), p.most) if np.isfinite(out[i]) else 0.0
+        out[i] = min(max(out[i], -MOST), MOST) if np.isfinite(out[i]) else 0.0

@@ -26,10 +26,8 @@ Flags = NDArray[np.bool_]
 
 def spaces() -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Box]:
     """Spaces of the observations and the actions of one robot."""
-    return (
-        gymnasium.spaces.Box(-MOST, MOST, (OBSERVATIONS,), np.float32),
-        gymnasium.spaces.Box(-1.0, 1.0, (ACTIONS,), np.float32),
-    )
+    box = gymnasium.spaces.Box
+    return box(-MOST, MOST, (OBSERVATIONS,), np.float32), box(-1.0, 1.0, (ACTIONS,), np.float32)
 
 
 class HarpyEnv(gymnasium.Env[Numbers, Numbers]):
@@ -134,15 +132,9 @@ class HarpyVectorEnv(VectorEnv[Numbers, Numbers, NDArray[Any]]):
         if isinstance(seed, int | np.integer):
             seed = [int(seed) + i for i in range(self.num_envs)]
         if seed is not None:
-            if (
-                isinstance(seed, str)
-                or not isinstance(seed, Sequence | np.ndarray)
-                or np.array(seed, dtype=object).ndim == 0
-            ):
-                message = f"seed must be one whole number or several, got {shown(seed)}"
+            if not isinstance(seed, list | tuple | np.ndarray) or len(seed) != self.num_envs:
+                message = f"{self.num_envs} worlds need as many seeds, or one whole number, got {shown(seed)}"
                 raise InputError(message, name="seed", value=seed)
-            if len(seed) != self.num_envs:
-                raise InputError(f"{self.num_envs} worlds need as many seeds, got {len(seed)}", name="seed", value=seed)
             for i, value in enumerate(seed):
                 if value is not None:
                     self._random[i] = seeding.np_random(checks.whole("seed", value))[0]

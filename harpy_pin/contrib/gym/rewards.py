@@ -5,8 +5,8 @@ avoided get a negative scale.
 
 | term | what | between |
 |---|---|---|
-| ``velocity`` | exp(−\\|v − v_wanted\\|² / (0.25 m/s)²), forward and to the left of the heading | 0 and 1 |
-| ``turning`` | exp(−(ω − ω_wanted)² / (0.25 rad/s)²) about the vertical | 0 and 1 |
+| ``velocity`` | exp(−\\|v − v_desired\\|² / (0.25 m/s)²), forward and to the left of the heading | 0 and 1 |
+| ``turning`` | exp(−(ω − ω_desired)² / (0.25 rad/s)²) about the vertical | 0 and 1 |
 | ``alive`` | 1 unless the robot fell | 0 and 1 |
 | ``tilt`` | squared sine of the body's tilt | 0 and 1 |
 | ``height`` | squared distance of the body's height from that of standing, in units of 0.1 m | 0 and more |
@@ -54,7 +54,7 @@ class Step:
         action: of the step.
         last_action: of the step before.
         velocity: (3,) of the body in the frame of its heading: forward, to the left, m/s; turning, rad/s.
-        wanted: (3,) velocity that is asked for, in the same frame.
+        desired: (3,) velocity that is asked for, in the same frame.
         standing_height: of the body, m.
         slip: path of all feet on the ground in this step, m.
         fell: whether the robot fell.
@@ -66,7 +66,7 @@ class Step:
     action: Vector
     last_action: Vector
     velocity: Vector
-    wanted: Vector
+    desired: Vector
     standing_height: float
     slip: float
     fell: bool
@@ -99,8 +99,8 @@ def _power(step: Step) -> float:
 
 
 TERMS: Mapping[str, Callable[[Step], float]] = {
-    "velocity": lambda step: float(np.exp(-np.sum((step.velocity[:2] - step.wanted[:2]) ** 2) / WIDTH**2)),
-    "turning": lambda step: float(np.exp(-((step.velocity[2] - step.wanted[2]) ** 2) / WIDTH**2)),
+    "velocity": lambda step: float(np.exp(-np.sum((step.velocity[:2] - step.desired[:2]) ** 2) / WIDTH**2)),
+    "turning": lambda step: float(np.exp(-((step.velocity[2] - step.desired[2]) ** 2) / WIDTH**2)),
     "alive": lambda step: 0.0 if step.fell else 1.0,
     "tilt": _tilt,
     "height": lambda step: float((step.state.q[2] - step.standing_height) / RISE) ** 2,
@@ -123,7 +123,7 @@ def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str
         InputError: neither of both, an unknown name, or a scale that is no number.
     """
     if callable(reward):
-        return lambda step: (_checked(reward(step)), {})
+        return lambda step: (checks.number("the reward that the function returned", reward(step)), {})
     if reward is not None and not isinstance(reward, Mapping):
         message = f"reward must be a function of the step, or scales by name, got {shown(reward)}"
         raise InputError(message, name="reward", value=reward)
@@ -142,7 +142,3 @@ def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str
 def _finite(value: float) -> float:
     """Zero where a robot that flew away has no number."""
     return value if np.isfinite(value) else 0.0
-
-
-def _checked(value: float) -> float:
-    return checks.number("the reward that the function returned", value)

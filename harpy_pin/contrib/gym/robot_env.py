@@ -86,7 +86,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
     Attributes:
         robot: that walks.
         gait: of the actions ``velocity``.
-        wanted: (3,) velocity that is asked for in this episode.
+        desired: (3,) velocity that is asked for in this episode.
         simulator: the plant.
 
     Raises:
@@ -108,7 +108,9 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
     ) -> None:
         checks.one_of("action", action, ACTION_KINDS)
         self.robot = load_robot(robot) if isinstance(robot, str) else checks.instance("robot", robot, Robot)
-        self.scenario = s = _default_scenario(self.robot) if scenario is None else _checked_scenario(scenario, robot)
+        if scenario is None:  # a robot that is not in the catalogue has no scenario of its own
+            scenario = Scenario(duration=10.0, ground=Ground(mu_s=0.6, stiffness=walking_stiffness(self.robot)))
+        self.scenario = s = _checked_scenario(scenario, robot)
         schedule = s.gait.schedule if isinstance(s.gait, WalkingPart) else None
         self.gait = WalkingGait(self.robot, schedule)
         self._top = np.array([*[self.gait.max_speed] * 2, TURN])
@@ -131,7 +133,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         self.observation_space: gymnasium.Space[Any] = gymnasium.spaces.Box(-MOST, MOST, (observations,), np.float32)
         self.action_space: gymnasium.Space[Any] = gymnasium.spaces.Box(-1.0, 1.0, (size,), np.float32)
         self.render_mode = render_mode
-        self.wanted = np.zeros(3)
+        self.desired = np.zeros(3)
         self._last_action = np.zeros(size)
         self._command = Command(np.zeros(joints), np.zeros((len(self.robot.thrusters), 3)))
         self._tick = 0
@@ -159,9 +161,9 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         for name in wishes:
             checks.one_of("option", name, ("velocity",))
         super().reset(seed=seed, options=options)
-        self.wanted = self.np_random.uniform(*self._ends)
+        self.desired = self.np_random.uniform(*self._ends)
         if "velocity" in wishes:
-            self.wanted = checks.vector("velocity", wishes["velocity"], 3)
+            self.desired = checks.vector("velocity", wishes["velocity"], 3)
         self.simulator.reset(*self._start())
         self._tick = 0
         self._last_action[:] = 0.0
@@ -171,7 +173,9 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             sensors_seed = int(self.np_random.integers(2**31))
             self._sensors = Sensors(self.robot, d.noise, delay=self._delay, seed=sensors_seed)
         if self._drives:
-            self._make_controller()
+            self.gait.command[:] = 0.0
+            s, fitting = self.scenario, self.gait.parameters
+            self._controller = s.controller.make(self._laid, mu=s.mu, period=s.period, fitting=fitting)
         return self._observe(self._measured()), {}
 
     def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
@@ -192,7 +196,20 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         ending, measured = self._walk(clipped)
         fell, over = ending != "completed", self._time >= self.scenario.duration - 0.5 * self.scenario.dt
         slip = float(self.simulator.slip_path.sum()) - slip
-        reward, parts = self._reward(self._describe(clipped, slip=slip, fell=fell))
+        state = self.state
+        done = Step(
+            robot=self.robot,
+            state=state,
+            command=self._command,
+            action=clipped,
+            last_action=self._last_action.copy(),
+            velocity=_heading_velocity(state),
+            desired=self.desired,
+            standing_height=self._height + self._below(state.q),
+            slip=slip,
+            fell=fell,
+        )
+        reward, parts = self._reward(done)
         self._last_action[:] = clipped
         return self._observe(measured), reward, fell, over and not fell, {"reward": parts}
 
@@ -246,32 +263,9 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         """Height of the ground below a place, m."""
         return 0.0 if self._surface is None else float(self._surface.height(place[0], place[1]))
 
-    def _make_controller(self) -> None:
-        """A controller without a memory, at rest."""
-        s = self.scenario
-        self.gait.command[:] = 0.0
-        fitting = self.gait.parameters
-        self._controller = s.controller.make(self._laid, mu=s.mu, period=s.period, fitting=fitting)
-
     def _measured(self) -> State:
         state = self.simulator.state
         return state if self._sensors is None else self._sensors.measure(state)
-
-    def _describe(self, action: Vector, *, slip: float, fell: bool) -> Step:
-        """The step as its reward sees it."""
-        state = self.simulator.state
-        return Step(
-            robot=self.robot,
-            state=state,
-            command=self._command,
-            action=action,
-            last_action=self._last_action.copy(),
-            velocity=_heading_velocity(state),
-            wanted=self.wanted,
-            standing_height=self._height + self._below(state.q),
-            slip=slip,
-            fell=fell,
-        )
 
     def _observe(self, state: State) -> Numbers:
         """The observation; see the top of this module."""
@@ -286,7 +280,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             state.v[6:] / 10.0,
             state.foot_force[:, 2] / weight,
             self._last_action,
-            self.wanted,
+            self.desired,
         )
         seen = np.nan_to_num(np.concatenate(entries), nan=0.0, posinf=MOST, neginf=-MOST)
         observation: Numbers = np.clip(seen, -MOST, MOST).astype(np.float32)
@@ -308,11 +302,6 @@ def _heading_velocity(state: State) -> Vector:
     return np.array([c * linear[0] + s * linear[1], c * linear[1] - s * linear[0], angular[2]])
 
 
-def _default_scenario(robot: Robot) -> Scenario:
-    """Ten seconds on friction 0.6; robots that are not in the catalogue have no scenario of their own."""
-    return Scenario(duration=10.0, ground=Ground(mu_s=0.6, stiffness=walking_stiffness(robot)))
-
-
 def _checked_scenario(scenario: Scenario, robot: str | Robot) -> Scenario:
     """A scenario that may be walked by this robot."""
     checks.instance("scenario", scenario, Scenario)
@@ -329,9 +318,7 @@ def _velocity_ends(velocity: ArrayLike | None, usual: Vector) -> tuple[Vector, V
     if velocity is None:
         return -usual, usual
     given = checks.array("velocity", velocity, None)
-    if given.shape == (3,):
-        given = np.stack((given, given))
-    ends = checks.vector("velocity", given, (2, 3))
+    ends = checks.vector("velocity", np.stack((given, given)) if given.shape == (3,) else given, (2, 3))
     if np.any(ends[0] > ends[1]):
         raise InputError("the lower end of the velocity is above the upper one", name="velocity", value=velocity)
     return ends[0], ends[1]

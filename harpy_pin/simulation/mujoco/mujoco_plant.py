@@ -32,19 +32,20 @@ from harpy_pin.errors import InputError
 from harpy_pin.ground.contact_frame import contact_frame
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
-from harpy_pin.log.slip import ContactRecord, note_slip, note_slip_along, slip_record
-from harpy_pin.model.record import field, make_record
+from harpy_pin.log.slip import note_slip, slip_record
+from harpy_pin.model.dynamics import DynamicsRecord
+from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
-from harpy_pin.simulation.battery import battery_record, draw_power, reset_battery
 from harpy_pin.simulation.mujoco.conventions import installed_version
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
-from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.thrusters import drive_thrusters, settle_thrusters, thrusters_record
+from harpy_pin.simulation.push import Push, push_forces
+from harpy_pin.simulation.step import PlantRecord
+from harpy_pin.simulation.thrusters import drive_thrusters, thrusters_record
 
 __all__ = ["MujocoPlant"]
 
@@ -104,18 +105,21 @@ class MujocoPlant(Plant):
         if (ground.surface is not None or ground.stiffness_strips) and (contact is not None or foot_radius):
             message = "on terrain or strips feet are points with the ground's own contact: no contact, no foot_radius"
             raise InputError(message, name="ground", value=ground)
-        self.actuators = actuators = Actuators() if actuators is None else actuators
+        actuators = Actuators() if actuators is None else actuators
         robot, feet = actuators.damped(robot), len(robot.feet)
-        self._motors = motors_record(actuators, robot.torque_limit)
-        kinds = {"count": len(robot.thrusters), "variables": robot.n_thrust}
-        self._cells = battery_record(actuators.battery)
-        self._thrusters = thrusters_record(actuators.thrusters, **kinds, dt=checks.number("dt", dt, low=1e-6))
-        record = make_record(ContactRecord, {"feet": feet}, slip=slip_record(feet))
+        count, variables = len(robot.thrusters), robot.n_thrust
+        dt = checks.number("dt", dt, low=1e-6)
+        record = make_record(
+            PlantRecord,
+            {"feet": feet, "thrusts": variables},
+            slip=slip_record(feet),
+            motors=motors_record(actuators, robot.torque_limit),
+            thrusters=thrusters_record(actuators.thrusters, count=count, variables=variables, dt=dt),
+        )
         self._terrain = ground.record["terrain"]
         self._flat = bool(self._terrain["level"][0])
-        super().__init__(robot, ground, record, dt=dt, gravity=gravity)
-        self._lagging = field(self._thrusters, "mean_thrust") if actuators.thrusters else None
-        self._battery = None if actuators.battery is None else self._cells
+        self._forces = np.zeros((count, 3))
+        super().__init__(robot, ground, record, dt=dt, gravity=gravity, actuators=actuators)
         self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
         self._inside = inside = MujocoModel(
             robot,
@@ -127,7 +131,6 @@ class MujocoPlant(Plant):
         )
         self.model, self.data = inside.model, inside.data
         self.model.dof_frictionloss[inside.joint_places] = actuators.coulomb_friction
-        self._thrust, self._forces = np.zeros(robot.n_thrust), np.zeros((len(robot.thrusters), 3))
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
         self._planes = np.zeros((feet, 7))
         self.model.geom_sameframe[inside.planes] = 0  # they are where the plant puts them
@@ -143,13 +146,10 @@ class MujocoPlant(Plant):
             self._find_ground(contact)
 
     def _prepare(self) -> None:
-        thrust, forces = np.zeros(self.robot.n_thrust), np.zeros(self._shapes[1])
-        drive_motors.prepare(self._motors, self._motors["mean_torque"][0], self.v, self.dt)
-        read_thrusts.prepare(self.dynamics.record, forces, thrust)
-        write_thrusts.prepare(self.dynamics.record, thrust, forces)
-        draw_power.prepare(self._cells, self._motors, self._thrusters, self.v, self.dt)
-        drive_thrusters.prepare(self._thrusters, self.dynamics.rotation, thrust)
-        _note.prepare(self._contact, self._terrain, self.dynamics.foot_position, self.v, self.dt)
+        thrust, torque = self.record["thrust"][0], np.zeros(len(self.robot.joints))
+        read_thrusts.prepare(self.dynamics.record, self._forces, thrust)
+        drive_actuators.prepare(self.dynamics.record, self.record, torque, self.v, self.dt, self._forces)
+        _note.prepare(self.record, self._terrain, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
     def describe(self) -> Mapping[str, Any]:
@@ -167,17 +167,14 @@ class MujocoPlant(Plant):
         super().reset(q, v, t=t)
         self._inside.reset(self.q, self.v)
         self._rolled[:] = 0.0
-        self._motors["settled"] = 0
-        settle_thrusters(self._thrusters, self.actuators.thrusters, self.dt)
-        reset_battery(self._cells, self.actuators.battery)
 
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
         self._check_placed()
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         torque, thrust = self._checked(command)
-        self.counts[2] += read_thrusts(self.dynamics.record, thrust, self._thrust)
-        push = self._push_forces(pushes, steps) if pushes else None
+        self.counts[2] += read_thrusts(self.dynamics.record, thrust, self.record["thrust"][0])
+        push = push_forces(pushes, self.t, self.dt, steps) if pushes else None
         for n in range(steps):
             if not self._step(torque, None if push is None else push[n]):
                 break
@@ -209,12 +206,8 @@ class MujocoPlant(Plant):
         if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        drive_thrusters(self._thrusters, self.dynamics.rotation, self._thrust)
-        write_thrusts(self.dynamics.record, self._thrusters["mean_thrust"][0], self._forces)
-        drive_motors(self._motors, torque, self.v, self.dt)
-        if self._battery is not None:
-            draw_power(self._cells, self._motors, self._thrusters, self.v, self.dt)
-        inside.apply(self._motors["mean_torque"][0], self._forces, push)
+        drive_actuators(self.dynamics.record, self.record, torque, self.v, self.dt, self._forces)
+        inside.apply(self.record["motors"]["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
         mj.mj_fwdConstraint(model, data)
@@ -226,7 +219,10 @@ class MujocoPlant(Plant):
         if self.foot_radius:
             self._roll()
             position = position + self._rolled
-        return bool(_note(self._contact, self._terrain, position, self.v, self.dt))
+        goes_on = bool(_note(self.record, self._terrain, position, self.v, self.dt))
+        for part in self.attached:
+            part.after_step(self)
+        return goes_on
 
     def _roll(self) -> None:
         """Add what the contacts moved against the spheres' centres, so that rolling is no slip."""
@@ -266,7 +262,7 @@ class MujocoPlant(Plant):
     def _move_planes(self) -> None:
         """Put the plane of every foot where the ground's tangent plane below the foot is."""
         below = self.foot_radius or FOOT_RADIUS
-        tangent_planes(self._contact, self._terrain, self.dynamics.foot_position, below, self._planes)
+        tangent_planes(self.record, self._terrain, self.dynamics.foot_position, below, self._planes)
         planes = self._inside.planes
         self.model.geom_pos[planes], self.model.geom_quat[planes] = self._planes[:, :3], self._planes[:, 3:]
 
@@ -320,12 +316,17 @@ def _set_options(mujoco: Any, option: Any) -> None:
 
 
 @kernel
-def _note(contact: ContactRecord, terrain: TerrainRecord, position: Vector, v: Vector, dt: float) -> bool:
-    """Take slip into account; returns whether the speeds are numbers within reason."""
-    if terrain.level:
-        note_slip(contact.slip, position, contact.force, dt)
-    else:
-        note_slip_along(contact.slip, contact.frame, position, contact.force, dt)
+def drive_actuators(d: DynamicsRecord, s: PlantRecord, torque: Vector, v: Vector, dt: float, forces: Vector) -> None:
+    """Torques and thrusts of a step under a constant command; the latter as forces (thrusters, 3) in world axes, N."""
+    drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
+    write_thrusts(d, s.thrusters.mean_thrust, forces)
+    drive_motors(s.motors, torque, v, dt)
+
+
+@kernel
+def _note(s: PlantRecord, terrain: TerrainRecord, position: Vector, v: Vector, dt: float) -> bool:
+    """Take slip into account; returns whether the speeds are finite and within reason."""
+    note_slip(s.slip, terrain.level, s.frame, position, s.force, dt)
     total = 0.0
     for i in range(v.shape[0]):
         total += abs(v[i])
@@ -333,11 +334,11 @@ def _note(contact: ContactRecord, terrain: TerrainRecord, position: Vector, v: V
 
 
 @kernel
-def tangent_planes(contact: ContactRecord, terrain: TerrainRecord, position: Vector, below: float, out: Vector) -> None:
+def tangent_planes(s: PlantRecord, terrain: TerrainRecord, position: Vector, below: float, out: Vector) -> None:
     """Frames of the contacts, and the ground's tangent planes below the feet.
 
     Args:
-        contact: its frames are written.
+        s: its frames of the contacts are written.
         terrain: of the ground.
         position: (feet, 3) of the feet, m.
         below: how much lower the planes lie, m.
@@ -346,7 +347,7 @@ def tangent_planes(contact: ContactRecord, terrain: TerrainRecord, position: Vec
     for k in range(position.shape[0]):
         x, y = position[k, 0], position[k, 1]
         nx, ny, nz = surface_normal(terrain, x, y)
-        contact_frame(nx, ny, nz, contact.frame[k])
+        contact_frame(nx, ny, nz, s.frame[k])
         size = np.sqrt(2.0 * (1.0 + nz))
         out[k, 0], out[k, 1], out[k, 2] = x - below * nx, y - below * ny, surface_height(terrain, x, y) - below * nz
         out[k, 3], out[k, 4], out[k, 5], out[k, 6] = 0.5 * size, -ny / size, nx / size, 0.0

@@ -8,7 +8,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.contrib.flight import Fly, Flying, Jump
 from harpy_pin.contrib.flight.flying_gait import PHASES
-from harpy_pin.contrib.thrust_watch import ThrustWatch
+from harpy_pin.contrib.thrusters import ThrustWatch
 
 
 class Weak:

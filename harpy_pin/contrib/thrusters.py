@@ -1,4 +1,6 @@
-"""Thrusters that give less than they should: found in the air from the change of momentum, and made up for.
+"""Thrusters whose lag is of second order; and thrusters that give less than they should, found in the air.
+
+What they give is found from the change of momentum, and what lacks is made up for.
 
 In the air the momentum h of the robot about its centre of mass changes by thrusts and weight alone,
 
@@ -12,11 +14,13 @@ estimate follows its own part of that. The command of a thruster is divided by i
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from scipy.linalg import expm
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -26,9 +30,10 @@ from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.simulation.controller import Controller
+from harpy_pin.simulation.loop import Controller
+from harpy_pin.simulation.thrusters import Thrusters
 
-__all__ = ["ThrustWatch"]
+__all__ = ["SecondOrderThrusters", "ThrustWatch"]
 
 AIRBORNE = 0.05
 """Measured contact force below which the robot is in the air, as a share of the weight."""
@@ -38,6 +43,34 @@ ARM = 0.1
 """Length by which moments are compared with forces, m."""
 LEAST, MOST = 0.2, 1.2
 """Of an effectiveness."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SecondOrderThrusters(Thrusters):
+    """As :class:`harpy_pin.Thrusters`, with the natural frequency 1 / ``lag``, which must not be zero.
+
+    Attributes:
+        damping_ratio: of the lag, 0.05 to 20.
+
+    Raises:
+        InputError: a value out of its domain.
+    """
+
+    lag: float = 0.1
+    damping_ratio: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        checks.number("thrusters' lag", self.lag, low=0.0, strict=True)
+        ratio = checks.number("thrusters' damping_ratio", self.damping_ratio, low=0.05, high=20.0)
+        checks.keep(self, damping_ratio=ratio)
+
+    def response(self, dt: float) -> tuple[Vector, Vector]:
+        """See :meth:`harpy_pin.Thrusters.response`."""
+        frequency = 1.0 / self.lag
+        matrix = np.array([[0.0, 1.0], [-(frequency**2), -2.0 * self.damping_ratio * frequency]])
+        transition = expm(matrix * dt)
+        return transition, np.linalg.solve(matrix, transition - np.eye(2))[0] / dt
 
 
 class ThrustWatch(KeepsViews):
