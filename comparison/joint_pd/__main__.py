@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from functools import partial
 from math import inf, log1p
 
@@ -18,21 +18,19 @@ import numpy as np
 
 from comparison.joint_pd.controller import GAINS_FILE, JointPDGains, found_gains
 from comparison.studies.walking import PD_ROBOTS, job_of, walked
+from comparison.tuning.tune import propose
+from comparison.tuning.variants import Point, Range, Variant
 
 SPACE = {
-    "stance_p": (0.2, 20.0),
-    "stance_d": (0.02, 3.0),
-    "swing_p": (0.2, 20.0),
-    "swing_d": (0.02, 3.0),
-    "follow": (0.05, 1.0),
+    "stance_p": Range(0.1, 10.0),
+    "stance_d": Range(0.07, 10.0),
+    "swing_p": Range(0.1, 10.0),
+    "swing_d": Range(0.07, 10.0),
+    "follow": Range(0.1, 2.0),
 }
-"""Ranges of the gains, searched in the logarithm."""
+"""Gains as multiples of the default ones."""
 BUDGET = 60
 """Gains that are tried for a robot."""
-DRAWN = 20
-"""Of them, drawn from the whole space; the others change the best so far."""
-FIRST_STEP, LAST_STEP = 0.25, 0.03
-"""Standard deviation of a change at the beginning and at the end, as a share of the range's logarithm."""
 SEED = 1
 """Of the walks of the search, and of what is tried."""
 WALKS = (
@@ -63,28 +61,20 @@ def search_gains(
         seed: of what is tried.
         start: what is tried first; by default the default gains.
     """
-    rng = np.random.default_rng(seed)
-    best = JointPDGains() if start is None else start
-    least = cost(best, np.inf)
-    for index in range(1, BUDGET):
-        gains = _changed(best, index, rng)
-        found = cost(gains, least)
+    default = asdict(JointPDGains())
+    best = {name: getattr(start or JointPDGains(), name) / default[name] for name in SPACE}
+    variant, rng, least = Variant("joint PD", {}, SPACE), np.random.default_rng(seed), np.inf
+    for index in range(BUDGET):
+        point = best if index == 0 else propose(variant, index, BUDGET, best, rng)
+        found = cost(_gains(point), least)
         if found < least:
-            best, least = gains, found
-    return best, least
+            best, least = dict(point), found
+    return _gains(best), least
 
 
-def _changed(best: JointPDGains, index: int, rng: np.random.Generator) -> JointPDGains:
-    """Gains number ``index`` of a search."""
-    values: dict[str, float] = asdict(best)
-    progress = max(index - DRAWN, 0) / (BUDGET - DRAWN)
-    step = FIRST_STEP * (LAST_STEP / FIRST_STEP) ** progress
-    touched = [field.name for field in fields(best) if rng.random() < 0.5] or [str(rng.choice(list(SPACE)))]
-    for name in SPACE if index <= DRAWN else touched:
-        low, high = np.log(SPACE[name])
-        at = rng.uniform(low, high) if index <= DRAWN else np.log(values[name]) + step * (high - low) * rng.normal()
-        values[name] = float(np.exp(np.clip(at, low, high)))
-    return JointPDGains(**values)
+def _gains(point: Point) -> JointPDGains:
+    """The gains of a point of the space."""
+    return JointPDGains(**{name: factor * getattr(JointPDGains(), name) for name, factor in point.items()})
 
 
 def cost(

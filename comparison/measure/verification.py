@@ -1,7 +1,7 @@
 """Reference results: what a timed replay has to reproduce, from further controllers that are not timed.
 
-The program's solutions are checked against its own optimality conditions, and failed solves by a linear program, so
-that no statement rests only on what the solver reports.
+The program's solutions are checked against its own optimality conditions, so that no statement rests only on what the
+solver reports.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog, nnls
+from scipy.optimize import nnls
 
 from comparison.measure.controllers import make_contender
 from comparison.measure.replay import GovernorTrace, TickReplay, replay
@@ -21,7 +21,6 @@ from harpy_pin.model.record import Record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc import QuadraticProgram
-from harpy_pin.wbc.program import UNBOUNDED
 
 ACTIVE = 1e-3
 """Distance from its bound at which a constraint counts as active, in the constraint's unit."""
@@ -70,8 +69,6 @@ class ProgramTrace:
         usable: (ticks,) whether the solution was used.
         violation: largest violation of a constraint by a usable solution, in the constraint's unit.
         stationarity: (samples,) violation of stationarity by sampled solutions, in the unit of the gradient.
-        failed_feasible: sampled failures of which a linear program found a feasible point.
-        failed_sampled: failures sampled for that.
     """
 
     programs: Record
@@ -81,8 +78,6 @@ class ProgramTrace:
     usable: NDArray[np.bool_]
     violation: float
     stationarity: Vector
-    failed_feasible: int
-    failed_sampled: int
 
 
 @dataclass(frozen=True)
@@ -108,8 +103,7 @@ def record_expected(
 ) -> ExpectedReplay:
     """Replay a sequence through fresh controllers, untimed.
 
-    Programs are kept from the first on; at most so many samples of solutions are checked for stationarity, and of
-    failures for feasibility.
+    Programs are kept from the first on; at most so many samples of solutions are checked for stationarity.
     """
     governed = make_contender("governed", robot, friction)
     governed.governor = recorder = RecordingGovernor(governed.governor)
@@ -141,7 +135,7 @@ def record_programs(
     programs, solutions = np.zeros(keep, p.record.dtype), np.full((keep, p.shape[0]), np.nan)
     commands, told, residuals = [], [], []
     every = max(ticks // samples, 1)
-    violation, failed_feasible, failed_sampled = 0.0, 0, 0
+    violation = 0.0
     for i, state in enumerate(sequence.states):
         command = controller.step(state)
         commands.append(np.concatenate((command.torque, command.thrust.ravel())))
@@ -155,12 +149,9 @@ def record_programs(
             violation = max(violation, p.violation(solution.z))
             if i % every == 0:
                 residuals.append(stationarity(p, solution.z))
-        elif failed_sampled < samples:
-            failed_feasible += is_feasible(p)
-            failed_sampled += 1
     iterations, statuses, usable = np.array(told, dtype=float).T
-    judged = violation, np.array(residuals), failed_feasible, failed_sampled
-    return ProgramTrace(programs, solutions, iterations, statuses, usable > 0.0, *judged), np.array(commands)
+    trace = ProgramTrace(programs, solutions, iterations, statuses, usable > 0.0, violation, np.array(residuals))
+    return trace, np.array(commands)
 
 
 def stationarity(program: QuadraticProgram, z: Vector) -> float:
@@ -179,19 +170,3 @@ def stationarity(program: QuadraticProgram, z: Vector) -> float:
     if columns.shape[1]:  # nnls aborts on a matrix without columns
         slope = slope + columns @ nnls(columns, -slope)[0]
     return float(np.abs(slope).max())
-
-
-def one_sided(program: QuadraticProgram) -> tuple[Vector, Vector]:
-    """(G, h) of G z ≤ h, bounds at infinity left out."""
-    p, below, above = program, program.lower > -UNBOUNDED, program.upper < UNBOUNDED
-    rows = np.vstack((p.inequality[above], -p.inequality[below]))
-    return rows, np.concatenate((p.upper[above], -p.lower[below]))
-
-
-def is_feasible(program: QuadraticProgram) -> bool:
-    """Whether a linear program finds a point that satisfies every constraint."""
-    p = program
-    rows, bounds = one_sided(p)
-    equalities = {"A_eq": p.equality, "b_eq": p.equality_value} if len(p.equality_value) else {}
-    result = linprog(np.zeros(len(p.gradient)), A_ub=rows, b_ub=bounds, bounds=(None, None), **equalities)
-    return bool(result.status == 0)

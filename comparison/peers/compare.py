@@ -18,7 +18,6 @@ from comparison.peers.growth_of_peers import ROBOTS, measure_growth
 from comparison.peers.measure_peer import TOLERANCE, PeerSettings, measure_peer, summarise_times
 from comparison.peers.ours import OURS, Ours, the_peers_program, time_inside_c
 from comparison.peers.peer_problem import make_problem
-from comparison.peers.pinocchio_terms import compare_terms
 from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.files import finite
 from harpy_pin.model.robot import Robot, load_harpy
@@ -39,13 +38,12 @@ def measure_peers(
 ) -> dict[str, Any]:
     """Check and time every peer and our own controller.
 
-    ``folder`` has the peers' environments. ``on_step`` is called ``len(peers) + 3`` times, never while
+    ``folder`` has the peers' environments. ``on_step`` is called ``len(peers) + 2`` times, never while
     a clock runs.
 
     Returns:
         Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the
-        differences from our solutions and the times of ``tick`` and ``solve`` in single and double support;
-        ``terms``: see :func:`~comparison.peers.pinocchio_terms.compare_terms`.
+        differences from our solutions and the times of ``tick`` and ``solve`` in single and double support.
     """
     most, repetitions = settings.most, settings.repetitions
     problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=most)
@@ -71,8 +69,6 @@ def measure_peers(
         **{f"{OURS}, the peers' program, {name}": c.entry(problem) for name, c in mine.items()},
         **others,
     }
-    terms = compare_terms(robot, sequences, friction=friction, settings=settings)
-    on_step()
     return {
         "friction": friction,
         "ticks": len(problem),
@@ -80,7 +76,6 @@ def measure_peers(
         "repetitions": repetitions,
         "tolerance": dict(TOLERANCE),
         "contenders": contenders,
-        "terms": terms,
     }
 
 
@@ -107,7 +102,7 @@ def compare_peers(
         run = walk(name, friction=friction, duration=duration)
         sequences.append(record_states(name, run, least=timing.warm_up + 50))
     progress("walking", len(RECORDED), len(RECORDED))
-    total, steps = len(PEERS) + 4, count(1)
+    total, steps = len(PEERS) + 3, count(1)
     progress("peers", 0, total)
     peers = measure_peers(
         load_harpy(),

@@ -48,7 +48,7 @@ class Answer:
         quantities: arrays shaped as those of :class:`~comparison.peers.peer_problem.Expected`, NaN where unsolved; the
             thrusts are absent where they were given.
         laps: (repetitions, ticks) times, ns: of the complete ``tick``, perhaps of the ``solve``, the solver's call
-            only, and of the ``terms``, Pinocchio's rigid-body terms alone.
+            only.
         overhead: of the timer, ns.
         versions: of what was run.
     """
@@ -85,7 +85,7 @@ def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:
 
     Args:
         path: ``.npz`` with ``<variant>_<quantity>``, ``<variant>_tick_ns``, ``<variant>_solve_ns``, ``overhead_ns``,
-            perhaps ``<variant>_terms_ns``, and ``versions`` (JSON).
+            and ``versions`` (JSON).
         problem: that was posed; gives the shapes.
 
     Raises:
@@ -102,7 +102,7 @@ def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:
                 quantities[name] = np.asarray(found[f"{variant}_{name}"], dtype=np.float64)
                 if quantities[name].shape != getattr(expected, name).shape:
                     raise ValueError(f"{variant}_{name} has shape {quantities[name].shape}")
-            for name in ("tick", "solve", *(["terms"] if f"{variant}_terms_ns" in found else [])):
+            for name in ("tick", "solve"):
                 value = np.asarray(found[f"{variant}_{name}_ns"])
                 if value.ndim != 2 or value.shape[1] != len(expected.solved) or value.dtype.kind not in "iu":
                     raise ValueError(f"{variant}_{name}_ns is no table of integer times, one column per tick")

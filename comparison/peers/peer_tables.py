@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from comparison.peers.pinocchio_terms import SOURCES
 from comparison.tables import Cell, Table, percentiles
 
 UNITS = {"acceleration": "m/s², rad/s²", "torque": "N·m", "force": "N", "thrust": "N"}
 _WHICH = {"max": "largest", "median": "median"}
-_PARTS = {"terms": "terms", "condensed": "condensed WBC's tick", "qp": "WBC QP's tick"}
+_COUNTS = {"ticks": "compared", "differing": "differing"}
 _TIMES = {
     "tick": (
         "complete tick",
@@ -28,10 +27,10 @@ _TIMES = {
 
 
 def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
-    """Times, growth, terms, differences and versions."""
+    """Times, growth, differences and versions."""
     contenders = peers["contenders"]
     versions = (Cell(n, *item) for n, entry in contenders.items() for item in entry.get("versions", {}).items())
-    tables = [*(_times(peers, what) for what in _TIMES), _growth(peers), _terms(peers), _differences(peers)]
+    tables = [*(_times(peers, what) for what in _TIMES), _growth(peers), _differences(peers)]
     tables.append(Table("peers_versions", "Peers: versions", tuple(versions)))
     return [table for table in tables if table.cells]
 
@@ -78,23 +77,6 @@ def _growth(peers: Mapping[str, Any]) -> Table:
     return Table("peers_growth", "Peers: complete tick against the number of joints, p50, µs", tuple(cells), note)
 
 
-def _terms(peers: Mapping[str, Any]) -> Table:
-    entry = peers.get("terms")
-    if entry is None:
-        return Table("peers_terms", "", ())
-    cells = [_p50(text, _PARTS[part], entry["times"][name][part]) for name, text in SOURCES.items() for part in _PARTS]
-    for name, contender in peers["contenders"].items():
-        for support, times in contender.get("times", {}).items():
-            if "terms" in times:
-                cells.append(_p50(f"Pinocchio inside {name}: {support}", _PARTS["terms"], times["terms"]))
-    note = (
-        f"Tick: terms, program and solve, without the gait; in turns at {entry['ticks']} states, unsolved: "
-        f"{entry['unsolved']}. Largest difference of a command between the two sources, N and N·m: condensed WBC "
-        f"{entry['difference']['condensed']:.1g}, WBC QP {entry['difference']['qp']:.1g}."
-    )
-    return Table("peers_terms", "Rigid-body terms of our kernel and of Pinocchio, p50, µs", tuple(cells), note)
-
-
 def _differences(peers: Mapping[str, Any]) -> Table:
     cells: list[Cell] = []
     for name, entry in peers["contenders"].items():
@@ -109,6 +91,3 @@ def _differences(peers: Mapping[str, Any]) -> Table:
     limits = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items())
     note = f"Times count only if no tick differs by more than: {limits}."
     return Table("peers_check", "Peers: differences from our solution of the same program", tuple(cells), note)
-
-
-_COUNTS = {"ticks": "compared", "differing": "differing"}

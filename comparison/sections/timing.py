@@ -173,8 +173,6 @@ class _TimingRun:
             "qp_failures": sum(failures.values()),
             "qp_failures_by_states": failures,
             "qp_inaccurate": int(sum(np.count_nonzero(p.statuses == 1) for p in programs)),
-            "qp_failures_sampled": sum(p.failed_sampled for p in programs),
-            "qp_failures_feasible": sum(p.failed_feasible for p in programs),
             "qp_violation_max": max(p.violation for p in programs),
             "qp_sampled": len(residuals),
             "qp_stationarity_max": float(residuals.max()) if len(residuals) else None,

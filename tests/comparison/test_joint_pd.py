@@ -93,8 +93,12 @@ def test_the_search_finds_the_least_of_a_known_cost():
     best, least = search_gains(cost)
     assert len(tried) == 60
     assert least == cost(best, np.inf) < 0.2 * cost(JointPDGains(), np.inf)
-    assert all(0.999 * low <= gains[name] <= 1.001 * high for gains in tried for name, (low, high) in SPACE.items())
-    assert search_gains(cost, start=JointPDGains(**at)) == (JointPDGains(**at), 0.0)
+    default = asdict(JointPDGains())
+    for name, span in SPACE.items():
+        assert all(0.999 * span.low <= gains[name] / default[name] <= 1.001 * span.high for gains in tried)
+    best, least = search_gains(cost, start=JointPDGains(**at))
+    assert asdict(best) == pytest.approx(at)
+    assert least < 1e-20
 
 
 def test_every_robot_has_gains_and_stands_a_walk_with_them():
