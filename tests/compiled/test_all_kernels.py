@@ -16,7 +16,15 @@ from harpy_pin.compiled.entry_points import entry_unit
 from harpy_pin.model.catalogue import installed_data
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
-WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
+WARNINGS = (
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wdouble-promotion",
+    "-Werror",
+    "-Wno-unused-command-line-argument",
+)
 
 
 @pytest.fixture(scope="module")

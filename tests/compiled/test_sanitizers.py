@@ -45,7 +45,7 @@ def beyond(a, n):
 def sanitizer() -> tuple[str, str] | None:
     """The compiler, and the libraries that must be loaded before Python."""
     command = compiler.compiler()
-    if BACKEND != "c" or command is None or sys.platform != "linux":
+    if BACKEND != "c" or command is None or sys.platform != "linux" or "ziglang" in command:
         return None
     libraries = []
     for name in ("libasan.so", "libstdc++.so"):  # the second one for exceptions of the first one's interceptors
