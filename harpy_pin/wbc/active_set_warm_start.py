@@ -51,7 +51,7 @@ WORK = 450 * 59**2
 SYSTEM = 4
 """Exchanges of the dual method that take as long as one system."""
 FALLBACK = 2
-"""Likewise, for one iteration of the further solver."""
+"""Exchanges of the dual method that take as long as one iteration of the further solver."""
 SPARING = 1000
 """Exchanges left to a tick below which it tries the last active set only in its first solve."""
 LARGEST_GRADIENT = 1e9
@@ -137,14 +137,8 @@ class WarmStartedActiveSet(QPSolver):
         self.fallback.reset()
 
     def swap_active(self, other: NDArray[np.int64]) -> None:
-        """Take up another program of this size.
-
-        Args:
-            other: (rows,) the active rows that it had, in; those of the program so far, out.
-        """
-        own = self._active.copy()
-        self._active[:] = other
-        other[:] = own
+        """Take up another program of this size: exchange the active rows with ``other`` (rows,)."""
+        self._active[:], other[:] = other.copy(), self._active.copy()
 
     def solve(self, program: QuadraticProgram) -> QPSolution:
         """See :meth:`QPSolver.solve`."""
@@ -154,17 +148,8 @@ class WarmStartedActiveSet(QPSolver):
     def solve_further(self, program: QuadraticProgram) -> QPSolution:
         """Solve one more program of the same tick: both share one bound."""
         self._refuse_other(program)
-        given = (program._record_, self._record_, self.dual._record_, self.solution.z, self.dual.solution.z)
-        return self.told(solve_further(*given), program)
-
-    def told(self, status: int, program: QuadraticProgram) -> QPSolution:
-        """The solution that the kernel has written; that of the further solver where it is asked.
-
-        Args:
-            status: as the kernel says.
-            program: that was solved.
-        """
-        solution, record = self.solution, self.record
+        solution, record = self.solution, self._record_
+        status = solve_further(program._record_, record, self.dual._record_, solution.z, self.dual.solution.z)
         solution.iterations, solution.violation = int(self._iterations), float(self._violation)
         if status != ASK:
             solution.status = QPStatus(status)
@@ -194,36 +179,35 @@ def start_tick(w: ActiveSetRecord) -> None:
 
 
 @kernel
-def solve_further(p: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
+def solve_further(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
     """One more program of a tick, by the last active set and its exchange, then by the dual method.
 
-    Args:
-        p: the program.
-        w: the last active set; bounds and account of the tick.
-        dual: work space of the dual method.
-        z: solution, out.
-        found: work space for that of the dual method.
+    XX
+            w: the last active set; bounds and account of the tick.
+            dual: work space of the dual method.
+            z: solution, out.
+            found: work space for that of the dual method.
 
-    Returns:
-        A :class:`QPStatus`; ``ASK`` where none was found and another solver may help.
+        Returns:
+            A :class:`QPStatus`; ``ASK`` where none was found and another solver may help.
     """
     w.iterations = 0
     if w.left >= min(w.budget, SPARING):  # else a search was needed before, so the last active set will not do
-        w.iterations, w.violation = exchange(p, w, z)
+        w.iterations, w.violation = exchange(qp, w, z, EXCHANGES)
         w.systems += w.iterations
         if w.iterations <= EXCHANGES:
             return SOLVED
-    return _search(p, w, dual, z, found)
+    return _search(qp, w, dual, z, found)
 
 
 @kernel
-def _search(p: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
+def _search(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
     """Solve where the last active set and its exchange did not end."""
     sparing, spent = w.left < SPARING, w.iterations
     w.searched += 1
     dual.limit = min(w.most, max(w.left - SYSTEM * spent, 0))
-    outcome, exchanges = dual_active_set(p, dual, found)
-    status, violation = _judged(p, outcome, found)
+    outcome, exchanges = dual_active_set(qp, dual, found)
+    status, violation = _judged(qp, outcome, found)
     w.exchanges += exchanges
     w.left -= SYSTEM * spent + exchanges
     spent += exchanges
@@ -231,7 +215,7 @@ def _search(p: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, f
         w.active[c] = dual.active[c]
     if status == SOLVED:
         # The system on the active set found is free of the rounding that many small steps gather.
-        w.iterations, w.violation = exchange_few(p, w, z, 1 if sparing else EXCHANGES)
+        w.iterations, w.violation = exchange(qp, w, z, 1 if sparing else EXCHANGES)
         w.systems += w.iterations
         w.left -= SYSTEM * w.iterations
         if w.iterations <= EXCHANGES:
@@ -241,16 +225,16 @@ def _search(p: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, f
     for c in range(z.shape[0]):
         z[c] = found[c]
     if status > INACCURATE:
-        if (status != INFEASIBLE or violation == np.inf) and exchanges < dual.limit and _is_of_a_robot(p):
+        if (status != INFEASIBLE or violation == np.inf) and exchanges < dual.limit and _is_of_a_robot(qp):
             return ASK
         w.active[:] = 0
     return status
 
 
 @kernel
-def _judged(p: ProgramRecord, outcome: int, z: Vector) -> tuple[int, float]:
+def _judged(qp: ProgramRecord, outcome: int, z: Vector) -> tuple[int, float]:
     """Status and violation of what the dual method found, as :meth:`QPSolver.solve` has them."""
-    violation = worst_violation(p, z)
+    violation = worst_violation(qp, z)
     status = INFEASIBLE
     if violation < np.inf and outcome < 2:
         if outcome == 0:
@@ -261,37 +245,34 @@ def _judged(p: ProgramRecord, outcome: int, z: Vector) -> tuple[int, float]:
 
 
 @kernel
-def _is_of_a_robot(p: ProgramRecord) -> bool:
+def _is_of_a_robot(qp: ProgramRecord) -> bool:
     """Whether the gradient is one that a robot may have."""
     fits = True
-    for c in range(p.gradient.shape[0]):
-        fits = fits and abs(p.gradient[c]) < LARGEST_GRADIENT
+    for c in range(qp.gradient.shape[0]):
+        fits = fits and abs(qp.gradient[c]) < LARGEST_GRADIENT
     return fits
 
 
 @kernel
-def exchange(p: ProgramRecord, w: ActiveSetRecord, z: Vector) -> tuple[int, float]:
-    """Systems solved until the guess was right (one more than allowed if it never was), and the violation of z."""
-    return exchange_few(p, w, z, EXCHANGES)
+def exchange(qp: ProgramRecord, w: ActiveSetRecord, z: Vector, most: int) -> tuple[int, float]:
+    """Systems solved until the guess was right, at most ``most``, and the violation of z.
 
-
-@kernel
-def exchange_few(p: ProgramRecord, w: ActiveSetRecord, z: Vector, most: int) -> tuple[int, float]:
-    """:func:`exchange` with at most ``most`` systems."""
-    n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
-    factorise(p.hessian, w.factor)
+    The number is ``EXCHANGES`` + 1 where the guess never was right.
+    """
+    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
+    factorise(qp.hessian, w.factor)
     singly = False
     for attempt in range(1, most + 1):
         count = _choose(w)
         # Too many constraints, or ones that depend on each other: start over with none, one by one.
-        if n_eq + count > n or not _solve_active(p, w, count, z):
+        if n_eq + count > n or not _solve_active(qp, w, count, z):
             w.active[:] = 0
             if singly:
                 break
             singly = True
             continue
-        wrong, worst = _correct(p, w, count, z, attempt <= BLOCKS and not singly)
-        worst = max(worst, equality_residual(p, z))
+        wrong, worst = _correct(qp, w, count, z, attempt <= BLOCKS and not singly)
+        worst = max(worst, equality_residual(qp, z))
         if worst == np.inf:
             w.active[:] = 0
             break
@@ -313,26 +294,26 @@ def _choose(w: ActiveSetRecord) -> int:
 
 
 @kernel
-def _solve_active(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> bool:
+def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> bool:
     """Optimum z and multipliers on the chosen constraints; whether z is finite."""
-    n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
+    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
     m = n_eq + count
     columns = w.columns
     for i in range(n):
         for c in range(n_eq):
-            columns[i, c] = p.equality[c, i]
+            columns[i, c] = qp.equality[c, i]
         for c in range(count):
-            columns[i, n_eq + c] = p.inequality[w.chosen[c], i]
-        columns[i, m] = -p.gradient[i]
+            columns[i, n_eq + c] = qp.inequality[w.chosen[c], i]
+        columns[i, m] = -qp.gradient[i]
     solve_transposed(w.factor, columns, m + 1)
     # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
     system, multiplier = w.schur[:m, :m], w.multiplier[:m]
     system[:] = 0.0
     for c in range(n_eq):
-        multiplier[c] = p.equality_value[c]
+        multiplier[c] = qp.equality_value[c]
     for c in range(count):
         r = w.chosen[c]
-        multiplier[n_eq + c] = p.lower[r] if w.active[r] < 0 else p.upper[r]
+        multiplier[n_eq + c] = qp.lower[r] if w.active[r] < 0 else qp.upper[r]
     for i in range(n):
         for a in range(m):
             x = columns[i, a]
@@ -355,13 +336,13 @@ def _solve_active(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -
 
 
 @kernel
-def _correct(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block: bool) -> tuple[int, float]:
+def _correct(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block: bool) -> tuple[int, float]:
     """Drop rows with multipliers of the wrong sign, add violated ones: all of them (``block``) or the last.
 
     Returns:
         How many rows were wrong, and the largest violation; inf where a bound or row is NaN.
     """
-    n_eq, active = p.equality_value.shape[0], w.active
+    n_eq, active = qp.equality_value.shape[0], w.active
     wrong, worst = 0, 0.0
     last, change = 0, 0
     for c in range(count):
@@ -372,8 +353,8 @@ def _correct(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block:
             if block:
                 active[r] = 0
     for r in range(active.shape[0]):
-        s = row_value(p, r, z)
-        below, above = p.lower[r] - s, s - p.upper[r]
+        s = row_value(qp, r, z)
+        below, above = qp.lower[r] - s, s - qp.upper[r]
         if np.isnan(below) or np.isnan(above):
             return 1, np.inf
         worst = max(worst, below, above)
@@ -390,9 +371,9 @@ def _correct(p: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block:
 
 
 @kernel
-def _guess(p: ProgramRecord, w: ActiveSetRecord, z: Vector) -> None:
+def _guess(qp: ProgramRecord, w: ActiveSetRecord, z: Vector) -> None:
     """Rows that a solution touches."""
-    for r in range(p.lower.shape[0]):
-        s = row_value(p, r, z)
+    for r in range(qp.lower.shape[0]):
+        s = row_value(qp, r, z)
         near = 1e-5 * max(1.0, abs(s))
-        w.active[r] = -1 if s - p.lower[r] < near else (1 if p.upper[r] - s < near else 0)
+        w.active[r] = -1 if s - qp.lower[r] < near else (1 if qp.upper[r] - s < near else 0)

@@ -39,16 +39,8 @@ def note_centre_drift(d: DynamicsRecord, t: TargetsRecord) -> None:
 def body_row(k: int, d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: Vector, row: Vector) -> float:
     """A row of the body's linear task along a world axis, where the centre of mass has the horizontal ones.
 
-    Args:
-        k: the axis: 0 and 1 of the centre of mass, 2 of the body's origin.
-        d: element of the dynamics' record.
-        t: of the targets' record.
-        v: (nv,) generalised velocity.
-        rotation: (3, 3) body to world.
-        row: (nv,) out.
-
-    Returns:
-        The value that row · a should have, m/s².
+    Axis k is 0 or 1 of the centre of mass, or 2 of the body's origin. The row (nv,) is written, and the value that
+    row · a should have, m/s², is returned.
     """
     row[:] = 0.0
     if k < 2:

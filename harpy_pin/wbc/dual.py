@@ -88,30 +88,30 @@ class DualActiveSet(QPSolver):
 
 
 @kernel
-def dual_active_set(p: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
+def dual_active_set(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
     """Optimum z; returns the outcome and how many exchanges it took."""
-    n, n_eq = p.gradient.shape[0], p.equality_value.shape[0]
-    _start(p, w, z)
+    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
+    _start(qp, w, z)
     size = exchanges = 0
-    for e in range(n_eq):
-        value = -p.equality_value[e]
+    for c in range(n_eq):
+        value = -qp.equality_value[c]
         for i in range(n):
-            value += p.equality[e, i] * z[i]
+            value += qp.equality[c, i] * z[i]
         sign = -1.0 if value > 0.0 else 1.0
         for i in range(n):
-            w.normal[i] = sign * p.equality[e, i]
-        outcome, size, exchanges = _bring_in(w, e, size, n_eq, -abs(value), exchanges, z)
-        if outcome == _INFEASIBLE and abs(value) <= _noise(w.normal, p.equality_value[e], z):
+            w.normal[i] = sign * qp.equality[c, i]
+        outcome, size, exchanges = _bring_in(w, c, size, n_eq, -abs(value), exchanges, z)
+        if outcome == _INFEASIBLE and abs(value) <= _noise(w.normal, qp.equality_value[c], z):
             continue  # redundant
         if outcome != _SOLVED:
             return outcome, exchanges
     while exchanges < w.limit:
-        r, side = _most_violated(p, w, z)
+        r, side = _most_violated(qp, w, z)
         if side == 0:
             return _SOLVED, exchanges
         for i in range(n):
-            w.normal[i] = -side * p.inequality[r, i]
-        slack = row_value(p, r, z) - p.lower[r] if side < 0 else p.upper[r] - row_value(p, r, z)
+            w.normal[i] = -side * qp.inequality[r, i]
+        slack = row_value(qp, r, z) - qp.lower[r] if side < 0 else qp.upper[r] - row_value(qp, r, z)
         w.active[r] = side
         outcome, size, exchanges = _bring_in(w, n_eq + r, size, n_eq, slack, exchanges, z)
         if outcome != _SOLVED:
@@ -120,14 +120,14 @@ def dual_active_set(p: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, in
 
 
 @kernel
-def _start(p: ProgramRecord, w: DualRecord, z: Vector) -> None:
+def _start(qp: ProgramRecord, w: DualRecord, z: Vector) -> None:
     """No constraint active, z = −H⁻¹ g."""
     n = z.shape[0]
-    factorise(p.hessian, w.factor)
+    factorise(qp.hessian, w.factor)
     w.basis[:] = 0.0
     for i in range(n):
         w.basis[i, i] = 1.0
-        z[i] = -p.gradient[i]
+        z[i] = -qp.gradient[i]
     solve_transposed(w.factor, w.basis, n)
     solve_transposed(w.factor, z.reshape((n, 1)), 1)
     solve_factor(w.factor, z.reshape((n, 1)), 1)
@@ -135,7 +135,7 @@ def _start(p: ProgramRecord, w: DualRecord, z: Vector) -> None:
     for r in range(w.active.shape[0]):
         square = 0.0
         for i in range(n):
-            square += p.inequality[r, i] ** 2
+            square += qp.inequality[r, i] ** 2
         w.scale[r] = 1.0 / np.sqrt(square) if square > 0.0 else 1.0
 
 
@@ -149,18 +149,18 @@ def _noise(normal: Vector, value: float, z: Vector) -> float:
 
 
 @kernel
-def _most_violated(p: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
+def _most_violated(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
     """Row that is violated by the largest distance, and its side; side 0 where none is."""
     worst, row, side = 0.0, 0, 0
     for r in range(w.active.shape[0]):
         if w.active[r] != 0:
             continue
-        s = row_value(p, r, z)
-        below, above = p.lower[r] - s, s - p.upper[r]
+        s = row_value(qp, r, z)
+        below, above = qp.lower[r] - s, s - qp.upper[r]
         size = max(below, above)
         if size * w.scale[r] > worst:
-            bound = p.lower[r] if below > above else p.upper[r]
-            if size > _noise(p.inequality[r], bound, z):
+            bound = qp.lower[r] if below > above else qp.upper[r]
+            if size > _noise(qp.inequality[r], bound, z):
                 worst, row, side = size * w.scale[r], r, (-1 if below > above else 1)
     return row, side
 

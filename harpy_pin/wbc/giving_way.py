@@ -7,7 +7,7 @@ torques needs torques τ° beyond theirs, the program that is solved with all li
 - for a swing foot, only the share σ of its weight. σ falls from one to ``give_way`` while the largest |τ°| / τ_max of
   the joints that move the foot grows from 1 to 1 + ``SPAN``, so that nothing jumps.
 - for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints that move the foot: a
-  leg whose motors would need twice their limits has to carry half of the least force.
+  leg whose motors would need twice their limits has to bear half of the least force.
 
 No torque at its limit: the program, and every digit of its solution, are those without all this.
 """
@@ -62,11 +62,7 @@ def share_of_swing(d: EquationsRecord, torque: Vector, limit: Vector, give_way: 
 def share_of_least_force(d: EquationsRecord, torque: Vector, limit: Vector, k: int) -> float:
     """ρ of a contact point.
 
-    Args:
-        d: element of the dynamics' record.
-        torque: (joints,) τ°, N·m.
-        limit: (joints,) τ_max, N·m.
-        k: index of the point.
+    The torques are τ° and the limits τ_max, N·m.
     """
     share = 1.0
     for j in range(limit.shape[0]):

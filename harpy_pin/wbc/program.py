@@ -88,7 +88,6 @@ class QuadraticProgram(KeepsViews):
         Args:
             z: (n,) variables.
         """
-        z = checks.array("z", z, len(self.gradient))
-        c = self.inequality @ z
+        c = self.inequality @ checks.array("z", z, len(self.gradient))
         equal = np.abs(self.equality @ z - self.equality_value)
         return float(max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0))

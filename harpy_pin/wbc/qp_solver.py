@@ -125,24 +125,24 @@ class QPSolver(KeepsViews, ABC):
 
 
 @kernel
-def row_value(p: ProgramRecord, r: int, z: Vector) -> float:
+def row_value(qp: ProgramRecord, r: int, z: Vector) -> float:
     """Row r of C z; the first rows are the bounded variables themselves."""
-    if r < p.bounded:
+    if r < qp.bounded:
         return float(z[r])
     s = 0.0
     for i in range(z.shape[0]):
-        s += p.inequality[r, i] * z[i]
+        s += qp.inequality[r, i] * z[i]
     return s
 
 
 @kernel
-def equality_residual(p: ProgramRecord, z: Vector) -> float:
+def equality_residual(qp: ProgramRecord, z: Vector) -> float:
     """Largest |A z − b|; inf where one is not a number."""
     worst = 0.0
-    for r in range(p.equality_value.shape[0]):
-        s = -p.equality_value[r]
+    for r in range(qp.equality_value.shape[0]):
+        s = -qp.equality_value[r]
         for i in range(z.shape[0]):
-            s += p.equality[r, i] * z[i]
+            s += qp.equality[r, i] * z[i]
         if np.isnan(s):
             return np.inf
         worst = max(worst, abs(s))
@@ -150,15 +150,15 @@ def equality_residual(p: ProgramRecord, z: Vector) -> float:
 
 
 @kernel
-def worst_violation(p: ProgramRecord, z: Vector) -> float:
-    """The same, on an element of the record."""
+def worst_violation(qp: ProgramRecord, z: Vector) -> float:
+    """Largest violation of a constraint by z; inf where something is not a number."""
     for i in range(z.shape[0]):
         if not np.isfinite(z[i]):
             return np.inf
-    worst = equality_residual(p, z)
-    for r in range(p.lower.shape[0]):
-        s = row_value(p, r, z)
-        below, above = p.lower[r] - s, s - p.upper[r]
+    worst = equality_residual(qp, z)
+    for r in range(qp.lower.shape[0]):
+        s = row_value(qp, r, z)
+        below, above = qp.lower[r] - s, s - qp.upper[r]
         if np.isnan(below) or np.isnan(above):
             return np.inf
         worst = max(worst, below, above)

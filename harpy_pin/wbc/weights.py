@@ -72,7 +72,7 @@ class WholeBodyLimits:
             z, so that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.
         give_way: share of a swing foot's weight that is left where motors are at their limits, above zero; there a
-            stance foot may also carry less than f_min (:mod:`harpy_pin.wbc.giving_way`). One: nothing gives way.
+            stance foot may also bear less than f_min (:mod:`harpy_pin.wbc.giving_way`). One: nothing gives way.
     """
 
     mu: float = 0.25

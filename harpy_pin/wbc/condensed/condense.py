@@ -140,7 +140,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
         for joint in limb:
             if joint in used:
                 raise InputError(
-                    f"joint '{model.names[joint]}' of '{robot.name}' carries the feet '{used[joint]}' and '{foot}': "
+                    f"joint '{model.names[joint]}' of '{robot.name}' moves the feet '{used[joint]}' and '{foot}': "
                     "limbs must not share joints, so every leg must begin at the base",
                     name="robot",
                 )

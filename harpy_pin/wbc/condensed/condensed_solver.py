@@ -181,7 +181,7 @@ class CondensedSolver(KeepsViews):
         self.force: Vector = field(self.record, "force").reshape(-1, 3)
         self.inputs: Vector = field(self.record, "inputs")
         self.acceleration: Vector = field(self.record["root"], "acceleration")
-        self._told: NDArray[np.int64] = field(self.record, "status_and_systems")
+        self._outcome: NDArray[np.int64] = field(self.record, "status_and_systems")
 
     def reset(self) -> None:
         """Forget the active sets."""
@@ -191,12 +191,12 @@ class CondensedSolver(KeepsViews):
     @property
     def status(self) -> CondensedStatus:
         """Of the last tick."""
-        return CondensedStatus(int(self._told[0]))
+        return CondensedStatus(int(self._outcome[0]))
 
     @property
     def systems(self) -> int:
         """Linear systems of the last tick's search."""
-        return int(self._told[1])
+        return int(self._outcome[1])
 
     def solve(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> Vector:
         """One tick.

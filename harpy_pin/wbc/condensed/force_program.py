@@ -88,7 +88,7 @@ def _solve_transposed(factor: Vector, x: Vector) -> None:
 def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
     """The optimum, by the last active set, its exchange, or the dual method; the status says whether one was found."""
     w, dual = search.exchange, search.dual
-    systems, _ = exchange(search.program, w, z)
+    systems, _ = exchange(search.program, w, z, EXCHANGES)
     p.status_and_systems[1] += systems
     if systems <= EXCHANGES:
         return

@@ -37,9 +37,6 @@ __all__ = ["AddedTask", "AddedTasks"]
 class AddedTask(KeepsViews):
     """A task in a problem. Its arrays are those of the last tick; weight and range may be overwritten in place.
 
-    Args:
-        columns: that the task's rows have: nv, or nv + 3 feet.
-
     Attributes:
         task: as given.
         matrix: (m, nv + 3 feet) A.
@@ -58,9 +55,9 @@ class AddedTask(KeepsViews):
     lower: Vector
     upper: Vector
 
-    def __init__(self, task: Task, columns: int, *, limited: bool) -> None:
+    def __init__(self, task: Task, shape: tuple[int, int], *, limited: bool) -> None:
         self.task, self.limited = task, limited
-        self._columns = columns  # that its rows have: those of a, or those of [a; f]
+        self._shape = shape  # of its rows, with the columns of a or those of [a; f]
 
     @checked
     def update(self, dynamics: Dynamics, state: State) -> None:
@@ -71,14 +68,13 @@ class AddedTask(KeepsViews):
             state: as measured.
         """
         matrix, target = _rows(self.task, dynamics, state)
-        size, columns = len(self.target), self._columns
-        if matrix.shape != (size, columns) or target.shape != (size,):
+        if matrix.shape != self._shape or target.shape != self._shape[:1]:
             raise InputError(
-                f"rows of {self.name} had shapes {(size, columns)} and {(size,)} when it was added, "
+                f"rows of {self.name} had shapes {self._shape} and {self._shape[:1]} when it was added, "
                 f"now {matrix.shape} and {target.shape}",
                 name="rows",
             )
-        self.matrix[:, :columns], self.target[:] = matrix, target
+        self.matrix[:, : self._shape[1]], self.target[:] = matrix, target
 
     @property
     def name(self) -> str:
@@ -105,10 +101,8 @@ class AddedTasks(KeepsViews):
         self.tasks: list[AddedTask] = []
         self.program = problem.program
         # One row for each row of the tasks, whose arrays are views of these.
-        width = problem.nv + problem.n_force
-        self._arrays: dict[str, Vector] = {"matrix": np.zeros((0, width))}
-        for name in ("target", "error", "weight", "lower", "upper"):
-            self._arrays[name] = np.zeros(0)
+        self._arrays: dict[str, Vector] = {"matrix": np.zeros((0, problem.nv + problem.n_force))}
+        self._arrays |= {name: np.zeros(0) for name in ("target", "error", "weight", "lower", "upper")}
         self._limited = np.zeros(0, dtype=np.int64)  # rows of tasks with a range
         self._rows, self._offset = np.zeros((0, len(problem.program.gradient))), np.zeros(0)  # C and d
 
@@ -154,20 +148,16 @@ class AddedTasks(KeepsViews):
         full[:, :columns] = checks.vector("rows", matrix, (size, columns))
         self.problem.check_rows(full)
         target = checks.vector("rows", target, size)
-        for row in np.flatnonzero(~full.any(axis=1)):
-            _refuse_constant(type(task).__name__, int(row), -float(target[row]), float(least[row]), float(largest[row]))
-        new = {
-            "matrix": full,
-            "target": target,
-            "error": np.full(size, np.nan),
-            "weight": weights,
-            "lower": least,
-            "upper": largest,
-        }
-        added = AddedTask(task, columns, limited=limited)
-        self.tasks.append(added)
-        self._enlarge(new, size, limited=limited)
-        return added
+        for row in np.flatnonzero(~full.any(axis=1) & ((-target < least) | (-target > largest))):
+            raise InputError(
+                f"row {row} of {type(task).__name__} is zero, so that its error is always {-target[row]:g}: "
+                f"outside [{least[row]:g}, {largest[row]:g}]",
+                name="rows",
+            )
+        new = {"matrix": full, "target": target, "weight": weights, "lower": least, "upper": largest}
+        self.tasks.append(AddedTask(task, (size, columns), limited=limited))
+        self._enlarge({**new, "error": np.full(size, np.nan)}, size, limited=limited)
+        return self.tasks[-1]
 
     def build(self, dynamics: Dynamics, state: State, held: Vector, *, frame: Vector | None = None) -> None:
         """Complete :attr:`program`, after the problem was built.
@@ -181,7 +171,7 @@ class AddedTasks(KeepsViews):
         Raises:
             InputError: rows of a task that do not fit, or are not finite.
         """
-        arrays, program = self._arrays, self.program
+        arrays, nv = self._arrays, self.problem.nv
         for added in self.tasks:
             added.update(dynamics, state)
         matrix, target = arrays["matrix"], arrays["target"]
@@ -191,31 +181,42 @@ class AddedTasks(KeepsViews):
         self.problem.check_rows(matrix)
         arrays["error"][:] = np.nan
         if frame is not None:
-            frame = checks.vector("frame", frame, (self.problem.n_force // 3, 3, 3))
-            forces = matrix[:, self.problem.nv :].reshape(len(matrix), -1, 3)
-            turned = np.einsum("rki,kij->rkj", forces, frame).reshape(len(matrix), -1)
-            matrix = np.hstack((matrix[:, : self.problem.nv], turned))
+            frame = checks.vector("frame", frame, (self.problem.feet, 3, 3))
+            forces = matrix[:, nv:].reshape(len(matrix), -1, 3)
+            matrix = np.hstack((matrix[:, :nv], np.einsum("rki,kij->rkj", forces, frame).reshape(len(matrix), -1)))
         motion, at_zero = self.problem.motion_map(held)
         np.dot(matrix, motion, out=self._rows)
         np.dot(matrix, at_zero, out=self._offset)
         self._offset -= target
-        if program is self.problem.program:
+        self.copy()
+        if self.program is self.problem.program:
             self._add_weights()
-        else:
-            self.copy()
 
     def copy(self) -> None:
         """With ranges: make :attr:`program` anew from the problem's, which was changed since :meth:`build`."""
-        if self.program is not self.problem.program:
-            self._copy(self.problem.program)
-            self._add_weights()
+        program, built, arrays = self.program, self.problem.program, self._arrays
+        if program is built:
+            return
+        rows = len(built.lower)
+        program.hessian[:], program.gradient[:] = built.hessian, built.gradient
+        program.equality[:], program.equality_value[:] = built.equality, built.equality_value
+        program.inequality[:rows] = built.inequality
+        program.lower[:rows], program.upper[:rows] = built.lower, built.upper
+        limited, offset = self._rows[self._limited], self._offset[self._limited]
+        lower, upper = arrays["lower"][self._limited] - offset, arrays["upper"][self._limited] - offset
+        of_swing_feet = arrays["matrix"][self._limited].any(axis=1)
+        inactive = ~limited.any(axis=1) & (of_swing_feet | ((lower <= 0.0) & (upper >= 0.0)))
+        program.inequality[rows:] = limited
+        program.lower[rows:] = np.where(inactive, -1.0, np.maximum(lower, -UNBOUNDED))
+        program.upper[rows:] = np.where(inactive, 1.0, np.minimum(upper, UNBOUNDED))
+        self._add_weights()
 
     def _add_weights(self) -> None:
         """Add the weighted squares of the errors to the objective."""
-        program, root = self.program, np.sqrt(self._arrays["weight"])
+        root = np.sqrt(self._arrays["weight"])
         rows = root[:, None] * self._rows
-        program.hessian += rows.T @ rows
-        program.gradient += (root * self._offset) @ rows
+        self.program.hessian += rows.T @ rows
+        self.program.gradient += (root * self._offset) @ rows
 
     def read(self, z: Vector) -> None:
         """Evaluate the errors at a solution of the program.
@@ -244,8 +245,8 @@ class AddedTasks(KeepsViews):
         first = len(self._offset)
         self._arrays = {name: np.concatenate((old, new[name])) for name, old in self._arrays.items()}
         row = 0
-        sizes = [len(added.target) for added in self.tasks[:-1]] + [size]
-        for added, count in zip(self.tasks, sizes, strict=True):
+        for added in self.tasks:
+            count = added._shape[0]
             for name, array in self._arrays.items():
                 move_array(added, name, array[row : row + count])
             row += count
@@ -256,28 +257,6 @@ class AddedTasks(KeepsViews):
             bounded = self.program.bounded
             inequalities = rows - bounded + size
             self.program = QuadraticProgram(n, equalities=equalities, inequalities=inequalities, bounded=bounded)
-
-    def _copy(self, built: QuadraticProgram) -> None:
-        """The problem's program with the ranges' rows behind its own."""
-        program, rows = self.program, len(built.lower)
-        program.hessian[:], program.gradient[:] = built.hessian, built.gradient
-        program.equality[:], program.equality_value[:] = built.equality, built.equality_value
-        program.inequality[:rows] = built.inequality
-        program.lower[:rows], program.upper[:rows] = built.lower, built.upper
-        limited, offset = self._rows[self._limited], self._offset[self._limited]
-        lower, upper = self._arrays["lower"][self._limited] - offset, self._arrays["upper"][self._limited] - offset
-        of_swing_feet = self._arrays["matrix"][self._limited].any(axis=1)
-        inactive = ~limited.any(axis=1) & (of_swing_feet | ((lower <= 0.0) & (upper >= 0.0)))
-        program.inequality[rows:] = limited
-        program.lower[rows:] = np.where(inactive, -1.0, np.maximum(lower, -UNBOUNDED))
-        program.upper[rows:] = np.where(inactive, 1.0, np.minimum(upper, UNBOUNDED))
-
-
-def _refuse_constant(name: str, row: int, error: float, lower: float, upper: float) -> None:
-    """Refuse a row of zeros, whose error is the same whatever the robot does, where its range is another one."""
-    if not lower <= error <= upper:
-        message = f"row {row} of {name} is zero, so that its error is always {error:g}: outside [{lower:g}, {upper:g}]"
-        raise InputError(message, name="rows")
 
 
 def _rows(task: Task, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
