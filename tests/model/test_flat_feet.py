@@ -177,7 +177,7 @@ def test_limbs_that_are_none_are_refused_by_name():
         make_problem("contact_force", points)
     hands = ("left_wrist_yaw_link", "right_wrist_yaw_link")
     on_hands = hp.load_robot("g1", feet=hands, flat_feet=dict.fromkeys(hands, SOLE))
-    with pytest.raises(hp.InputError, match=r"joint 'waist_yaw_joint' .* carries the feet 'left_wrist_yaw_link_0' and"):
+    with pytest.raises(hp.InputError, match=r"joint 'waist_yaw_joint' .* moves the feet 'left_wrist_yaw_link_0' and"):
         CondensedSolver(on_hands)
     with pytest.raises(hp.InputError, match=r"have \(4, 1, 1, 1, 1\) contact points: all must be points"):
         CondensedSolver(replace(g1, flat_feet=(4, 1, 1, 1, 1)))

@@ -12,7 +12,7 @@ NV = 12
 STANDING = hp.make_gait(ROBOT).initial_state()[0]
 SUPPORTS = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
 WEIGHTS = WholeBodyWeights(posture=1e-10)
-"""The law has no posture task: limbs leave no posture free. The whole-body program must have one."""
+"""The condensed controller has no posture task: limbs leave no posture free. The whole-body program must have one."""
 
 
 def random_case(rng, *, spread):

@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.model.contact_map import ContactForceMap
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, SYSTEM, WORK
 from harpy_pin.wbc.dual import DualActiveSet
 
@@ -77,17 +77,10 @@ def test_random_states(robot, fuzz, swing, within):
     1,342 optima one is missed by 1e-5 of its value, the others by less than 1e-6.
     """
     rng = np.random.default_rng(0)
-    states = [draw(robot, rng) for _ in range(400 * fuzz)]
+    feet = ((False, False), (True, False), (True, True), None)
+    states = [draw(robot, rng, legs=LEGS[i % 5], feet=feet[i % 4]) for i in range(400 * fuzz)]
     ticks, failures = drive(robot, states, within=within, weights={"swing": swing})
     assert 0.2 * ticks < failures < 0.8 * ticks  # both kinds are tried
-
-
-@pytest.mark.parametrize("feet", [(False, False), (True, False), (True, True)], ids=["air", "one foot", "two feet"])
-@pytest.mark.parametrize("legs", LEGS)
-def test_supports_and_legs(robot, fuzz, legs, feet):
-    rng = np.random.default_rng(1)
-    states = [draw(robot, rng, legs=legs, feet=feet) for _ in range(60 * fuzz)]
-    drive(robot, states, (0.05, 0.8, 10.0))
 
 
 def test_extreme_settings(robot, fuzz):
@@ -164,19 +157,6 @@ def test_a_solver_that_gives_up_is_followed_by_the_dual_method(robot):
         assert controller.solution.usable == (optimum(controller.problem.program) is not None)
 
 
-def test_failures_reach_the_summary_of_a_run(robot):
-    gait = hp.make_gait(robot)
-    controller = hp.make_controller("wbc", gait, mu=0.1)
-    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.1))
-    q, v = gait.initial_state(penetration=simulator.static_penetration)
-    v = v.copy()
-    v[3:] += 20.0 * np.random.default_rng(0).standard_normal(9)
-    simulator.reset(q, v)
-    run = simulator.run(controller, 0.1)
-    assert controller.failures > 0
-    assert hp.measure(run).solver_failures == controller.failures
-
-
 @pytest.fixture(scope="module")
 def flat_footed(robot, tmp_path_factory):
     """Harpy with four corners as points of contact on each foot."""
@@ -194,7 +174,7 @@ def flat_footed(robot, tmp_path_factory):
 
 
 @pytest.mark.parametrize("speed", [0.0, 1.0, 30.0])
-def test_redundant_contacts_carry_the_least_force(flat_footed, speed):
+def test_redundant_contacts_have_the_least_force(flat_footed, speed):
     """Against the pseudo-inverse; the forces stay bounded where the corners ask for what no rigid foot can do."""
     robot, rng = flat_footed, np.random.default_rng(6)
     start = hp.make_gait(hp.load_harpy()).initial_state()[0]
@@ -241,32 +221,6 @@ def test_redundant_contacts_leave_the_torques_alone(flat_footed):
             problem.inputs(optimum(p), inputs)
         np.testing.assert_allclose(found[0], found[1], rtol=0, atol=2e-3)
         assert np.abs(found).max() > 1.0
-
-
-def test_redundant_contacts_take_no_longer(flat_footed, fuzz):
-    """Eight corners that stand still, walk or spin: bounded iterations, bounded forces, the optimum or none."""
-    robot, rng = flat_footed, np.random.default_rng(8)
-    start = hp.make_gait(hp.load_harpy()).initial_state()[0]
-    dynamics, targets = hp.Dynamics(robot), WholeBodyTargets(robot)
-    targets.force_range[:] = (0.0, 1e4)
-    problem = make_problem("input_space", robot, limits=WholeBodyLimits(mu=0.5))
-    solver, solved = make_solver("proxqp", problem.program, reuse=True), 0
-    for i in range(200 * fuzz):
-        q = pin.integrate(robot.model, start, 0.1 * rng.standard_normal(12))
-        v = (0.0, 1e-3, 1.0, 30.0)[i % 4] * rng.standard_normal(12)
-        dynamics.update(q, v)
-        targets.feet[:] = -200.0 * dynamics.foot_velocity
-        problem.build(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
-        solution = solver.solve(problem.program)
-        assert solver.fallback_solves == 0
-        assert solution.iterations <= 2 * (EXCHANGES + 1) + solver.dual.limit
-        if not solution.usable:
-            assert optimum(problem.program) is None
-            continue
-        solved += 1
-        assert_optimal(problem.program, solution.z)
-        assert np.abs(problem.contact_force(solution.z)).max() < 1e3
-    assert solved > 50 * fuzz
 
 
 def test_programs_of_other_sizes_are_refused(robot):

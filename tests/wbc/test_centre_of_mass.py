@@ -1,4 +1,4 @@
-"""The task of the centre of mass: its rows against Pinocchio, and the optimum against Newton's law."""
+"""The task of the centre of mass: its rows against Pinocchio, and the optimum against Newton's condensed."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ def test_the_optimum_obeys_newton(seed):
     targets.held[:], targets.force_range[:] = 1.0, (-1e4, 1e4)
     targets.body[:] *= 0.1
     weights = WholeBodyWeights(**{**vars(WEIGHTS), "orientation": 1e-6, "thrust": 1e-6, "force": 1e-9})
-    law = CondensedSolver(ROBOT, weights, WholeBodyLimits(mu=10.0, torque_scale=100.0))
-    inputs = law.solve(dynamics, v, dynamics.rotation, targets)
+    condensed = CondensedSolver(ROBOT, weights, WholeBodyLimits(mu=10.0, torque_scale=100.0))
+    inputs = condensed.solve(dynamics, v, dynamics.rotation, targets)
     data = ROBOT.model.createData()
-    pin.centerOfMass(ROBOT.model, data, q, v, law.acceleration)
-    total = law.force.sum(axis=0) + inputs[:6].reshape(2, 3).sum(axis=0)
+    pin.centerOfMass(ROBOT.model, data, q, v, condensed.acceleration)
+    total = condensed.force.sum(axis=0) + inputs[:6].reshape(2, 3).sum(axis=0)
     expected = total / ROBOT.mass + ROBOT.model.gravity.linear
     np.testing.assert_allclose(data.acom[0], expected, atol=1e-6 * (1.0 + np.abs(expected).max()))
-    if int(law.status) == 0 and not (law.limits.pyramid @ law.force.T < 1e-6).any():
+    if int(condensed.status) == 0 and not (condensed.limits.pyramid @ condensed.force.T < 1e-6).any():
         np.testing.assert_allclose(data.acom[0][:2], targets.body[:2], atol=1e-2 * (1.0 + np.abs(targets.body).max()))

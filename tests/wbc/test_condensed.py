@@ -10,7 +10,6 @@ import pytest
 from condensed_cases import NV, ROBOT, SUPPORTS, WEIGHTS, random_case
 
 import harpy_pin as hp
-from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.log.measures import chattering
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
@@ -41,29 +40,29 @@ def test_promise_for_every_state_and_target(fuzz):
     dynamics = hp.Dynamics(ROBOT)
     rng = np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
-    law = CondensedSolver(ROBOT, WEIGHTS, limits)
+    condensed = CondensedSolver(ROBOT, WEIGHTS, limits)
     seen = CondensedStatus.OPTIMAL
     for _ in range(4000 * fuzz):
         q, v, targets = random_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
         dynamics.update(q, v)
-        inputs = law.solve(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
+        inputs = condensed.solve(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
         assert np.isfinite(inputs).all()
         assert (np.abs(inputs[:6]) <= 53.0).all()
         assert (np.abs(inputs[6:]) <= 0.6 * ROBOT.torque_limit + 1e-12).all()
         held = targets.held > 0.0
         for k in np.flatnonzero(held):
-            assert (limits.pyramid @ law.force[k]).min() >= -1e-9 * (1.0 + law.force[k, 2])
-            least = targets.force_range[k, 0] * law.record["least_share"][0, k]
-            assert least - 1e-9 <= law.force[k, 2] <= 200.0 + 1e-9
-        assert (law.force[~held] == 0.0).all()
-        seen |= law.status
-        if law.status & CondensedStatus.TORQUE_CLIPPED:
+            assert (limits.pyramid @ condensed.force[k]).min() >= -1e-9 * (1.0 + condensed.force[k, 2])
+            least = targets.force_range[k, 0] * condensed.record["least_share"][0, k]
+            assert least - 1e-9 <= condensed.force[k, 2] <= 200.0 + 1e-9
+        assert (condensed.force[~held] == 0.0).all()
+        seen |= condensed.status
+        if condensed.status & CondensedStatus.TORQUE_CLIPPED:
             continue
         force, acceleration = sticking_forces(dynamics, v, targets.held, inputs[6:], inputs[:6], targets.feet)
         scale = 1.0 + np.abs(force).max() + np.abs(inputs).max()
-        np.testing.assert_allclose(law.force, force, rtol=0, atol=1e-8 * scale)
+        np.testing.assert_allclose(condensed.force, force, rtol=0, atol=1e-8 * scale)
         np.testing.assert_allclose(
-            law.acceleration, acceleration, rtol=0, atol=1e-6 * (1.0 + np.abs(acceleration).max())
+            condensed.acceleration, acceleration, rtol=0, atol=1e-6 * (1.0 + np.abs(acceleration).max())
         )
     # The states and targets reached what they were to reach.
     assert seen & CondensedStatus.THRUST_LIMITED
@@ -72,22 +71,42 @@ def test_promise_for_every_state_and_target(fuzz):
 
 def test_whatever_the_search_leaves_is_put_into_the_pyramids():
     rng = np.random.default_rng(1)
-    law, targets = CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3)), WholeBodyTargets(ROBOT)
+    condensed, targets = CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3)), WholeBodyTargets(ROBOT)
     for _ in range(2000):
         before = rng.normal(size=(2, 3)) * 10.0 ** rng.uniform(-2, 4)
         targets.held[:] = SUPPORTS[rng.integers(4)]
         targets.force_range[:] = np.sort(rng.uniform(0.0, 200.0, 2))
-        law.force[:] = before
-        into_cones(targets.record[0], law.record[0])
+        condensed.force[:] = before
+        into_cones(targets.record[0], condensed.record[0])
         for k in range(2):
             if targets.held[k] == 0.0:
-                assert (law.force[k] == 0.0).all()
+                assert (condensed.force[k] == 0.0).all()
                 continue
             least, most = targets.force_range[k]
-            assert law.force[k, 2] == np.clip(before[k, 2], least, most)
-            assert (law.limits.pyramid @ law.force[k]).min() >= -1e-12 * (1.0 + most)
-            if least <= before[k, 2] <= most and (law.limits.pyramid @ before[k]).min() >= 0.0:
-                np.testing.assert_array_equal(law.force[k], before[k])
+            assert condensed.force[k, 2] == np.clip(before[k, 2], least, most)
+            assert (condensed.limits.pyramid @ condensed.force[k]).min() >= -1e-12 * (1.0 + most)
+            if least <= before[k, 2] <= most and (condensed.limits.pyramid @ before[k]).min() >= 0.0:
+                np.testing.assert_array_equal(condensed.force[k], before[k])
+
+
+def compared_with_forces(force, solver, general, best, limited):
+    """The formulation in contact forces alone: the same optimum, or one that costs more where a motor is limited."""
+    solution = solver.solve(force.program)
+    if not solution.usable:
+        assert limited
+        return
+    inputs = np.empty(12)
+    force.inputs(solution.z, inputs)
+    assert general.program.violation(inputs) < 1e-5 * (1.0 + np.abs(inputs).max())
+    cost = general.program.objective(best)
+    assert general.program.objective(inputs) - cost > -1e-6 * (1.0 + abs(cost))
+    if not limited:
+        for found, expected in (
+            (inputs, best),
+            (force.contact_force(solution.z), general.contact_force(best)),
+            (force.acceleration(solution.z), general.acceleration(best)),
+        ):
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * (1.0 + np.abs(expected).max()))
 
 
 @pytest.mark.parametrize("centred", [False, True])
@@ -98,8 +117,10 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, centred, fu
     gives way, for which see ``test_giving_way.py``."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
     limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale, give_way=1.0)
-    law, problem = CondensedSolver(ROBOT, WEIGHTS, limits), make_problem("input_space", ROBOT, WEIGHTS, limits)
-    solver = make_solver("daqp", problem.program)
+    condensed = CondensedSolver(ROBOT, WEIGHTS, limits)
+    problem, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force"))
+    solver, of_force = (make_solver("daqp", one.program) for one in (problem, force))
+    lower, upper = (bound[:12] for bound in (problem.program.lower, problem.program.upper))
     seen: dict[CondensedStatus, int] = {}
     binding = 0
     for _ in range(1000 * fuzz):
@@ -107,24 +128,32 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, centred, fu
         dynamics.update(q, v)
         if centred:
             targets.demand_of_centre(dynamics)
-        problem.build(dynamics, v, dynamics.rotation, targets)
+        for one in (problem, force):
+            one.build(dynamics, v, dynamics.rotation, targets)
         solution = solver.solve(problem.program)
-        inputs = law.solve(dynamics, v, dynamics.rotation, targets)
-        if not solution.usable or law.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
+        inputs = condensed.solve(dynamics, v, dynamics.rotation, targets)
+        if not solution.usable:
+            assert not of_force.solve(force.program).usable or not targets.held.any()
             continue
-        seen[law.status] = seen.get(law.status, 0) + 1
-        scale = 1.0 + np.abs(solution.z).max()
-        force = problem.contact_force(solution.z)
-        binding += bool((limits.pyramid @ force[targets.held > 0].T < 1e-6).any())
-        np.testing.assert_allclose(law.force, force, rtol=0, atol=2e-5 * scale)
-        np.testing.assert_allclose(inputs, solution.z[:12], rtol=0, atol=2e-5 * scale)
+        best = solution.z
+        if targets.held.any():
+            limited = bool(((best < lower + 1e-6) | (best > upper - 1e-6)).any())
+            compared_with_forces(force, of_force, problem, best, limited)
+        if condensed.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
+            continue
+        seen[condensed.status] = seen.get(condensed.status, 0) + 1
+        scale = 1.0 + np.abs(best).max()
+        contact = problem.contact_force(best)
+        binding += bool((limits.pyramid @ contact[targets.held > 0].T < 1e-6).any())
+        np.testing.assert_allclose(condensed.force, contact, rtol=0, atol=2e-5 * scale)
+        np.testing.assert_allclose(inputs, best, rtol=0, atol=2e-5 * scale)
     assert seen[CondensedStatus.OPTIMAL] > 200
     assert seen[CondensedStatus.THRUST_LIMITED] > 20
     assert sum(count for status, count in seen.items() if status & CondensedStatus.TORQUE_LIMITED) > 20
     assert binding > 50
 
 
-def the_way(dynamics, law, rng):
+def the_way(dynamics, condensed, rng):
     """A function of the place on the way from one random state and target to another: inputs and status."""
     q, v, targets = random_case(rng, spread=0.05)
     far_q = pin.integrate(ROBOT.model, q, 0.2 * rng.standard_normal(NV))
@@ -139,8 +168,8 @@ def the_way(dynamics, law, rng):
             field[:] = (1.0 - s) * a + s * b
         here, speed = pin.interpolate(ROBOT.model, q, far_q, s), (1.0 - s) * v + s * far_v
         dynamics.update(here, speed)
-        law.reset()
-        return law.solve(dynamics, speed, dynamics.rotation, targets).copy(), law.status
+        condensed.reset()
+        return condensed.solve(dynamics, speed, dynamics.rotation, targets).copy(), condensed.status
 
     return at
 
@@ -149,10 +178,10 @@ def test_continuous_in_state_and_target():
     """The largest step between samples of a way is cut in half again and again: a jump would stay. Limits of friction,
     thrust and torque come and go on the way; where torques have to be clipped, nothing is promised."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(7)
-    law = CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3, torque_scale=0.6))
+    condensed = CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.3, torque_scale=0.6))
     crossed = set()
     for _ in range(60):
-        at = the_way(dynamics, law, rng)
+        at = the_way(dynamics, condensed, rng)
         places = np.linspace(0.0, 1.0, 61)
         answers = [at(s) for s in places]
         steps = [np.abs(b[0] - a[0]).max() for a, b in pairwise(answers)]
@@ -197,38 +226,32 @@ def test_walks_like_the_whole_body_program():
             disturbances=hp.Disturbances(pushes=(hp.Push(0.6, (0.0, 4.0, 0.0)),)),
         )
         runs.append(hp.walk(scenario))
-    explicit, wbc = runs
-    assert explicit.ending == wbc.ending == "completed"
-    np.testing.assert_allclose(explicit["q"], wbc["q"], rtol=0, atol=2e-4)
-    a, b = hp.measure(explicit), hp.measure(wbc)
+    condensed, wbc = runs
+    assert condensed.ending == wbc.ending == "completed"
+    np.testing.assert_allclose(condensed["q"], wbc["q"], rtol=0, atol=2e-4)
+    a, b = hp.measure(condensed), hp.measure(wbc)
     assert a.slip_mm_per_step == pytest.approx(b.slip_mm_per_step, abs=2e-3)
     assert a.thrust_max_n == pytest.approx(b.thrust_max_n, rel=1e-2)
 
 
 def test_where_no_forces_are_within_reach_the_last_command_is_held():
     """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
-    there; the law and it hold the last command alike, for a while, and go on as if nothing had been."""
+    there; both hold the last command for a while, and go on as if nothing had been."""
     states: list[hp.State] = []
     hp.walk(hp.Scenario(controller="condensed", duration=0.53), on_tick=lambda state: states.append(state.copy()))
-    law, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("condensed", "wbc"))
+    condensed, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("condensed", "wbc"))
     for state in states:
-        good = law.step(state).torque.copy()
+        good = condensed.step(state).torque.copy()
         qp.step(state)
     touched = states[-1].copy()
-    touched.foot_force[np.argmin(law.targets.held), 2] = 5.0
-    for _ in range(law.parameters.hold_ticks):
-        np.testing.assert_array_equal(law.step(touched).torque, good)
+    touched.foot_force[np.argmin(condensed.targets.held), 2] = 5.0
+    for _ in range(condensed.parameters.hold_ticks):
+        np.testing.assert_array_equal(condensed.step(touched).torque, good)
         qp.step(touched)
-    assert law.clipped == qp.failures == law.parameters.hold_ticks
-    clipped = law.step(touched).torque
+    assert condensed.clipped == qp.failures == condensed.parameters.hold_ticks
+    clipped = condensed.step(touched).torque
     assert np.abs(clipped - good).max() > 1.0
     assert (np.abs(clipped) <= ROBOT.torque_limit).all()
-    after = law.step(states[-1])
+    after = condensed.step(states[-1])
     fresh = qp.step(states[-1])
     np.testing.assert_allclose(after.torque, fresh.torque, rtol=0, atol=1e-3)
-
-
-def test_parameters_are_those_of_the_whole_body_controller():
-    gait = hp.make_gait(ROBOT)
-    controller = hp.make_controller("condensed", gait, mu=0.4)
-    assert controller.parameters == WholeBodyParameters(limits=WholeBodyLimits(mu=0.4))

@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
-from harpy_pin.export.exported_controllers import exportable
-from harpy_pin.export.recording import _from_kernels, record
 from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from harpy_pin.wbc.giving_way import SPAN
@@ -39,7 +37,7 @@ def test_condensed_and_programs_have_the_same_optimum(formulation, fuzz):
     """At random states with targets far beyond reach and weak motors."""
     dynamics = hp.Dynamics(ROBOT)
     limits = WholeBodyLimits(mu=0.4, torque_scale=0.5)
-    law, problem = CondensedSolver(ROBOT, WEIGHTS, limits), make_problem(formulation, ROBOT, WEIGHTS, limits)
+    condensed, problem = CondensedSolver(ROBOT, WEIGHTS, limits), make_problem(formulation, ROBOT, WEIGHTS, limits)
     solver = make_solver("daqp", problem.program)
     seen = {"compared": 0, "beyond": 0}
 
@@ -49,17 +47,17 @@ def test_condensed_and_programs_have_the_same_optimum(formulation, fuzz):
         q, v, targets = random_case(np.random.default_rng(seed), spread=0.05)
         dynamics.update(q, v)
         given_range = targets.force_range.copy()
-        inputs = law.solve(dynamics, v, dynamics.rotation, targets)
+        inputs = condensed.solve(dynamics, v, dynamics.rotation, targets)
         assert (np.abs(inputs[6:]) <= 0.5 * ROBOT.torque_limit).all()
         assert (targets.force_range == given_range).all()
         solution, beyond = give_way(problem, solver, dynamics, v, targets)
-        if not solution.usable or law.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
+        if not solution.usable or condensed.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
             return
         expected = np.zeros(12)
         problem.inputs(solution.z, expected)
         scale = 1.0 + np.abs(expected).max()
         np.testing.assert_allclose(inputs, expected, rtol=0, atol=2e-5 * scale)
-        np.testing.assert_allclose(law.force, problem.contact_force(solution.z), rtol=0, atol=2e-5 * scale)
+        np.testing.assert_allclose(condensed.force, problem.contact_force(solution.z), rtol=0, atol=2e-5 * scale)
         seen["compared"] += 1
         seen["beyond"] += beyond
 
@@ -109,17 +107,17 @@ def test_objective_and_least_forces_are_the_ones_defined(formulation):
 def test_nothing_changes_where_no_limit_is_near():
     """Bit by bit."""
     dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(5)
-    laws = [CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.4, give_way=share)) for share in (0.003, 1.0)]
+    controllers = [CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.4, give_way=share)) for share in (0.003, 1.0)]
     same = differ = 0
     for _ in range(500):
         q, v, targets = random_case(rng, spread=0.05)
         dynamics.update(q, v)
-        for law in laws:
-            law.reset()
-        one, other = (law.solve(dynamics, v, dynamics.rotation, targets) for law in laws)
-        if any(law.status & CondensedStatus.TORQUE_LIMITED for law in laws):
+        for condensed in controllers:
+            condensed.reset()
+        one, other = (condensed.solve(dynamics, v, dynamics.rotation, targets) for condensed in controllers)
+        if any(condensed.status & CondensedStatus.TORQUE_LIMITED for condensed in controllers):
             differ += not np.array_equal(one, other)
-        elif all(law.status & CondensedStatus.THRUST_LIMITED == 0 for law in laws):
+        elif all(condensed.status & CondensedStatus.THRUST_LIMITED == 0 for condensed in controllers):
             assert np.array_equal(one, other)
             same += 1
     assert same > 100
@@ -178,18 +176,3 @@ def test_stands_with_weak_motors(name):
     assert run.ending == "completed"
     assert (np.abs(run["torque"]) <= 0.3 * ROBOT.torque_limit + 1e-9).all()
     assert hp.measure(run).slip_mm_per_step < 1.0
-
-
-def test_exported_program_gives_way_like_the_controller():
-    """What becomes C, on the states of a walk with strong damping: the commands of the controller itself."""
-
-    def motion():
-        scenario = hp.Scenario(controller="wbc", ground=hp.Ground(mu_s=0.8), duration=0.6)
-        return hp.build(scenario, gait=hp.make_gait(DAMPED))
-
-    walked, exported = motion().run(), motion()
-    what = exportable(exported.controller)
-    commands, _ = _from_kernels(what, record(exported, what))
-    assert (np.abs(walked["torque"]) > 0.999999 * DAMPED.torque_limit).any(axis=1).sum() > 100
-    np.testing.assert_allclose(commands[:, :6], walked["torque"], rtol=0, atol=1e-6)
-    np.testing.assert_allclose(commands[:, 6:], walked["thrust"].reshape(-1, 6), rtol=0, atol=1e-6)
