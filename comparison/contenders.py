@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from comparison.tuning.tuned import best_paper, variant_part
-from comparison.tuning.variants import VARIANTS
+from comparison.tuning.variants import VARIANTS, best_paper, variant_part
 from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 

@@ -14,7 +14,7 @@ import numpy as np
 
 import harpy_pin
 from comparison.campaign.settings import FACTORS, JOINT_DAMPING, CampaignSettings
-from comparison.tuning.tuned import TUNED_FILE
+from comparison.tuning.variants import TUNED_FILE
 from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.simulation.mujoco import installed_version

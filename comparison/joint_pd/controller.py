@@ -1,4 +1,11 @@
-"""The joint PD controller: what a walk gets without an optimum."""
+"""The joint PD controller: what a walk gets without an optimum.
+
+    τ = τ_ff + K_p (q_t − q) + K_d (q̇_t − q̇)
+
+q_t is the inverse kinematics of the gait's feet: of stance feet below an upright body at its height and heading, of
+swing feet below the body as it is. τ_ff is the inverse dynamics of the gait's accelerations, with the least contact
+forces that give the body its acceleration and turn it as little as they can, clipped to the friction cones.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +17,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from comparison.joint_pd.law import GRAVITY, JointPDRecord, joint_torques
 from harpy_pin import Command, Robot, State, WalkingGait
+from harpy_pin.compiled import kernel
 from harpy_pin.compiled.calls import Call
-from harpy_pin.model.dynamics import dynamics_record
-from harpy_pin.model.record import field, make_record
+from harpy_pin.controllers.tasks import share_of_load
+from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.gaits.walking.body import mean_felt
+from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.model.cholesky import factorise, solve_vector
+from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_terms
+from harpy_pin.model.record import RecordOf, field, make_record, sized
+from harpy_pin.model.state import Vector
 
 GAINS_FILE = Path(__file__).with_name("gains.json")
 """What the search wrote: gains by robot, and what they came to."""
@@ -24,6 +37,14 @@ DAMPING = 1e-4
 """Of the inverse kinematics, as a share of the squared length of a leg."""
 JOINTS = 3
 """Of a leg."""
+GRAVITY = 9.81
+"""m/s²."""
+MOMENT = 0.1
+"""Moment that is given up for a force of one, in heights of the robot: points in a line hold none about it."""
+TINY = 1e-6
+"""Regularises what is held, and keeps off division by zero."""
+FAST = 30.0
+"""Largest target velocity of a joint, rad/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +77,62 @@ def found_gains() -> dict[str, Any]:
     return document
 
 
+class JointPDRecord(RecordOf):
+    """Settings and work space.
+
+    Attributes:
+        mass: kg.
+        rise: height of the centre of mass, m.
+        mu: friction coefficient to which the fed-forward forces are clipped.
+        double_support: share of a step in which every foot is on the ground.
+        damping: of the inverse kinematics, m².
+        stance_p: N·m/rad.
+        stance_d: N·m·s/rad.
+        swing_p: N·m/rad.
+        swing_d: N·m·s/rad.
+        follow: share of the body's target velocity that is the commanded one.
+        joint: (feet, 3) columns of each leg's joints.
+        limit: (joints,) of the torques, N·m.
+        begun: 1 once there are joint targets.
+        planned: (nq,) the state with the targets of the joints.
+        rest: (nv,) zeros.
+        speed: (nv,) targets of the joints' velocities, rad/s.
+        acceleration: (nv,) that is fed forward.
+        place: (feet, 3) targets of the feet in the body, m.
+        rate: (feet, 3) velocities of the feet in the body, m/s.
+        force: (3 feet,) contact forces that are fed forward, N.
+        torque: (joints,) of the last tick, N·m.
+        dynamics: terms at the measured state.
+        target: terms at the joints' targets.
+    """
+
+    mass: float
+    rise: float
+    mu: float
+    double_support: float
+    damping: float
+    stance_p: float
+    stance_d: float
+    swing_p: float
+    swing_d: float
+    follow: float
+    joint: NDArray[np.int64]
+    limit: Vector
+    begun: int
+    planned: Vector = sized("nq")
+    rest: Vector = sized("nv")
+    speed: Vector = sized("nv")
+    acceleration: Vector = sized("nv")
+    place: Vector = sized("feet", 3)
+    rate: Vector = sized("feet", 3)
+    force: Vector = sized("3 feet")
+    torque: Vector = sized("joints")
+    dynamics: DynamicsRecord
+    target: DynamicsRecord
+
+
 class JointPD:
-    """Feedforward, and stiffness and damping about inverse kinematics; see :mod:`comparison.joint_pd.law`.
+    """Feedforward, and stiffness and damping about inverse kinematics.
 
     It follows the same gait as the whole-body controllers, with the same footholds, touchdowns and accelerations.
 
@@ -105,7 +180,7 @@ class JointPD:
         return {"controller": "joint_pd", **asdict(self.gains), "gait": dict(self.gait.describe())}
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The gait's signals, and which feet should carry."""
+        """The gait's signals, and which feet are in stance."""
         return {"stance": self.gait.target.stance, **self.gait.telemetry()}
 
     def step(self, state: State) -> Command:
@@ -136,3 +211,183 @@ def _joints_of(robot: Robot, foot: str) -> list[int]:
     if len(chain) != JOINTS:
         raise ValueError(f"joint PD is for legs of {JOINTS} joints, '{robot.name}' has one of {len(chain)}")
     return chain
+
+
+@kernel
+def joint_torques(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, q: Vector, v: Vector) -> int:
+    """Torques of one tick; returns what the state is.
+
+    Args:
+        r: settings and work space.
+        p: what the gait knows.
+        o: its targets.
+        q: (nq,) configuration.
+        v: (nv,) generalised velocity.
+    """
+    verdict = update_terms(r.dynamics, q, v)
+    if verdict != 0:
+        return verdict
+    if r.begun == 0:
+        r.planned[:] = q
+        r.begun = 1
+    for i in range(7):
+        r.planned[i] = q[i]
+    update_terms(r.target, r.planned, r.rest)
+    r.acceleration[:] = 0.0
+    turned = r.dynamics.tree.rotation
+    for i in range(3):
+        r.acceleration[i] = turned[0, i] * o.body[6] + turned[1, i] * o.body[7]
+    for k in range(o.stance.shape[0]):
+        _foot_goal(r, p, o, v, k)
+        _inverse_kinematics(r, o, q, k)
+    _contact_forces(r, p, o)
+    _add_up(r, o, q, v)
+    return verdict
+
+
+@kernel
+def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vector, k: int) -> None:
+    """Place and velocity of a foot in the body: in an upright one if it is a stance foot."""
+    turned, frame, spin = r.dynamics.tree.rotation, np.zeros((3, 3)), np.zeros(3)
+    place, rate = np.empty(3), np.empty(3)
+    for i in range(3):
+        place[i], rate[i] = o.foot_position[k, i], o.foot_velocity[k, i]
+    if o.stance[k] != 0.0:
+        c, s = np.cos(o.heading[0]), np.sin(o.heading[0])
+        frame[0, 0], frame[0, 1], frame[1, 0], frame[1, 1], frame[2, 2] = c, -s, s, c, 1.0
+        spin[2] = o.heading[1]
+        place[2] -= p.height + p.raised + mean_felt(p) - o.body[2]
+        for i in range(2):
+            rate[i] -= r.follow * (p.desired[i] - o.body[3 + i])
+        rate[2] -= p.velocity[3] - o.body[5]
+    else:
+        frame[:] = turned
+        for i in range(3):
+            spin[i] = v[3 + i]
+    for i in range(3):
+        r.place[k, i] = r.rate[k, i] = 0.0
+        for j in range(3):
+            r.place[k, i] += frame[j, i] * place[j]
+            r.rate[k, i] += frame[j, i] * rate[j]
+    for i in range(3):
+        j, n = (i + 1) % 3, (i + 2) % 3
+        r.rate[k, i] -= spin[j] * r.place[k, n] - spin[n] * r.place[k, j]
+
+
+@kernel
+def _inverse_kinematics(r: JointPDRecord, o: GaitTargetRecord, q: Vector, k: int) -> None:
+    """Targets of a leg's joints: a step of Newton's method from those of the last tick; and what is fed forward."""
+    jacobian, error = np.empty((3, 3)), np.empty(3)
+    _leg_jacobian(r.target, r.joint[k], k, jacobian)
+    turned = r.dynamics.tree.rotation
+    for i in range(3):
+        error[i] = r.place[k, i]
+        for j in range(3):
+            error[i] -= turned[j, i] * (r.target.foot_position[k, j] - q[j])
+    _solve(jacobian, r.damping, error)
+    for i in range(3):
+        r.planned[r.joint[k, i] + 1] += error[i]
+    for i in range(3):
+        error[i] = r.rate[k, i]
+    _solve(jacobian, r.damping, error)
+    for i in range(3):
+        r.speed[r.joint[k, i]] = min(max(error[i], -FAST), FAST)
+    if o.stance[k] == 0.0:
+        _leg_jacobian(r.dynamics, r.joint[k], k, jacobian)
+        for i in range(3):
+            error[i] = 0.0
+            for j in range(3):
+                error[i] += turned[j, i] * o.foot_acceleration[k, j]
+        _solve(jacobian, r.damping, error)
+        for i in range(3):
+            r.acceleration[r.joint[k, i]] = error[i]
+
+
+@kernel
+def _leg_jacobian(d: DynamicsRecord, joint: NDArray[np.int64], k: int, out: Vector) -> None:
+    """(3, 3) motion of a foot in the body by the joints of its leg."""
+    turned = d.tree.rotation
+    for i in range(3):
+        for c in range(3):
+            out[i, c] = 0.0
+            for j in range(3):
+                out[i, c] += turned[j, i] * d.foot_jacobian[3 * k + j, joint[c]]
+
+
+@kernel
+def _solve(jacobian: Vector, damping: float, x: Vector) -> None:
+    """x ← Jᵀ (J Jᵀ + λ)⁻¹ x: joints that move a foot so, as far as they can."""
+    square = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            square[i, j] = damping if i == j else 0.0
+            for c in range(3):
+                square[i, j] += jacobian[i, c] * jacobian[j, c]
+    factorise(square, square)
+    solve_vector(square, x)
+    a, b, c = x[0], x[1], x[2]
+    for i in range(3):
+        x[i] = jacobian[0, i] * a + jacobian[1, i] * b + jacobian[2, i] * c
+
+
+@kernel
+def _contact_forces(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord) -> None:
+    """Least forces of the stance feet for the body's acceleration and no moment, as far as their places allow."""
+    m, square, x, grasp = p.measured, np.zeros((6, 6)), np.zeros(6), np.zeros((6, 3))
+    for i in range(6):
+        square[i, i] = TINY if i < 3 else MOMENT * MOMENT
+    for k in range(o.stance.shape[0]):
+        if o.stance[k] != 0.0:
+            share = share_of_load(o, k, r.double_support) * o.load[k]
+            _grasp(r, p, k, grasp)
+            for i in range(6):
+                for j in range(6):
+                    for c in range(3):
+                        square[i, j] += share * grasp[i, c] * grasp[j, c]
+    x[0], x[1], x[2] = r.mass * o.body[6], r.mass * o.body[7], r.mass * GRAVITY
+    factorise(square, square)
+    solve_vector(square, x)
+    for k in range(m.point.shape[0]):
+        f = r.force[3 * k : 3 * k + 3]
+        f[:] = 0.0
+        if o.stance[k] != 0.0:
+            share = share_of_load(o, k, r.double_support) * o.load[k]
+            _grasp(r, p, k, grasp)
+            for c in range(3):
+                for i in range(6):
+                    f[c] += share * grasp[i, c] * x[i]
+            f[2] = max(f[2], 0.0)
+            across = np.hypot(f[0], f[1])
+            if across > r.mu * f[2]:
+                f[0], f[1] = r.mu * f[2] / across * f[0], r.mu * f[2] / across * f[1]
+
+
+@kernel
+def _grasp(r: JointPDRecord, p: WalkingRecord, k: int, out: Vector) -> None:
+    """(6, 3) force, and moment about the centre of mass in heights of the robot, of a force on a foot."""
+    m = p.measured
+    x, y = (m.point[k, 0] - m.centre[0]) / r.rise, (m.point[k, 1] - m.centre[1]) / r.rise
+    z = (m.point[k, 2] - m.centre[2]) / r.rise
+    out[:] = 0.0
+    for i in range(3):
+        out[i, i] = 1.0
+    out[3, 1], out[3, 2], out[4, 0], out[4, 2], out[5, 0], out[5, 1] = -z, y, z, -x, -y, x
+
+
+@kernel
+def _add_up(r: JointPDRecord, o: GaitTargetRecord, q: Vector, v: Vector) -> None:
+    """Feedforward, stiffness and damping, within the motors' limits."""
+    d = r.dynamics
+    for j in range(r.torque.shape[0]):
+        r.torque[j] = d.bias[6 + j]
+        for i in range(r.acceleration.shape[0]):
+            r.torque[j] += d.mass_matrix[6 + j, i] * r.acceleration[i]
+        for i in range(r.force.shape[0]):
+            r.torque[j] -= d.foot_jacobian[i, 6 + j] * r.force[i]
+    for k in range(o.stance.shape[0]):
+        stiffness, damping = (r.stance_p, r.stance_d) if o.stance[k] != 0.0 else (r.swing_p, r.swing_d)
+        for i in range(3):
+            j = r.joint[k, i]
+            r.torque[j - 6] += stiffness * (r.planned[j + 1] - q[j + 1]) + damping * (r.speed[j] - v[j])
+    for j in range(r.torque.shape[0]):
+        r.torque[j] = min(max(r.torque[j], -r.limit[j]), r.limit[j])

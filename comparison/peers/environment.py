@@ -1,8 +1,12 @@
-"""Virtual environments of the peers, one for each, because each needs its own version of Pinocchio."""
+"""Virtual environments of the peers, one for each, because each needs its own version of Pinocchio; runs their workers.
+
+Whatever goes wrong in a worker becomes a sentence, never an exception of another kind.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,8 +20,10 @@ double-linked list`` (pin 4.0) when they take a model, and cannot be installed w
 LIBRARIES_PYTHON = "3.14"
 """The only Python for which libtsid has a wheel, though the library in it links none."""
 
-TIMEOUT = 600.0
-"""After which a step of an installation is given up, s."""
+NOT_INSTALLED = "not installed: run python -m comparison peers --install"
+
+TIMEOUT, GIVEN_UP = 600.0, 300.0
+"""After which a step of an installation is given up, and a worker, s."""
 
 _HERE = Path(__file__).parent
 
@@ -111,3 +117,33 @@ def last_line(text: str) -> str:
     """The last line that says something."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return lines[-1] if lines else "no message"
+
+
+class WorkerError(Exception):
+    """The worker gave no result; the message says why."""
+
+
+def run_worker(python: Path, worker: Path, problem: Path, result: Path, *, timeout: float = GIVEN_UP) -> None:
+    """Run a worker to its end, for at most so many seconds.
+
+    Raises:
+        WorkerError: there is no such interpreter, the worker crashed, or it wrote nothing.
+    """
+    if not python.exists():
+        raise WorkerError(NOT_INSTALLED)
+    # -I: neither this folder's modules nor PYTHONPATH come before those of the environment.
+    command = [str(python), "-I", str(worker), str(problem), str(result)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=timeout)
+    except subprocess.TimeoutExpired as error:
+        raise WorkerError(f"no result after {timeout:g} s") from error
+    except OSError as error:
+        raise WorkerError(f"cannot be started: {error.strerror or error}") from error
+    if done.returncode < 0:
+        names = {int(known): known.name for known in signal.Signals}
+        name = names.get(-done.returncode, f"signal {-done.returncode}")
+        raise WorkerError(f"ended by {name}: {last_line(done.stderr)}")
+    if done.returncode > 0:
+        raise WorkerError(last_line(done.stderr))
+    if not result.exists():
+        raise WorkerError("ended without a result")

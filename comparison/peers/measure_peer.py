@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from comparison.measure.timing import Laps, TimingSettings, summarise_repetitions
-from comparison.peers.environment import Peer, interpreter
+from comparison.peers.environment import Peer, WorkerError, interpreter, run_worker
 from comparison.peers.peer_problem import VARIANTS, Expected, PeerProblem
-from comparison.peers.worker import WorkerError, run_worker
 from harpy_pin.model.state import Vector
 
 TOLERANCE = {"acceleration": 1e-4, "torque": 1e-3, "force": 1e-3, "thrust": 1e-3}

@@ -9,8 +9,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from comparison.peers.environment import PLAYGROUND, interpreter, last_line
-from comparison.peers.worker import NOT_INSTALLED, WorkerError
+from comparison.peers.environment import NOT_INSTALLED, PLAYGROUND, WorkerError, interpreter, last_line
 from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
 

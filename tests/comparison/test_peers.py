@@ -19,13 +19,22 @@ from comparison.cli import app
 from comparison.measure.states import StateSequence, record_states, walk
 from comparison.measure.timing import TimingSettings
 from comparison.peers import environment
-from comparison.peers.environment import PEERS, PLAYGROUND, Peer, default_folder, install, interpreter
+from comparison.peers.environment import (
+    NOT_INSTALLED,
+    PEERS,
+    PLAYGROUND,
+    Peer,
+    WorkerError,
+    default_folder,
+    install,
+    interpreter,
+    run_worker,
+)
 from comparison.peers.growth_of_peers import standing_problem
 from comparison.peers.measure_peer import TOLERANCE, check, load_answers, measure_peer
 from comparison.peers.ours import OURS
 from comparison.peers.peer_problem import ARRAYS, VARIANTS, PeerProblem, make_problem
 from comparison.peers.peer_tables import peer_tables
-from comparison.peers.worker import NOT_INSTALLED, WorkerError, run_worker
 from comparison.tables import from_csv, to_csv
 from harpy_pin import Robot
 from harpy_pin.model.dynamics import Dynamics

@@ -16,8 +16,7 @@ from comparison.campaign.settings import CampaignSettings
 from comparison.campaign.store import read_rows
 from comparison.contenders import BEST, TUNED, controller_part, label
 from comparison.tuning.tune import TuneSettings, propose, tune, tuning_tables
-from comparison.tuning.tuned import best_paper, searched, tuned
-from comparison.tuning.variants import PAPER, VARIANTS, Range
+from comparison.tuning.variants import PAPER, VARIANTS, Range, best_paper, searched, tuned
 from comparison.tuning.walks import Outcome, Score, judging_tasks, scenario_with, training_tasks, walk_scenario
 from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
 from harpy_pin.governors import ExplicitReferenceGovernor

@@ -9,8 +9,7 @@ import pinocchio as pin
 import pytest
 
 from comparison.cli import app
-from comparison.peers.environment import PLAYGROUND, default_folder, interpreter
-from comparison.peers.worker import WorkerError
+from comparison.peers.environment import PLAYGROUND, WorkerError, default_folder, interpreter
 from comparison.studies.walkers import RANGE, STUDY
 from comparison.walkers.go1 import FEET, robot_of
 from comparison.walkers.policy import WEIGHTS, Policy, observation
