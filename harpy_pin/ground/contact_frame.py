@@ -76,15 +76,10 @@ def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
         vectors: (feet, 3).
     """
     frames = np.zeros((len(normal), 3, 3))
-    _contact_frames(normal, frames)
+    for (x, y, z), frame in zip(normal.tolist(), frames, strict=True):
+        contact_frame(x, y, z, frame)
     turned: Vector = np.einsum("kij,ki->kj", frames, vectors)
     return turned
-
-
-@kernel
-def _contact_frames(normal: Vector, out: Vector) -> None:
-    for k in range(normal.shape[0]):
-        contact_frame(normal[k, 0], normal[k, 1], normal[k, 2], out[k])
 
 
 @kernel

@@ -28,7 +28,7 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Ground", "fitting_stiffness", "resting_stiffness", "walking_stiffness"]
+__all__ = ["Ground", "fitting_stiffness", "walking_stiffness"]
 
 CONES = ("circular", "per_axis")
 MAX_STIFFNESS = 1e9
@@ -246,15 +246,6 @@ def stribeck(speed: float, normal: float, mu_s: float, mu_c: float, ground: Grou
     return float(mu * normal + ground.mu_v * speed)
 
 
-def resting_stiffness(robot: Robot) -> float:
-    """Stiffness of the ground in which a robot at rest, on all its contact points, is 5 mm deep, N/m.
-
-    Args:
-        robot: any; one without feet counts as one with a single foot.
-    """
-    return robot.mass * GRAVITY / (max(len(robot.feet), 1) * DEPTH)
-
-
 def walking_stiffness(robot: Robot) -> float:
     """Stiffness of the ground on which a robot walks, N/m: a point that bears all of it is 2 mm deep.
 
@@ -270,6 +261,8 @@ def walking_stiffness(robot: Robot) -> float:
 def fitting_stiffness(name: str, walks: bool) -> float | None:
     """Stiffness of the ground of a robot by default, N/m; None for Harpy, whose ground is the paper's.
 
+    A robot that does not walk is 5 mm deep in it, on all its contact points.
+
     Args:
         name: of the robot, in the catalogue.
         walks: whether it walks.
@@ -279,4 +272,5 @@ def fitting_stiffness(name: str, walks: bool) -> float | None:
     """
     if name == "harpy":
         return None
-    return (walking_stiffness if walks else resting_stiffness)(load_robot(name))
+    robot = load_robot(name)
+    return walking_stiffness(robot) if walks else robot.mass * GRAVITY / (max(len(robot.feet), 1) * DEPTH)

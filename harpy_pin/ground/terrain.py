@@ -94,10 +94,6 @@ class Terrain(ABC):
         """Name and settings, ready for JSON and exact."""
         return {"name": self.name, **{entry.name: _plain(getattr(self, entry.name)) for entry in fields(self)}}
 
-    def _keep(self, name: str, value: Any) -> None:
-        """Keep a checked value."""
-        object.__setattr__(self, name, value)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Plane(Terrain):
@@ -115,9 +111,9 @@ class Plane(Terrain):
     above: float = 0.0
 
     def __post_init__(self) -> None:
-        self._keep("slope", checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
-        self._keep("heading", checks.number("heading of the slope", self.heading, low=-10.0, high=10.0))
-        self._keep("above", checks.number("height of the plane at the origin", self.above, low=-1e6, high=1e6))
+        checks.keep(self, slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
+        checks.keep(self, heading=checks.number("heading of the slope", self.heading, low=-10.0, high=10.0))
+        checks.keep(self, above=checks.number("height of the plane at the origin", self.above, low=-1e6, high=1e6))
 
     def _parts(self) -> dict[str, Any]:
         rise = math.tan(self.slope)
@@ -142,9 +138,9 @@ class Ramp(Terrain):
     length: float = 2.0
 
     def __post_init__(self) -> None:
-        self._keep("slope", checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
-        self._keep("start", checks.number("start of the ramp", self.start, low=-1e6, high=1e6))
-        self._keep("length", checks.number("length of the ramp", self.length, low=0.0, high=1e6, strict=True))
+        checks.keep(self, slope=checks.number("slope", self.slope, low=-STEEPEST, high=STEEPEST))
+        checks.keep(self, start=checks.number("start of the ramp", self.start, low=-1e6, high=1e6))
+        checks.keep(self, length=checks.number("length of the ramp", self.length, low=0.0, high=1e6, strict=True))
 
     def _parts(self) -> dict[str, Any]:
         rise = math.tan(self.slope)
@@ -175,11 +171,11 @@ class Stairs(Terrain):
     edge: float = 0.01
 
     def __post_init__(self) -> None:
-        self._keep("rise", checks.number("rise of a step", self.rise, low=-1.0, high=1.0))
-        self._keep("depth", checks.number("depth of a step", self.depth, low=0.0, high=1e3, strict=True))
-        self._keep("steps", checks.whole("steps", self.steps, low=1, high=MAX_PIECES // 2))
-        self._keep("start", checks.number("start of the stairs", self.start, low=-1e6, high=1e6))
-        self._keep("edge", checks.number("edge of a step", self.edge, low=1e-4, high=0.5 * self.depth))
+        checks.keep(self, rise=checks.number("rise of a step", self.rise, low=-1.0, high=1.0))
+        checks.keep(self, depth=checks.number("depth of a step", self.depth, low=0.0, high=1e3, strict=True))
+        checks.keep(self, steps=checks.whole("steps", self.steps, low=1, high=MAX_PIECES // 2))
+        checks.keep(self, start=checks.number("start of the stairs", self.start, low=-1e6, high=1e6))
+        checks.keep(self, edge=checks.number("edge of a step", self.edge, low=1e-4, high=0.5 * self.depth))
 
     def _parts(self) -> dict[str, Any]:
         pieces = []
@@ -225,12 +221,12 @@ class HeightField(Terrain):
             raise InputError(message, name="heights", value=self.heights)
         if not (np.abs(heights) <= HIGHEST).all():
             raise InputError(f"heights must be finite and within {HIGHEST:g} m", name="heights", value=self.heights)
-        self._keep("heights", tuple(tuple(row) for row in heights.tolist()))
+        checks.keep(self, heights=tuple(tuple(row) for row in heights.tolist()))
         resolution = checks.number("resolution", self.resolution, low=1e-3, high=1e3)
-        self._keep("resolution", resolution)
+        checks.keep(self, resolution=resolution)
         middle = tuple(-0.5 * resolution * (n - 1) for n in heights.shape)
         corner = middle if self.corner is None else self.corner
-        self._keep("corner", tuple(checks.vector("corner", corner, 2).tolist()))
+        checks.keep(self, corner=tuple(checks.vector("corner", corner, 2).tolist()))
 
     def _parts(self) -> dict[str, Any]:
         heights = np.array(self.heights)
@@ -255,9 +251,9 @@ class Rough(Terrain):
     seed: int = 0
 
     def __post_init__(self) -> None:
-        self._keep("amplitude", checks.number("amplitude", self.amplitude, low=0.0, high=1.0))
-        self._keep("resolution", checks.number("resolution", self.resolution, low=1e-3, high=1e3))
-        self._keep("seed", checks.whole("seed", self.seed, low=0))
+        checks.keep(self, amplitude=checks.number("amplitude", self.amplitude, low=0.0, high=1.0))
+        checks.keep(self, resolution=checks.number("resolution", self.resolution, low=1e-3, high=1e3))
+        checks.keep(self, seed=checks.whole("seed", self.seed, low=0))
 
     def _parts(self) -> dict[str, Any]:
         if self.amplitude == 0.0:

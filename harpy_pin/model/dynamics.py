@@ -31,7 +31,7 @@ __all__ = ["Dynamics", "dynamics_record"]
 class EquationsRecord(RecordOf):
     """Terms of the equations of motion that a time step needs, of a robot in space or in the plane.
 
-    They are attributes of :class:`Dynamics`, and ``damping`` (nv,) of the joints, N·m·s/rad.
+    They are attributes of :class:`Dynamics`.
     """
 
     mass_matrix: Vector = sized("nv", "nv")
@@ -43,19 +43,12 @@ class EquationsRecord(RecordOf):
     thruster_jacobian: Vector = sized("thrusts", "nv")
 
 
-@fixed_arrays(
-    "bias",
-    "foot_drift",
-    "foot_jacobian",
-    "foot_position",
-    "foot_velocity",
-    "mass_matrix",
-    "record",
-    "rotation",
-    "rotor_axis",
-    "thruster_jacobian",
-)
-class Dynamics(KeepsViews):
+TERMS = (*EquationsRecord.__annotations__, "foot_velocity", "rotor_axis")
+"""Fields of the record that are attributes of :class:`Dynamics`, besides the rotation."""
+
+
+@fixed_arrays("record", "rotation", *TERMS)
+class Dynamics(KeepsViews, EquationsRecord):
     """Terms of the equations of motion at one state.
 
     All arrays are overwritten by :meth:`update`.
@@ -68,10 +61,10 @@ class Dynamics(KeepsViews):
     Attributes:
         finite: whether the last state was a good one, and all terms are finite: numbers within
             :data:`~harpy_pin.model.entry.MAX_SAMPLE`, and a quaternion of length 0.7 to 1.4.
-        record: all terms, for kernels; the attributes below are views of its fields, which have their names. Further
-            fields: ``damping`` (nv,) of the joints, N·m·s/rad.
+        record: all terms, for kernels; the attributes below are views of its fields, which have their names.
         mass_matrix: (nv, nv) M(q), armature included (CRBA).
         bias: (nv,) n(q, v): Coriolis, centrifugal and gravity terms.
+        damping: (nv,) of the joints, N·m·s/rad.
         foot_jacobian: (3 feet, nv) linear Jacobians of the feet, world axes.
         foot_drift: (3 feet,) J̇ v, acceleration of the feet at zero joint acceleration, m/s².
         foot_position: (feet, 3) world, m.
@@ -87,6 +80,8 @@ class Dynamics(KeepsViews):
     """
 
     _record_: Records[Any]
+    foot_velocity: Vector
+    rotor_axis: Vector
 
     @checked
     def __init__(self, robot: Robot, *, gravity: Vector | None = None, record: Record | None = None) -> None:
@@ -96,14 +91,8 @@ class Dynamics(KeepsViews):
         self._data = self.model.createData()
         own = dynamics_record(robot, gravity=gravity)
         self.record = own if record is None else same_layout(record, own)
-        self.mass_matrix: Vector = field(self.record, "mass_matrix")
-        self.bias: Vector = field(self.record, "bias")
-        self.foot_jacobian: Vector = field(self.record, "foot_jacobian")
-        self.foot_drift: Vector = field(self.record, "foot_drift")
-        self.foot_position: Vector = field(self.record, "foot_position")
-        self.foot_velocity: Vector = field(self.record, "foot_velocity")
-        self.thruster_jacobian: Vector = field(self.record, "thruster_jacobian")
-        self.rotor_axis: Vector = field(self.record, "rotor_axis")
+        for name in TERMS:
+            setattr(self, name, field(self.record, name))
         self.rotation: Vector = field(self.record["tree"], "rotation")
         update_terms.prepare(self.record, pin.neutral(self.model), np.zeros(self.model.nv))
 

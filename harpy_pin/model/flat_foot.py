@@ -50,9 +50,9 @@ class FlatFoot:
     def __post_init__(self) -> None:
         for name in ("length", "width"):
             least = 2.0 * MIN_SPREAD
-            value = checks.number(f"{name} of a patch", getattr(self, name), low=least, high=LARGEST)
+            value = checks.number(f"{name} of a flat foot", getattr(self, name), low=least, high=LARGEST)
             checks.keep(self, **{name: value})
-        checks.keep(self, centre=tuple(checks.vector("centre of a patch", self.centre, 3).tolist()))
+        checks.keep(self, centre=tuple(checks.vector("centre of a flat foot", self.centre, 3).tolist()))
 
     @property
     def corners(self) -> list[tuple[float, float, float]]:
@@ -77,11 +77,11 @@ def add_flat_feet(
     Raises:
         InputError: a flat foot on a frame that is no foot, or a value that is none.
     """
-    for name, patch in checks.mapping("flat_feet", flat_feet).items():
+    for name, foot in checks.mapping("flat_feet", flat_feet).items():
         if name not in feet:
-            raise InputError.unknown("foot with a patch", name, feet)
-        if not isinstance(patch, FlatFoot):
-            raise InputError(f"the patch of '{name}' must be a FlatFoot, got {shown(patch)}", name="flat_feet")
+            raise InputError.unknown("flat foot", name, feet)
+        if not isinstance(foot, FlatFoot):
+            raise InputError(f"the flat foot '{name}' must be a FlatFoot, got {shown(foot)}", name="flat_feet")
     points: list[str] = []
     counts: list[int] = []
     for name in feet:
@@ -93,7 +93,7 @@ def add_flat_feet(
         frame = model.frames[number]
         for i, corner in enumerate(flat_feet[name].corners):
             if model.existFrame(f"{name}_{i}"):
-                raise InputError(f"there is a frame '{name}_{i}' already: no patch can be added to '{name}'")
+                raise InputError(f"there is a frame '{name}_{i}' already: '{name}' cannot be made flat")
             place = frame.placement * pin.SE3(np.eye(3), np.array(corner))
             model.addFrame(pin.Frame(f"{name}_{i}", frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
             points.append(f"{name}_{i}")
@@ -123,11 +123,13 @@ def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int])
         frames = [model.frames[model.getFrameId(name)] for name in names]
         shown = ", ".join(names)
         if len({frame.parentJoint for frame in frames}) != 1:
-            raise InputError(f"the corners {shown} of a patch are on several links", name="flat_feet")
+            raise InputError(f"the corners {shown} of a flat foot are on several links", name="flat_feet")
         places = np.array([frame.placement.translation for frame in frames])
         spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)[1] / np.sqrt(n)
         if n == 2 or spread < MIN_SPREAD:
-            message = f"the corners {shown} lie on one line, about which the foot turns freely: a patch needs a width"
+            message = (
+                f"the corners {shown} lie on one line, about which the foot turns freely: a flat foot needs a width"
+            )
             raise InputError(message, name="flat_feet")
 
 
@@ -135,7 +137,7 @@ def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int])
 def flat_foot_rows(
     jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector
 ) -> None:
-    """Six rows that hold a patch as a rigid body: ``rows`` a = ``value``.
+    """Six rows that hold a flat foot as a rigid body: ``rows`` a = ``value``.
 
     Of the accelerations desired of its corners they are the rigid motion nearest to them: mean and first moment about
     the middle of the corners,  Σ (J_i a + J̇_i v − α_i) = 0  and  Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.

@@ -57,14 +57,8 @@ class State:
 
     def copy(self) -> State:
         """A state that shares no memory with this one."""
-        return State(
-            self.t,
-            self.q.copy(),
-            self.v.copy(),
-            self.foot_position.copy(),
-            self.foot_velocity.copy(),
-            self.foot_force.copy(),
-        )
+        arrays = (self.q, self.v, self.foot_position, self.foot_velocity, self.foot_force)
+        return State(self.t, *(array.copy() for array in arrays))
 
 
 @fixed_arrays("thrust", "torque")

@@ -116,15 +116,15 @@ def test_friction_of_places():
     )
 
 
-def test_a_patch_keeps_the_ratio_of_the_grounds_coefficients():
-    patch = Ground(mu_s=0.8, mu_c=0.4, friction_strips=((0.0, 1.0, 0.2),)).record["strip"][0, 0]
-    np.testing.assert_allclose(patch, (0.0, 1.0, 0.2, 0.1), rtol=1e-15)
+def test_a_strip_keeps_the_ratio_of_the_grounds_coefficients():
+    strip = Ground(mu_s=0.8, mu_c=0.4, friction_strips=((0.0, 1.0, 0.2),)).record["strip"][0, 0]
+    np.testing.assert_allclose(strip, (0.0, 1.0, 0.2, 0.1), rtol=1e-15)
     np.testing.assert_allclose(
         Ground(mu_s=0.0, friction_strips=((0.0, 1.0, 0.2),)).record["strip"][0, 0, 3], 0.18, rtol=1e-15
     )
 
 
-def test_grounds_with_and_without_patches_share_their_kernels():
+def test_grounds_with_and_without_strips_share_their_kernels():
     assert Ground().record.dtype is Ground(friction_strips=((0.0, 1.0, 0.2),)).record.dtype
 
 

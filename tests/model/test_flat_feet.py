@@ -85,7 +85,7 @@ def test_wrenches_in_the_closed_form_are_made_by_corner_forces_and_others_are_no
 
 
 @pytest.mark.parametrize("corners", [3, 4, 6])
-def test_rows_of_a_patch_are_its_rigid_motion(corners):
+def test_rows_of_a_flat_foot_are_its_rigid_motion(corners):
     """Held corners on one body: the rows vanish on every motion that keeps the body, and on no other."""
     rng = np.random.default_rng(corners)
     places, turn = 0.1 * rng.standard_normal((corners, 3)), rng.standard_normal((6, 20))
@@ -101,9 +101,9 @@ def test_rows_of_a_patch_are_its_rigid_motion(corners):
     np.testing.assert_allclose(turn @ acceleration, turn @ nearest, atol=1e-9)
 
 
-def test_corners_of_a_patch_and_their_names(sled):
-    patch = hp.FlatFoot(length=0.2, width=0.1, centre=(0.03, 0.0, -0.02))
-    robot = hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": patch})
+def test_corners_of_a_flat_foot_and_their_names(sled):
+    foot = hp.FlatFoot(length=0.2, width=0.1, centre=(0.03, 0.0, -0.02))
+    robot = hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": foot})
     assert robot.feet == ("skid_0", "skid_1", "skid_2", "skid_3")
     assert robot.flat_feet == robot.corners == (4,)
     places = [robot.model.frames[robot.frame_id(name)].placement.translation for name in robot.feet]
@@ -113,13 +113,13 @@ def test_corners_of_a_patch_and_their_names(sled):
     assert sled.corners == (1,)
 
 
-def test_what_is_no_patch_is_refused(sled, robot):
-    with pytest.raises(hp.InputError, match="unknown foot with a patch 'base'; valid names: skid"):
+def test_what_is_no_flat_foot_is_refused(sled, robot):
+    with pytest.raises(hp.InputError, match="unknown flat foot 'base'; valid names: skid"):
         hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"base": SOLE})
     with pytest.raises(hp.InputError, match="must be a FlatFoot"):
         hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": (0.2, 0.1)})
     for bad in ({"length": 0.0, "width": 0.1}, {"length": 0.2, "width": np.nan}, {"length": -0.2, "width": 0.1}):
-        with pytest.raises(hp.InputError, match="of a patch"):
+        with pytest.raises(hp.InputError, match="of a flat foot"):
             hp.FlatFoot(**bad)
     with pytest.raises(hp.InputError, match="several links"):
         check_corners(robot.model, (*robot.feet, "left_thruster"), (3,))
@@ -155,12 +155,12 @@ def test_soles_of_humanoids_are_inside_their_geometry():
                     points.append(np.array(geometry.vertices()) @ place.rotation.T + place.translation)
         cloud = np.vstack(points)
         bottom = cloud[cloud[:, 2] < cloud[:, 2].min() + 3e-3, :2]
-        patch = CATALOGUE[name].flat_feet[CATALOGUE[name].feet[0]]
-        corners = np.array(patch.corners)[:, :2]
+        foot = CATALOGUE[name].flat_feet[CATALOGUE[name].feet[0]]
+        corners = np.array(foot.corners)[:, :2]
         if box is not None:
             np.testing.assert_allclose(np.sort(np.ptp(bottom, axis=0)), np.sort(box), atol=1e-3)
-            assert patch.length <= box[0]
-            assert patch.width <= box[1]
+            assert foot.length <= box[0]
+            assert foot.width <= box[1]
             continue
         assert (bottom.min(axis=0) <= corners.min(axis=0) + 1e-9).all()
         assert (bottom.max(axis=0) >= corners.max(axis=0) - 1e-9).all()
