@@ -79,7 +79,7 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
 
 
 def _of_level(part: pd.DataFrame) -> dict[str, Any]:
-    slips = {"slip_mm_per_step": _median(part.slip_mm_per_step), "slip_median_mm": _statistic(slip_median(part))}
+    slips = {"slip_mm_per_step": _median(part.slip_mm_per_step), "slip_median_mm": _slip_median(part)}
     return {"walks": len(part), "falls": _share(part.fell), **slips}
 
 
@@ -93,9 +93,8 @@ def _of_contender(part: pd.DataFrame) -> dict[str, Any]:
         **{key: _median(part[key]) for key in _WHOLE},
         "slip_mean_mm": _statistic(upright.mean()),
         "slip_largest_mm": _statistic(upright.max()),
-        "slip_median_mm": _statistic(slip_median(part)),
-        "slip_interval_mm": slip_interval(part),
-        "net_slip_median_mm": _statistic(slip_median(part, "net_slip_mm_per_step")),
+        "slip_median_mm": _slip_median(part),
+        "slip_interval_mm": _slip_interval(part),
         "solver_failures": int(part.solver_failures.sum()),
     }
 
@@ -179,18 +178,18 @@ def variants_table(summary: Mapping[str, Any]) -> Table:
     return Table("variants", title, tuple(cells), _OF_VARIANTS)
 
 
-def slip_median(part: pd.DataFrame, measure: str = "slip_mm_per_step") -> float:
-    """Median slip per step, mm, where a fall counts as more slip than any; infinite if half of the walks fell."""
-    slip = _slips(part, measure)
-    return float(np.median(slip)) if len(slip) else float("nan")
+def _slip_median(part: pd.DataFrame) -> float | None:
+    """Median slip per step, mm, where a fall counts as more slip than any; None if half of the walks fell."""
+    slip = _slips(part)
+    return _statistic(float(np.median(slip))) if len(slip) else None
 
 
-def slip_interval(part: pd.DataFrame) -> list[float | str] | None:
-    """The 95 % interval of :func:`slip_median` that order statistics give, mm; ``fell`` is an end that is a fall.
+def _slip_interval(part: pd.DataFrame) -> list[float | str] | None:
+    """The 95 % interval of :func:`_slip_median` that order statistics give, mm; ``fell`` is an end that is a fall.
 
     There is none for fewer than six walks.
     """
-    slip = _slips(part, "slip_mm_per_step")
+    slip = _slips(part)
     if len(slip) == 0:
         return None
     ends = quantile_test(slip, p=0.5).confidence_interval(0.95)
@@ -199,9 +198,11 @@ def slip_interval(part: pd.DataFrame) -> list[float | str] | None:
     return ["fell" if np.isinf(end) else float(end) for end in (ends.low, ends.high)]
 
 
-def _slips(part: pd.DataFrame, measure: str) -> Vector:
+def _slips(part: pd.DataFrame) -> Vector:
     """Slip of every walk; infinite where it fell."""
-    slip: Vector = part[measure].astype(float).where(~part.fell.astype(bool), np.inf).dropna().to_numpy(dtype=float)
+    slip: Vector = (
+        part.slip_mm_per_step.astype(float).where(~part.fell.astype(bool), np.inf).dropna().to_numpy(dtype=float)
+    )
     return slip
 
 

@@ -67,10 +67,8 @@ def test_ratio_of_medians_and_its_spread() -> None:
 
 
 def test_finite_makes_anything_valid_json() -> None:
-    value = finite(
-        {"a": np.nan, "b": [np.inf, np.float64(1.5)], "c": np.bool_(True), "d": np.int64(3), "e": (None, "x")}
-    )
-    assert value == {"a": None, "b": [None, 1.5], "c": True, "d": 3, "e": [None, "x"]}
+    value = finite({"a": np.nan, "b": [np.inf, np.float64(1.5)], "c": np.bool_(True), "d": np.int64(3), "e": (None,)})
+    assert value == {"a": None, "b": [None, 1.5], "c": True, "d": 3, "e": [None]}
     json.dumps(value, allow_nan=False)
 
 

@@ -122,11 +122,6 @@ def test_problem_file_holds_what_was_saved(problem: PeerProblem, tmp_path: Path)
     assert Path(settings["urdf"]).is_file()
 
 
-def test_ticks_per_sequence_and_warm_up(robot: Robot, sequences: list[StateSequence]) -> None:
-    short = make_problem(robot, sequences, friction=FRICTION, warm_up=4, most=10)
-    assert short.counted.tolist() == 2 * (4 * [0.0] + 6 * [1.0])
-
-
 def test_standing_robot_without_thrusters_is_posed(tmp_path: Path) -> None:
     problem, _, _ = standing_problem("solo12", tmp_path, warm_up=2, most=12)
     assert problem.expected["decided"].solved.all()
@@ -273,14 +268,6 @@ def test_workers_import_nothing_of_ours(script: Path) -> None:
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0
             assert (node.module or "").split(".")[0] in allowed
-
-
-def test_default_folder_is_in_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert default_folder() == tmp_path / "harpy_pin" / "peers"
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    assert default_folder() == tmp_path / "home" / ".cache" / "harpy_pin" / "peers"
 
 
 def test_failed_installation_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

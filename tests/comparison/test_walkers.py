@@ -203,17 +203,6 @@ def test_all_walk_the_same(monkeypatch):
     np.testing.assert_allclose(np.linalg.norm(pushes, axis=1), 0.6)
 
 
-FOUND = ((False, 2.0), (True, 90.0))
-
-
-def test_tables_count_falls_and_leave_them_out_of_medians():
-    same = {"what": "go1, random", "plant": "MuJoCo as trained", "walker": LAW}
-    rows = [{**same, "fell": fell, "slip_mm_per_step": slip} for fell, slip in FOUND]
-    table = STUDY.tables(rows)[0]
-    assert table.get(LAW, "fell").value == "1 of 2"
-    assert table.get(LAW, "slip").value == 2.0
-
-
 @pytest.mark.long
 def test_the_policy_walks():
     if not interpreter(default_folder(), PLAYGROUND.name).exists():
