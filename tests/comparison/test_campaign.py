@@ -23,7 +23,7 @@ from comparison.campaign.summary import exceptions_of, summarise_rows, summary_t
 from comparison.campaign.walks import scenario, walk_task
 from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, controller_part, label, short_name
 from comparison.tuning.variants import PAPER
-from harpy_pin import RunFileError, load_harpy
+from harpy_pin import InputError, RunFileError, load_harpy
 from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.gaits import make_gait
 from harpy_pin.simulation.sensors import Noise
