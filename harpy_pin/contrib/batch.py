@@ -15,7 +15,7 @@ from harpy_pin.contrib.threads import Threads
 from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
 from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import Tasks, task_terms
+from harpy_pin.controllers.tasks import task_terms, tasks_record
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import Hovering, Standing
@@ -136,14 +136,15 @@ class CondensedBatch(KeepsViews):
             gait = make_gait(robot, speed=0.0)
         else:
             gait = Standing(robot) if robot.feet else Hovering(robot)
-        tasks = Tasks(gait, p, CondensedTasksRecord, condensed=condensed_record(robot, p.weights, p.limits))
-        tasks.record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)
+        condensed = condensed_record(robot, p.weights, p.limits)
+        record: Any = tasks_record(gait, p, CondensedTasksRecord, condensed=condensed)
+        record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)
         self._threads = Threads(n, threads)
         pieces = len(self._threads.cuts) - 1
-        tasks.record["condensed"]["mu"] = np.inf  # that of each robot counts
-        self._records = [tasks.record.copy() for _ in range(pieces)]
+        record["condensed"]["mu"] = np.inf  # that of each robot counts
+        self._records = [record.copy() for _ in range(pieces)]
         self._target_records = [gait.target.record.copy() for _ in range(pieces)]
-        tree = tasks.record["dynamics"]["tree"]
+        tree = record["dynamics"]["tree"]
         self._body = make_record(BodyRecord, mass=tree["mass"][0, 0], inertia=tree["inertia"][0, 0])
         feet, joints = len(robot.feet), len(robot.joints)
         shapes = ((9,), (3,), *[(feet, 3)] * 3, (feet,), (feet,))
@@ -154,7 +155,7 @@ class CondensedBatch(KeepsViews):
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
-        searches = [tasks.record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")]
+        searches = [record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")]
         self._memory = tuple(np.zeros((n, rows), np.int64) for rows in searches)
         model = robot.model
         self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}

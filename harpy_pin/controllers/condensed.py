@@ -6,9 +6,8 @@ from typing import NoReturn
 
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, LaggedTickRecord, condensed_step, lagged_step
-from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import Tasks
+from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import thrust_lag_record
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
@@ -19,7 +18,7 @@ from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_
 __all__ = ["CondensedController"]
 
 
-class CondensedController(GaitController):
+class CondensedController(TaskController):
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
 
     Where no forces in the cones are within reach of the motors, the last command is held for ``hold_ticks`` ticks, as
@@ -33,31 +32,21 @@ class CondensedController(GaitController):
         solver: the program of the last tick, with its forces and status.
     """
 
-    parameters: WholeBodyParameters
-
     @checked
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
-        p = parameters if parameters is not None else WholeBodyParameters()
-        super().__init__(gait, p)
+        super().__init__(gait, parameters)
+        p = self.parameters
         condensed = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
         lag = thrust_lag_record(self.robot, p)
         if lag is None:
-            self.tasks = Tasks(self.gait, p, CondensedTickRecord, condensed=condensed)
+            self._begin_tasks(CondensedTickRecord, condensed=condensed)
         else:
-            self.tasks = Tasks(self.gait, p, LaggedTickRecord, condensed=condensed, lag=lag)
-        self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
-        self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self.tasks.record["condensed"])
+            self._begin_tasks(LaggedTickRecord, condensed=condensed, lag=lag)
+        self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self._record_["condensed"])
         self._clipped = field(self.solver.record, "clipped")
-        self._begin(self.tasks.record)
-        status_and_systems = field(self.solver.record, "status_and_systems")
-        self._signals |= {
-            "held": self.targets.held,
-            "desired_force": self.solver.force,
-            "condensed_status": status_and_systems[0, ...],
-            "law_systems": status_and_systems[1, ...],
-            **self.tasks.telemetry(),
-        }
-        self._step.prepare(self.tasks.record, self.target.record, *self._measured(State(0.0, *self._sample)))
+        status, systems = (field(self.solver.record, "status_and_systems")[k, ...] for k in range(2))
+        self._signals |= {"desired_force": self.solver.force, "condensed_status": status, "law_systems": systems}
+        self._step.prepare(self._record_, self.target.record, *self._measured(State(0.0, *self._sample)))
 
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`."""
@@ -68,7 +57,6 @@ class CondensedController(GaitController):
         """Forget the last command, the active sets and the estimates."""
         super().reset()
         self.solver.reset()
-        self.tasks.reset()
         for name in ("inputs", "last_inputs", "clipped"):
             self.solver.record[name] = 0
         if self._step is lagged_step:

@@ -5,7 +5,6 @@ What these tasks are is in :mod:`harpy_pin.wbc.tasks.built_in`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.contacts import below_ground, load_on, target_tilt, turn_into_contacts
-from harpy_pin.controllers.friction_estimator import FrictionEstimator, FrictionRecord, friction_record, update_friction
+from harpy_pin.controllers.friction_estimator import FrictionRecord, friction_record, update_friction
 from harpy_pin.controllers.joint_friction import (
     JointFrictionEstimateRecord,
     add_joint_friction,
@@ -22,20 +21,19 @@ from harpy_pin.controllers.joint_friction import (
 )
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_tilt import lean, limit_push
-from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
+from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
 from harpy_pin.ground.contact_frame import all_upward, is_level
-from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, dynamics_record, update_terms
+from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_terms
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
-from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.centre_of_mass import note_centre_drift
-from harpy_pin.wbc.weights import TargetsRecord, WholeBodyTargets, targets_record
+from harpy_pin.wbc.weights import TargetsRecord, targets_record
 
 if TYPE_CHECKING:
     from harpy_pin.model.tree import TreeRecord
 
-__all__ = ["Tasks"]
+__all__: list[str] = []
 
 
 class TaskSettingsRecord(RecordOf):
@@ -86,102 +84,46 @@ class TasksRecord(RecordOf):
     joint_friction: JointFrictionEstimateRecord
 
 
-@fixed_arrays("record")
-class Tasks(KeepsViews):
-    """Rigid-body terms and the tasks of a state, in one crossing from Python.
+def tasks_record(
+    gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike
+) -> Records[TasksRecord]:
+    """A new :class:`TasksRecord`.
 
     Args:
         gait: where body and feet should be.
         parameters: gains and ranges of forces.
         kind: class of the record, with further parts.
         parts: these parts, by name.
-
-    Attributes:
-        dynamics: terms at the last state.
-        targets: tasks of the last state.
-        friction: the estimate of the friction coefficient; None without one.
-        samples: examples of what kernels take: q, v and foot forces.
-        misfit: the same with the forces of one foot too many, which kernels refuse.
-        record: all of it, for kernels.
     """
-
-    _record_: Records[TasksRecord]
-
-    def __init__(
-        self, gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike
-    ) -> None:
-        robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
-        expect_lag = getattr(gait, "expect_lag", None)
-        if expect_lag is not None:  # a gait that flies
-            expect_lag(p.thrust_lag)
-        lift = robot.lift_axis
-        tasks = make_record(
-            TaskSettingsRecord,
-            body=p.body,
-            orientation=p.orientation,
-            swing=p.swing,
-            posture=p.posture,
-            contact_damping=p.contact_damping,
-            min_normal_force=p.min_normal_force,
-            max_normal_force=p.max_normal_force,
-            contact_threshold=p.contact_threshold,
-            double_support=gait.double_support,
-            rest=gait.initial_state()[0][7:],
-            flat_feet=np.array(robot.flat_feet, dtype=np.int64),
-            flies=np.int64(bool(robot.rotors) and not robot.feet),
-            leans=np.int64(lift is not None),
-            lift=np.zeros(3) if lift is None else lift,
-        )
-        feet = len(robot.feet)
-        friction = friction_record(assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction)
-        own = {
-            "dynamics": dynamics_record(robot),
-            "tasks": tasks,
-            "targets": targets_record(robot),
-            "friction": friction,
-            "joint_friction": joint_friction_estimate(robot, period=p.period, on=p.estimate_joint_friction),
-        }
-        self.record: Records[TasksRecord] = make_record(kind, robot.sizes, **own, **parts)
-        self.dynamics = Dynamics(robot, record=self.record["dynamics"])
-        self.targets = WholeBodyTargets(robot, record=self.record["targets"])
-        self.friction: FrictionEstimator | None = None
-        if p.estimate_friction:
-            self.friction = FrictionEstimator(assumed=p.limits.mu, record=self.record["friction"])
-        self.samples = (*gait.initial_state(), np.zeros((len(robot.feet), 3)))
-        self.misfit = (*gait.initial_state(), np.zeros((len(robot.feet) + 1, 3)))
-
-    def prepare(self, target: GaitTarget) -> None:
-        """Begin to compile :meth:`update`, which controllers whose tick is one compiled call do not need."""
-        task_terms.prepare(self.record, target.record, *self.samples)
-
-    def reset(self) -> None:
-        """Restart the estimates of friction."""
-        joints = self.record["joint_friction"]
-        for name in ("known", "inputs", "sums", "viscous", "coulomb"):
-            joints[name] = 0
-        if self.friction is not None:
-            self.friction.reset()
-
-    def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The estimates of friction, if there are any."""
-        told = {} if self.friction is None else {"friction_estimate": self.friction.estimate}
-        joints = self.record["joint_friction"]
-        if joints["on"][0]:
-            told |= {"viscous_estimate": field(joints, "viscous"), "coulomb_estimate": field(joints, "coulomb")}
-        return told
-
-    def update(self, target: GaitTarget, state: State) -> int:
-        """Evaluate them.
-
-        Args:
-            target: of the gait, at the state's time.
-            state: as measured.
-
-        Returns:
-            What the state is, see :mod:`harpy_pin.model.entry`.
-        """
-        verdict: int = task_terms(self._record_, target._record_, state.q, state.v, state.foot_force)
-        return verdict
+    robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
+    lift, feet = robot.lift_axis, len(robot.feet)
+    tasks = make_record(
+        TaskSettingsRecord,
+        body=p.body,
+        orientation=p.orientation,
+        swing=p.swing,
+        posture=p.posture,
+        contact_damping=p.contact_damping,
+        min_normal_force=p.min_normal_force,
+        max_normal_force=p.max_normal_force,
+        contact_threshold=p.contact_threshold,
+        double_support=gait.double_support,
+        rest=gait.initial_state()[0][7:],
+        flat_feet=np.array(robot.flat_feet, dtype=np.int64),
+        flies=np.int64(bool(robot.rotors) and not robot.feet),
+        leans=np.int64(lift is not None),
+        lift=np.zeros(3) if lift is None else lift,
+    )
+    return make_record(
+        kind,
+        robot.sizes,
+        dynamics=dynamics_record(robot),
+        tasks=tasks,
+        targets=targets_record(robot),
+        friction=friction_record(assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction),
+        joint_friction=joint_friction_estimate(robot, period=p.period, on=p.estimate_joint_friction),
+        **parts,
+    )
 
 
 @kernel
@@ -191,7 +133,7 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
     Where the ground is not level, what concerns feet is left in the frames of their contacts: there z is the normal.
 
     Args:
-        r: element of the record of :class:`Tasks`.
+        r: element of a :class:`TasksRecord`.
         g: element of the gait's.
         q: (nq,) configuration.
         v: (nv,) generalised velocity.

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.contacts import turn_feet_of
-from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import Tasks
+from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import (
     ThrustLagRecord,
     add_kept,
@@ -23,9 +23,11 @@ from harpy_pin.controllers.thrust_lag import (
     keep_thrusts,
     thrust_lag_record,
 )
+from harpy_pin.controllers.tick import BAD_SAMPLE
 from harpy_pin.controllers.tick_solver import TickSolver
 from harpy_pin.controllers.whole_body_tick import QP_STEPS, WholeBodyTickRecord, begin_tick, finish_tick
-from harpy_pin.gaits.gait import LONGEST, Gait
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.entry import GOOD, as_state
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Command, State
@@ -46,7 +48,7 @@ from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 __all__ = ["WholeBodyController"]
 
 
-class WholeBodyController(GaitController):
+class WholeBodyController(TaskController):
     """Walks by solving a quadratic program at every tick.
 
     ``step`` does what :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish` do one after the other. They may
@@ -75,8 +77,6 @@ class WholeBodyController(GaitController):
         added: tasks and ranges that :meth:`add` has put in, with the ``program`` that is solved; None without any.
     """
 
-    parameters: WholeBodyParameters
-
     @checked
     def __init__(
         self,
@@ -85,13 +85,16 @@ class WholeBodyController(GaitController):
         *,
         solver: Callable[[QuadraticProgram], QPSolver] | None = None,
     ) -> None:
-        p = parameters if parameters is not None else WholeBodyParameters()
-        super().__init__(gait, p)
+        super().__init__(gait, parameters)
+        p = self.parameters
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
         self._lag = thrust_lag_record(self.robot, p)
-        self.tasks = Tasks(
-            self.gait,
-            p,
+        self.added: AddedTasks | None = None
+        make = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
+        self._solving = TickSolver(self.problem, make)
+        self._solver = self._solving.solver
+        self._solution: QPSolution = self._solver.solution
+        self._begin_tasks(
             WholeBodyTickRecord,
             kept=np.zeros(self.problem.program.shape[0]),
             posture=self.gait.initial_state()[0][7:],
@@ -99,32 +102,24 @@ class WholeBodyController(GaitController):
             hold_ticks=np.int64(p.hold_ticks),
             lagging=np.int64(self._lag is not None),
         )
-        self.dynamics, self.targets = self.tasks.dynamics, self.tasks.targets
-        self.added: AddedTasks | None = None
-        make = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
-        self._solving = TickSolver(self.problem, make)
-        self._solver = self._solving.solver
-        self._solution: QPSolution = self._solver.solution
-        record = self.tasks.record
+        record = self._record_
         self._inputs, self._wanted = field(record, "inputs"), field(record, "wanted")
         self._outcome, self._iterations = field(record, "outcome"), field(record, "iterations")
-        self._violation = field(record, "violation")
-        self._begin(record)
+        self._violation, self._failures = field(record, "violation"), field(record, "failures")
         of_solver = {"qp_status": self._outcome, "qp_iterations": self._iterations, "qp_violation": self._violation}
-        self._signals |= {"held": self.targets.held, **of_solver, **self.tasks.telemetry()}
+        self._signals |= of_solver
         self._prepare_tick()
 
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is Python's."""
         super()._make_anew()
-        p, solver, problem = self.parameters, self._solver, self.problem
-        self._in_python = True
-        if p.formulation not in QP_STEPS or type(solver) is not WarmStartedActiveSet:
+        solver, problem, formulation = self._solver, self.problem, self.parameters.formulation
+        # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
+        self._in_python = self.added is not None or self._lag is not None or formulation not in QP_STEPS
+        if self._in_python or type(solver) is not WarmStartedActiveSet:
+            self._in_python = True
             return
-        if self.added is not None or self._lag is not None:
-            return  # rows come from Python, or a tick is two solves
-        self._in_python = False
-        self._step = QP_STEPS[p.formulation]
+        self._step = QP_STEPS[formulation]
         solutions = (solver.solution.z, solver.dual.solution.z)
         records = (problem.record, problem.terms, problem.program._record_, solver._record_, solver.dual._record_)
         self._parts = (*records, *solutions)
@@ -151,7 +146,7 @@ class WholeBodyController(GaitController):
     @property
     def failures(self) -> int:
         """Ticks whose solution was not usable, since the last reset."""
-        return int(self._record_["failures"][0])
+        return int(self._failures)
 
     def add(
         self,
@@ -187,9 +182,8 @@ class WholeBodyController(GaitController):
         result = added.add(task, State(0.0, q, v, feet, feet, feet), weight=weight, lower=lower, upper=upper)
         self.added = added
         self._solving.add(added)
-        if self._solver is not self._solving.solver:
-            self._solver = self._solving.solver
-            self._solution = self._solver.solution
+        self._solver = self._solving.solver
+        self._solution = self._solver.solution
         if not self._in_python:
             self._make_anew()
             self._prepare_tick()
@@ -199,24 +193,26 @@ class WholeBodyController(GaitController):
         """Forget the warm start, the last command, and the estimates."""
         super().reset()
         self._solving.reset()
-        self.tasks.reset()
         for name in ("inputs", "held_for", "failures"):
             self._record_[name] = 0
         if self._lag is not None:
             self._lag["settled"] = 0
 
-    def _tick(self, state: State) -> Command:
-        """One call where nothing of the program is Python's; otherwise the phases one after the other."""
-        if not self._in_python:
-            return super()._tick(state)
-        self.prepare(state)
-        gave_way = self._lag is None or self._choose_thrusts(self._lag, state)
+    def _answer_in_python(self, target: Records[Any], state: State) -> int:
+        """The phases one after the other, where something of the program is Python's, or thrusts lag."""
+        lag, gives_way = self._lag, True
+        if lag is not None:
+            advance_thrusts(lag)
+        if begin_tick(self._record_, target, *self._measured(state)) != GOOD:
+            return BAD_SAMPLE
+        if lag is not None:
+            gives_way = self._choose_thrusts(lag, state)
         self.build(state)
-        self._solve(gives_way=gave_way)
-        command = self.finish(state)
-        if self._lag is not None and self._verdict == GOOD:
-            count_from_kept(self._lag, self.dynamics.record, -1.0)
-        return command
+        self._solve(gives_way=gives_way)
+        self.finish(state)
+        if lag is not None:
+            count_from_kept(lag, self.dynamics.record, -1.0)
+        return 0
 
     def _choose_thrusts(self, lag: Records[ThrustLagRecord], state: State) -> bool:
         """Command the thrusts of the program without lag, and fix those of this tick in the program.
@@ -225,14 +221,12 @@ class WholeBodyController(GaitController):
             Whether torques are beyond their limits in its solution without limits, which both programs share.
         """
         lower, upper = self.problem.thrust_bounds
-        advance_thrusts(lag)
-        if self._verdict == GOOD:
-            keep_thrusts(lag, self.dynamics.rotation)
-            count_from_kept(lag, self.dynamics.record, 1.0)
+        keep_thrusts(lag, self.dynamics.rotation)
+        count_from_kept(lag, self.dynamics.record, 1.0)
         self._solving.swap_active()
         bound_thrusts(lag, False, lower, upper)
         self.build(state)
-        if self._verdict == GOOD and self.solve().usable:
+        if self.solve().usable:
             self.problem.inputs(self.solution.z, self._wanted)
             command_thrusts(lag, self.dynamics.record, self._wanted, self._command.thrust)
         bound_thrusts(lag, True, lower, upper)
@@ -244,50 +238,30 @@ class WholeBodyController(GaitController):
 
         Args:
             state: measured, see :class:`~harpy_pin.model.state.State`.
+
+        Raises:
+            InputError: it is no state of the robot, or a bad sample.
         """
-        try:
-            if -LONGEST < state.t < LONGEST:
-                verdict = begin_tick(self._record_, self._plan(state)._record_, *self._measured(state))
-            else:
-                verdict = begin_tick(self._record_, self.target._record_, *self._measured(State(0.0, *self._nothing)))
-        except (AttributeError, TypeError):
-            as_state(state, self.robot)
-            raise
-        if verdict != GOOD:
+        state = as_state(state, self.robot)
+        if begin_tick(self._record_, self._plan(state)._record_, *self._measured(state)) != GOOD:
             self._refuse_misfit(state)
+            raise InputError("the state is a bad sample, which step() answers without a program", name="state")
 
     def build(self, state: State) -> WholeBodyProblem:
-        """The quadratic program.
+        """The quadratic program, ready to be solved.
 
         Args:
             state: as given to :meth:`prepare`.
-
-        Returns:
-            The problem, ready to be solved.
-
-        Raises:
-            InputError: it is no state of the robot.
         """
-        if self._verdict == GOOD:
-            try:
-                self.problem._fill(self.dynamics, state.v, self.dynamics.rotation, self.targets)
-            except (AttributeError, TypeError):
-                as_state(state, self.robot)
-                raise
-            if self.added is not None:
-                self._build_added(self.added, state)
-        return self.problem
-
-    def _build_added(self, added: AddedTasks, state: State) -> None:
-        """Rows of the tasks added, which are in world axes."""
         targets = self.targets
-        if not targets.tilted:
-            added.build(self.dynamics, state, targets.held)
-            return
-        back = np.ascontiguousarray(targets.frame.transpose(0, 2, 1))
-        turn_feet_of(self.dynamics.record, back)
-        added.build(self.dynamics, state, targets.held, frame=targets.frame)
-        turn_feet_of(self.dynamics.record, targets.frame)
+        self.problem._fill(self.dynamics, state.v, self.dynamics.rotation, targets)
+        if self.added is not None and not targets.tilted:
+            self.added.build(self.dynamics, state, targets.held)
+        elif self.added is not None:  # rows of added tasks are in world axes
+            turn_feet_of(self.dynamics.record, np.ascontiguousarray(targets.frame.transpose(0, 2, 1)))
+            self.added.build(self.dynamics, state, targets.held, frame=targets.frame)
+            turn_feet_of(self.dynamics.record, targets.frame)
+        return self.problem
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
@@ -295,25 +269,20 @@ class WholeBodyController(GaitController):
 
     def _solve(self, *, gives_way: bool) -> QPSolution:
         """Solve it, and again where tasks give way, if they may."""
-        if self._verdict == GOOD:
-            solution = self._solving.solve()
-            self._solution = self._solving.give_way(solution, self.dynamics, self.targets) if gives_way else solution
-            solution = self._solution
-            self._outcome[...], self._iterations[...] = solution.status, solution.iterations
-            self._violation[...] = solution.violation
-        return self._solution
+        solution = self._solving.solve()
+        if gives_way:
+            solution = self._solving.give_way(solution, self.dynamics, self.targets)
+        self._solution = solution
+        self._outcome[...], self._iterations[...] = solution.status, solution.iterations
+        self._violation[...] = solution.violation
+        return solution
 
     def finish(self, state: State) -> Command:
         """Torques and thrusts of the solution, or the fallback.
 
         Args:
             state: as given to :meth:`prepare`.
-
-        Raises:
-            InputError: it is no state of the robot.
         """
-        if self._verdict != GOOD:
-            return self._command
         usable = self._solution.usable
         if usable:
             self.problem.inputs(self._solution.z, self._inputs)
@@ -321,11 +290,7 @@ class WholeBodyController(GaitController):
                 add_kept(self._lag, self._inputs)
             if self.added is not None:
                 self.added.read(self._solution.z)
-        try:
-            finish_tick(self._record_, usable, state.q, state.v)
-        except (AttributeError, TypeError):
-            as_state(state, self.robot)
-            raise
+        finish_tick(self._record_, usable, state.q, state.v)
         return self._command
 
     def telemetry(self) -> Mapping[str, ArrayLike]:

@@ -103,7 +103,7 @@ def exportable(controller: object) -> Exportable:
 def _condensed(controller: CondensedController) -> Exportable:
     _refuse_lags(controller.parameters)
     controller.reset()
-    title, record = "condensed whole-body controller", controller.tasks.record.copy()
+    title, record = "condensed whole-body controller", controller._record_.copy()
     return _exportable("condensed", title, controller.robot, record, condensed_step, CondensedStatus)
 
 
@@ -124,7 +124,7 @@ def _program(controller: WholeBodyController) -> Exportable:
     record = make_record(
         ProgramTickRecord,
         {"size": program.shape[0]},
-        control=controller.tasks.record,
+        control=controller._record_,
         problem=fresh.record,
         terms=fresh.terms,
         program=program.record,

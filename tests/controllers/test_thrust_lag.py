@@ -51,7 +51,7 @@ def test_thrusts_are_those_of_the_plant(turning_lag):
             means.append(plant.record["thrusters"]["mean_thrust"][0].copy())
         end = plant.record["thrusters"]["direction"][0]
         np.testing.assert_allclose(
-            controller.tasks.record["lag"]["direction"][0], end, atol=1e-3
+            controller._record_["lag"]["direction"][0], end, atol=1e-3
         )  # the body turns in a tick
         had = np.linalg.norm(np.mean(means, axis=0).reshape(2, 3), axis=1)
         fixed = np.linalg.norm(controller.solver.inputs[:6].reshape(2, 3), axis=1)
