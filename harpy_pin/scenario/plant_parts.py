@@ -11,8 +11,7 @@ from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.actuators import Actuators
-from harpy_pin.simulation.mujoco.presets import DEFAULT_PRESET, PRESETS, preset_ground
-from harpy_pin.simulation.mujoco.soft_contact import CONTACTS
+from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, DEFAULT_PRESET, PRESETS, preset_ground
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter_ns
@@ -11,29 +11,24 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from harpy_pin import checks
-from harpy_pin.compiled import kernel
-from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError, reason
-from harpy_pin.files import Shield, check_writable, replaceable
+from harpy_pin.errors import InputError, RunFileError, reason
+from harpy_pin.files import Shield
 from harpy_pin.log.journal import Journal
-from harpy_pin.log.recorder import BLOCK, Recorder
+from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run, describe_versions
-from harpy_pin.log.run_file import FORMAT, MAX_STEP
-from harpy_pin.model.entry import is_finite
-from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Command, State, Vector
-from harpy_pin.simulation.push import Push, check_pushes
+from harpy_pin.log.run_file import FORMAT
+from harpy_pin.model.state import Command, State
+from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.step import VERDICTS
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.plant import Plant
 
-__all__ = ["Controller", "keep_run", "prepare_loop", "run_closed_loop", "run_metadata"]
+__all__ = ["ClosedLoop", "Controller", "keep_run", "run_metadata"]
 
-TOLD = 100
-"""Ticks in Python after which progress is told."""
-FLOAT64 = np.dtype(np.float64)
+REPORT = 100
+"""Ticks in Python between two reports of progress."""
 
 
 @runtime_checkable
@@ -57,67 +52,6 @@ class Controller(Protocol):
             state: what was measured; its arrays belong to the caller, and are overwritten by the next tick.
         """
         ...
-
-
-def run_closed_loop(
-    simulator: Plant,
-    controller: Controller,
-    duration: float,
-    *,
-    control_period: float | None,
-    metadata: Mapping[str, object] | None,
-    on_tick: Callable[[State], None] | None,
-    on_piece: Callable[[float], None] | None,
-    pushes: Sequence[Push],
-    sensors: Sensors | None,
-    save: str | Path | None,
-) -> Run:
-    """What :meth:`harpy_pin.simulation.plant.Plant.run` does, with the same arguments and errors."""
-    duration = checks.number("duration", duration, low=0.0, strict=True)
-    period = getattr(controller, "period", 1e-3) if control_period is None else control_period
-    period = checks.number("control_period", period, low=0.0, high=MAX_STEP, strict=True)
-    substeps = checks.multiple("control_period", period, "physics step", simulator.dt)
-    ticks = checks.ticks(duration, period)
-    check_pushes(pushes, simulator.t, simulator.t + ticks * period)
-    checks.function("on_tick", on_tick, 1)
-    checks.function("on_piece", on_piece, 1)
-    metadata = {} if metadata is None else checks.mapping("metadata", metadata)
-
-    def describe(ending: str) -> dict[str, Any]:
-        return {**metadata, **run_metadata(simulator, controller, ending, period, pushes)}
-
-    journal = None
-    if save is not None:
-        check_writable(save)
-        if replaceable(save):
-            journal = Journal(save, {**describe("unfinished"), "format": FORMAT})
-    recorder = Recorder(journal, block=min(max(round(1.0 / period), 1), BLOCK))
-    loop = _Loop(simulator, controller, recorder, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
-    with Shield() as shield:
-        try:
-            loop.run(shield)
-        except KeyboardInterrupt:
-            loop.ending = "interrupted"
-        finally:
-            shield.saving = True
-            recorder.flush()
-        run, unsaved = keep_run(simulator, recorder, describe(loop.ending), journal, save)
-        interrupted = loop.ending == "interrupted" or shield.late is not None
-        shield.late = None
-    lost = "" if unsaved is None else f"; {unsaved}"
-    if interrupted:
-        raise Interrupted(f"interrupted at t = {simulator.t:.3f} s{lost}", run=run) from unsaved
-    if loop.failure is not None:
-        message = f"at t = {simulator.t:.3f} s the {loop.ending}{lost}"
-        raise ControlError(message, time=simulator.t, run=run) from loop.failure
-    if unsaved is not None:
-        raise unsaved
-    return run
-
-
-def prepare_loop(robot: Robot) -> None:
-    """Begin to compile the kernels of the loop for a robot."""
-    _finite.prepare(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
 
 
 def keep_run(
@@ -150,7 +84,7 @@ def keep_run(
 
 
 @dataclass
-class _Loop:
+class ClosedLoop:
     """A closed loop, and how far it came: :attr:`ending` and :attr:`failure` are kept whatever ends it.
 
     Attributes:
@@ -160,7 +94,10 @@ class _Loop:
         ticks: at most.
         period: between ticks, s.
         substeps: physics steps of a tick.
-        on_tick: as of :meth:`harpy_pin.simulation.plant.Plant.run`, likewise on_piece, pushes and sensors.
+        on_tick: called with the true state at each tick.
+        on_piece: called with the time now and then.
+        pushes: forces on the body.
+        sensors: between state and controller, if any.
         ending: see :attr:`harpy_pin.log.run.Run.ending`.
         failure: what the controller raised.
     """
@@ -185,7 +122,6 @@ class _Loop:
         height = float(simulator.q[2]) - simulator.ground_below
         start, fall_height = simulator.t, 0.6 * height if height > 0.0 else -math.inf
         self._telemetry = getattr(self.controller, "telemetry", None)
-        self._shapes = ((len(simulator.robot.joints),), (len(simulator.robot.thrusters), 3))
         while tick < self.ticks and self.ending == "completed":
             if compiled is not None:
                 with shield.whole():
@@ -209,7 +145,7 @@ class _Loop:
                 rules = {"start": start, "period": self.period, "fall_height": fall_height}
                 compiled = simulator.compile_loop(self.controller, self.recorder, substeps=self.substeps, **rules)
             tick += 1
-            if self.on_piece is not None and tick % TOLD == 1:
+            if self.on_piece is not None and tick % REPORT == 1:
                 self.on_piece(simulator.t)
 
     def _control(self, shield: Shield) -> Command | None:
@@ -222,7 +158,9 @@ class _Loop:
             begin = perf_counter_ns()
             command = self.controller.step(measured)
             elapsed = perf_counter_ns() - begin
-            command = _checked(command, self._shapes)
+            if not isinstance(command, Command):
+                raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
+            command = self.simulator.checked(command)
             with shield.whole():
                 self.simulator.log(self.recorder, command, elapsed, self._telemetry)
         except Exception as error:
@@ -257,32 +195,3 @@ def run_metadata(
         "parameters": dict(describe()) if describe is not None else {},
         "versions": describe_versions(),
     }
-
-
-def _checked(command: Command, shapes: tuple[tuple[int], tuple[int, int]]) -> Command:
-    """A command as float64 arrays; raises unless it has the right shapes and finite entries."""
-    if not isinstance(command, Command):
-        raise InputError(f"step() must return a Command, got {type(command).__name__}", name="command")
-    torque, thrust = command.torque, command.thrust
-    if (
-        getattr(torque, "dtype", None) is FLOAT64
-        and getattr(thrust, "dtype", None) is FLOAT64
-        and (torque.shape, thrust.shape) == shapes
-        and _finite(torque, thrust)
-    ):
-        return command
-    return Command(
-        checks.vector("command.torque", torque, shapes[0]), checks.vector("command.thrust", thrust, shapes[1])
-    )
-
-
-@kernel
-def _finite(torque: Vector, thrust: Vector) -> bool:
-    """Whether every entry is finite."""
-    total = 0.0
-    for i in range(torque.shape[0]):
-        total += abs(torque[i])
-    for k in range(thrust.shape[0]):
-        for i in range(3):
-            total += abs(thrust[k, i])
-    return is_finite(total)

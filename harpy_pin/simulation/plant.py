@@ -16,22 +16,26 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.compiled.calls import Call
-from harpy_pin.errors import InputError
+from harpy_pin.errors import ControlError, InputError, Interrupted
+from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.ground.ground import Ground
-from harpy_pin.log.recorder import Recorder
+from harpy_pin.log.journal import Journal
+from harpy_pin.log.recorder import BLOCK, Recorder
 from harpy_pin.log.run import Run
+from harpy_pin.log.run_file import FORMAT, MAX_STEP
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.entry import as_command
+from harpy_pin.model.entry import all_finite, all_finite_rows, as_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.actuators import Actuators
-from harpy_pin.simulation.loop import Controller, prepare_loop, run_closed_loop
-from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.loop import ClosedLoop, Controller, keep_run, run_metadata
+from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.step import VERDICTS, PlantRecord, stands
 from harpy_pin.simulation.thrusters import settle_thrusters
@@ -138,7 +142,7 @@ class Plant(KeepsViews, ABC):
         """Begin to compile what every run needs; plants add their steps."""
         forget_slip.prepare(self.record["slip"], self.dynamics.foot_position)
         stands.prepare(self._terrain, self.q, self.v, 0.0)
-        prepare_loop(self.robot)
+        are_finite.prepare(self._noted_torque, self._noted_thrust)
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """Put the robot in a state; contact forces start at zero, motors and thrusters settle at the next command.
@@ -297,8 +301,7 @@ class Plant(KeepsViews, ABC):
 
         With ``save`` every second of simulated time (every 1000 ticks if that is sooner) is added to ``<save>.part``,
         which :meth:`Run.load` reads should the process die. At the end the whole log takes its place, also after a
-        fall, a failure or Ctrl-C; a second Ctrl-C waits until it is written. The arrays of a log of more than 256 MB
-        lie in the file, not in memory.
+        fall, a failure or Ctrl-C; a second Ctrl-C waits until it is written.
 
         Args:
             controller: anything with ``step(state) -> Command``.
@@ -320,18 +323,46 @@ class Plant(KeepsViews, ABC):
             RunFileError: the log cannot be written: found out before the run, or with the log as ``error.run``.
             Interrupted: Ctrl-C; ``error.run`` holds the log so far.
         """
-        return run_closed_loop(
-            self,
-            controller,
-            duration,
-            control_period=control_period,
-            metadata=metadata,
-            on_tick=on_tick,
-            on_piece=on_piece,
-            pushes=pushes,
-            sensors=sensors,
-            save=save,
-        )
+        duration = checks.number("duration", duration, low=0.0, strict=True)
+        period = getattr(controller, "period", 1e-3) if control_period is None else control_period
+        period = checks.number("control_period", period, low=0.0, high=MAX_STEP, strict=True)
+        substeps = checks.multiple("control_period", period, "physics step", self.dt)
+        ticks = checks.ticks(duration, period)
+        check_pushes(pushes, self.t, self.t + ticks * period)
+        checks.function("on_tick", on_tick, 1)
+        checks.function("on_piece", on_piece, 1)
+        metadata = {} if metadata is None else checks.mapping("metadata", metadata)
+
+        def describe(ending: str) -> dict[str, Any]:
+            return {**metadata, **run_metadata(self, controller, ending, period, pushes)}
+
+        journal = None
+        if save is not None:
+            check_writable(save)
+            if replaceable(save):
+                journal = Journal(save, {**describe("unfinished"), "format": FORMAT})
+        recorder = Recorder(journal, block=min(max(round(1.0 / period), 1), BLOCK))
+        loop = ClosedLoop(self, controller, recorder, ticks, period, substeps, on_tick, on_piece, pushes, sensors)
+        with Shield() as shield:
+            try:
+                loop.run(shield)
+            except KeyboardInterrupt:
+                loop.ending = "interrupted"
+            finally:
+                shield.saving = True
+                recorder.flush()
+            run, unsaved = keep_run(self, recorder, describe(loop.ending), journal, save)
+            interrupted = loop.ending == "interrupted" or shield.late is not None
+            shield.late = None
+        lost = "" if unsaved is None else f"; {unsaved}"
+        if interrupted:
+            raise Interrupted(f"interrupted at t = {self.t:.3f} s{lost}", run=run) from unsaved
+        if loop.failure is not None:
+            message = f"at t = {self.t:.3f} s the {loop.ending}{lost}"
+            raise ControlError(message, time=self.t, run=run) from loop.failure
+        if unsaved is not None:
+            raise unsaved
+        return run
 
     def log(
         self,
@@ -365,16 +396,24 @@ class Plant(KeepsViews, ABC):
             row = {**row, **signals}
         recorder.append(row)
 
-    def _checked(self, command: Command) -> tuple[Vector, Vector]:
-        """Torques and thrusts as finite float64 arrays of the robot's sizes.
+    def checked(self, command: Command) -> Command:
+        """The command itself where its arrays are finite, float64 and of the robot's sizes, otherwise a copy.
+
+        Args:
+            command: torques and thrusts.
 
         Raises:
-            InputError: they are not.
+            InputError: an array has the wrong shape, or an entry that is not finite.
         """
+        try:
+            torque, thrust = command.torque, command.thrust
+            if (torque.shape, thrust.shape) == self._shapes and are_finite(torque, thrust):
+                return command
+        except (AttributeError, TypeError):
+            pass
         command = as_command(command, self.robot)
-        torque_shape, thrust_shape = self._shapes
-        torque = checks.vector("command.torque", command.torque, torque_shape)
-        return torque, checks.vector("command.thrust", command.thrust, thrust_shape)
+        torque = checks.vector("command.torque", command.torque, self._shapes[0])
+        return Command(torque, checks.vector("command.thrust", command.thrust, self._shapes[1]))
 
     def _check_placed(self) -> None:
         if not self._placed:
@@ -383,3 +422,9 @@ class Plant(KeepsViews, ABC):
                 "reset(*gait.initial_state(penetration=simulator.static_penetration))",
                 name="simulator",
             )
+
+
+@kernel
+def are_finite(torque: Vector, thrust: Vector) -> bool:
+    """Whether all entries are finite."""
+    return all_finite(torque) and all_finite_rows(thrust)

@@ -117,7 +117,8 @@ class Simulator(Plant):
         except (AttributeError, TypeError):
             sweeps = MISFIT_COMMAND
         if sweeps == MISFIT_COMMAND:
-            sweeps = physics_steps(*plant, *self._checked(command), push)
+            command = self.checked(command)
+            sweeps = physics_steps(*plant, command.torque, command.thrust, push)
         self.sweeps = sweeps
         self.t += steps * self.dt
         for part in self.attached:

@@ -7,8 +7,7 @@ MuJoCo itself is imported when the first model is made.
 from harpy_pin.simulation.mujoco.conventions import Conventions, installed_version
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.mujoco_plant import MujocoPlant
-from harpy_pin.simulation.mujoco.presets import PRESETS, preset_ground
-from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, SoftContact
+from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, PRESETS, SoftContact, preset_ground
 
 __all__ = [
     "CONTACTS",

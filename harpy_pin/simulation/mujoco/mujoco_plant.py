@@ -172,24 +172,13 @@ class MujocoPlant(Plant):
         """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
         self._check_placed()
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
-        torque, thrust = self._checked(command)
-        self.counts[2] += read_thrusts(self.dynamics.record, thrust, self.record["thrust"][0])
+        command = self.checked(command)
+        self.counts[2] += read_thrusts(self.dynamics.record, command.thrust, self.record["thrust"][0])
         push = push_forces(pushes, self.t, self.dt, steps) if pushes else None
         for n in range(steps):
-            if not self._step(torque, None if push is None else push[n]):
+            if not self._step(command.torque, None if push is None else push[n]):
                 break
         self.t += steps * self.dt
-
-    def _checked(self, command: Command) -> tuple[Vector, Vector]:
-        """Torques and thrusts of the right shapes, finite."""
-        try:
-            torque, thrust = command.torque, command.thrust
-            fit = torque.dtype == thrust.dtype == np.float64 and (torque.shape, thrust.shape) == self._shapes
-            if fit and np.isfinite(torque.sum() + thrust.sum()):
-                return torque, thrust
-        except AttributeError:
-            pass
-        return super()._checked(command)
 
     def _step(self, torque: Vector, push: Vector | None) -> bool:
         """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""

@@ -16,7 +16,8 @@ beyond, one of them is free, and the foot moves with (R_t / b) (3 f_t − μ f_n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -25,9 +26,10 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
+from harpy_pin.ground.ground import Ground
 from harpy_pin.model.state import Vector
 
-__all__ = ["CONTACTS", "SoftContact"]
+__all__ = ["CONTACTS", "DEFAULT_PRESET", "PRESETS", "SoftContact", "preset_ground"]
 
 LEAST, MOST = 1e-4, 0.9999
 """Impedances that MuJoCo takes."""
@@ -206,3 +208,37 @@ def _checked_forces(force: ArrayLike, **others: ArrayLike) -> tuple[Vector, ...]
             raise InputError(message, name=name, value=value)
         arrays.append(np.broadcast_to(array, shape[:-1]))
     return tuple(arrays)
+
+
+PRESETS = {"soft": (1.0, 1.0), "overdamped": (1.0, 2.0 * math.sqrt(2.0)), "stiff": (10.0, math.sqrt(10.0))}
+"""Factors on the stiffness and the damping of a ground.
+
+``soft``: the ground's own, by default 8 kN/m and 268 N·s/m. ``overdamped``: a damping ratio of 2 in the place of
+0.71, 759 N·s/m. ``stiff``: ten times as stiff with the same damping ratio, 80 kN/m and 848 N·s/m."""
+DEFAULT_PRESET = "soft"
+
+
+@checked
+def preset_ground(ground: Ground, name: str | None = None) -> Ground:
+    """The ground with the stiffness and damping of a preset.
+
+    Args:
+        ground: that the factors apply to.
+        name: one of :data:`PRESETS`, :data:`DEFAULT_PRESET` by default; one of
+            :data:`harpy_pin.simulation.mujoco.CONTACTS`, whose stiffness is not the ground's, leaves it as it is.
+
+    Raises:
+        InputError: unknown name, or a friction cone that MuJoCo does not have.
+    """
+    name = DEFAULT_PRESET if name is None else name
+    checks.one_of("plant preset", name, (*PRESETS, *CONTACTS))
+    if ground.cone != "circular":
+        raise InputError("MuJoCo's friction cone is circular, not per_axis", name="friction cone", value=ground.cone)
+    if name in CONTACTS:
+        return ground
+    stiffness, damping = PRESETS[name]
+    assert ground.damping is not None
+    strips = tuple((begin, end, stiffness * value) for begin, end, value in ground.stiffness_strips)
+    return replace(
+        ground, stiffness=stiffness * ground.stiffness, damping=damping * ground.damping, stiffness_strips=strips
+    )
