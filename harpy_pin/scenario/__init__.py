@@ -5,14 +5,13 @@ from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, Condensed, Con
 from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart, Hover, Stand, Straight, Walking, gaits_of
 from harpy_pin.scenario.parts import Part, read_part
-from harpy_pin.scenario.plant_parts import PLANT_PARTS, PLANTS, Compliant, Mujoco, PlantPart
+from harpy_pin.scenario.plant_parts import PLANT_PARTS, Compliant, Mujoco, PlantPart
 from harpy_pin.scenario.scenario import Scenario
 from harpy_pin.scenario.settings import Setting, scenario_of, settings_table
 
 __all__ = [
     "CONTROLLER_PARTS",
     "GAIT_PARTS",
-    "PLANTS",
     "PLANT_PARTS",
     "Commanded",
     "Compliant",

@@ -65,7 +65,8 @@ class ControllerPart(Part):
         for name in self.parameters.keys() & {entry.name for entry in fields(self)}:
             raise InputError(f"'{name}' is a setting of the part itself, not one of its parameters", name=name)
         # Refuses parameters that are not its own.
-        changes = {**self.parameters, **self._own_parameters()}
+        own = {name: value for name, value in self._own_settings().items() if name in defaults_of(self.further)}
+        changes = {**self.parameters, **own}
         make_parameters(self.name, mu=1.0 if self.mu is None else self.mu, changes=changes)
 
     @checked
@@ -78,16 +79,15 @@ class ControllerPart(Part):
             period: time between its ticks, s.
             fitting: parameters that fit the robot; those of the part come first.
         """
-        settings = _merged(fitting, self.parameters) | self._own_parameters() | self._of_governor()
-        return make_controller(self.name, gait, mu=mu, period=period, **settings)
+        settings = {**fitting, **self.parameters}
+        for name in fitting.keys() & self.parameters.keys():
+            if isinstance(fitting[name], Mapping):
+                settings[name] = {**fitting[name], **self.parameters[name]}
+        return make_controller(self.name, gait, mu=mu, period=period, **settings, **self._own_settings())
 
-    def _own_parameters(self) -> dict[str, Any]:
-        """Parameters of the controller that the part has as settings of its own."""
-        return {}
-
-    def _of_governor(self) -> dict[str, Any]:
-        """Settings of a governor."""
-        return {}
+    def _own_settings(self) -> dict[str, Any]:
+        """The part's settings for the controller besides its parameters."""
+        return {name: getattr(self, name) for name in defaults_of(type(self)) if name not in ("mu", "parameters")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,13 +145,6 @@ class Governed(ControllerPart):
         # Refuses parameters that are not the governor's own.
         make_governor_parameters(self.governor, mu=1.0, changes=self.governor_parameters)
 
-    def _own_parameters(self) -> dict[str, Any]:
-        return {"limits": self.limits, "thrust": self.thrust}
-
-    def _of_governor(self) -> dict[str, Any]:
-        names = ("governor", "evaluate_at", "governor_parameters")
-        return {name: getattr(self, name) for name in names}
-
 
 CONTROLLER_PARTS: dict[str, type[ControllerPart]] = {kind.name: kind for kind in (Condensed, WholeBody, Governed)}
 """The controllers of a scenario by name; the first one is the default."""
@@ -163,12 +156,3 @@ def _plain_mapping(name: str, value: Any) -> Any:
         return plain(checks.mapping(name, {} if value is None else value))
     except (AttributeError, TypeError, ValueError) as error:
         raise InputError(f"{name} must be numbers, names and mappings: {error}", name=name) from None
-
-
-def _merged(fitting: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """All settings; a given one replaces a fitting one, also inside a mapping."""
-    merged = {**fitting, **given}
-    for name in fitting.keys() & given.keys():
-        if isinstance(fitting[name], Mapping) and isinstance(given[name], Mapping):
-            merged[name] = {**fitting[name], **given[name]}
-    return merged

@@ -26,8 +26,6 @@ from harpy_pin.scenario.parts import Part
 
 __all__ = ["GAIT_PARTS", "Commanded", "GaitPart", "Hover", "Stand", "Straight", "Walking", "gaits_of"]
 
-_NOT_WALKING = ("solo8",)
-"""Robots whose legs have too few joints to place their feet."""
 MAX_SPEED = 100.0
 """m/s: far beyond what any walker does, and far from numbers that overflow."""
 
@@ -38,9 +36,13 @@ class GaitPart(Part):
 
     Attributes:
         not_governed: why the paper's controller cannot walk it; empty where it can.
+        foot_counts: numbers of feet of the catalogue's robots that have it; none where it is Harpy's.
+        without: robots of so many feet that have it not.
     """
 
     not_governed: ClassVar[str] = ""
+    foot_counts: ClassVar[tuple[int, ...]] = ()
+    without: ClassVar[tuple[str, ...]] = ()
 
     @abstractmethod
     @checked
@@ -59,7 +61,7 @@ class GaitPart(Part):
         Args:
             gait: that :meth:`make` has made.
             terrain: of the ground.
-            normal_error: angle by which the normals that it tells are wrong, about y, rad.
+            normal_error: angle by which the normals are wrong, about y, rad.
             friction: coefficient that the controller assumes.
         """
         return OnTerrain(gait, terrain, normal_error=normal_error, friction=friction)
@@ -75,7 +77,6 @@ class GaitPart(Part):
         return fitting
 
     @classmethod
-    @abstractmethod
     @checked
     def fits(cls, robot: str) -> bool:
         """Whether a robot has this gait.
@@ -83,6 +84,9 @@ class GaitPart(Part):
         Args:
             robot: ``harpy``, or one of the catalogue.
         """
+        if not cls.foot_counts:
+            return robot == "harpy"
+        return robot in CATALOGUE and len(CATALOGUE[robot].feet) in cls.foot_counts and robot not in cls.without
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,19 +104,15 @@ class Straight(GaitPart):
 
     def __post_init__(self) -> None:
         checks.keep(self, speed=checks.number("speed", self.speed, low=-MAX_SPEED, high=MAX_SPEED))
-        checks.keep(self, stiffness=_checked_stiffness(self.stiffness))
+        if self.stiffness is not None:
+            stiffness = checks.number("stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
+            checks.keep(self, stiffness=stiffness)
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
         stiffness = stiffness if self.stiffness is None else self.stiffness
         return make_gait(robot, speed=self.speed, stiffness=stiffness)
-
-    @classmethod
-    @checked
-    def fits(cls, robot: str) -> bool:
-        """See :class:`GaitPart`."""
-        return robot == "harpy"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,29 +123,19 @@ class Commanded(GaitPart):
         velocity: (forward, sideways, turning) in m/s, m/s and rad/s, in the frame of the heading; or rows (t, forward,
             sideways, turning), each valid from its time t, s, on; or as text,
             ``"0.3 0 0; 4s 0.2 0 0.5"``. Kept as rows.
-        stiffness: of the ground that the walk is for, N/m; that of the scenario's ground by default.
     """
 
     name = "commanded"
     not_governed = CommandedGait.not_governed
     velocity: str | Sequence[float] | Sequence[Sequence[float]] = ((0.0, 0.3, 0.0, 0.0),)
-    stiffness: float | None = None
 
     def __post_init__(self) -> None:
         checks.keep(self, velocity=_rows(self.velocity, 3))
-        checks.keep(self, stiffness=_checked_stiffness(self.stiffness))
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
-        stiffness = stiffness if self.stiffness is None else self.stiffness
         return make_commanded_gait(robot, self.velocity, stiffness=stiffness)
-
-    @classmethod
-    @checked
-    def fits(cls, robot: str) -> bool:
-        """See :class:`GaitPart`."""
-        return robot == "harpy"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,6 +151,8 @@ class Walking(GaitPart):
     """
 
     name = "walking"
+    foot_counts = (2, 4)
+    without = ("solo8",)  # its legs have too few joints to place their feet
     schedule: str | None = None
     velocity: str | Sequence[float] | Sequence[Sequence[float]] | None = None
 
@@ -176,50 +168,29 @@ class Walking(GaitPart):
         slow = (0.15 if robot.flat_feet else 0.3, 0.0, 0.0)
         return WalkingGait(robot, self.schedule, slow if self.velocity is None else self.velocity)
 
-    @classmethod
-    @checked
-    def fits(cls, robot: str) -> bool:
-        """See :class:`GaitPart`."""
-        known = CATALOGUE.get(robot)
-        return known is not None and len(known.feet) in (2, 4) and robot not in _NOT_WALKING
 
+class Stand(GaitPart):
+    """A robot of the catalogue stands on all its feet, see :class:`harpy_pin.gaits.Standing`."""
 
-@dataclass(frozen=True, kw_only=True)
-class _OfRobot(GaitPart):
-    """A gait that the robot alone decides."""
-
-    kind: ClassVar[type[Standing | Hovering]]
+    name = "standing"
+    foot_counts = (1, 2, 3, 4, 6)
 
     @checked
     def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
-        return self.kind(robot)
+        return Standing(robot)
 
 
-class Stand(_OfRobot):
-    """A robot of the catalogue stands on all its feet, see :class:`harpy_pin.gaits.Standing`."""
-
-    name, kind = "standing", Standing
-
-    @classmethod
-    @checked
-    def fits(cls, robot: str) -> bool:
-        """See :class:`GaitPart`."""
-        known = CATALOGUE.get(robot)
-        return known is not None and bool(known.feet)
-
-
-class Hover(_OfRobot):
+class Hover(GaitPart):
     """A robot without feet hovers, see :class:`harpy_pin.gaits.Hovering`."""
 
-    name, kind = "hovering", Hovering
+    name = "hovering"
+    foot_counts = (0,)
 
-    @classmethod
     @checked
-    def fits(cls, robot: str) -> bool:
+    def make(self, robot: Robot, stiffness: float) -> Gait:
         """See :class:`GaitPart`."""
-        known = CATALOGUE.get(robot)
-        return known is not None and not known.feet
+        return Hovering(robot)
 
 
 GAIT_PARTS: dict[str, type[GaitPart]] = {kind.name: kind for kind in (Straight, Commanded, Walking, Stand, Hover)}
@@ -247,14 +218,9 @@ def schedules_of(robot: str) -> tuple[str, ...]:
 
 def why_not(robot: str, gait: object) -> str:
     """Why a robot has not a gait, where that is not plain."""
-    if gait == Walking.name and robot in _NOT_WALKING:
+    if gait == Walking.name and robot in Walking.without:
         return f"'{robot}' has two joints in each leg, and cannot place its feet to the side"
     return ""
-
-
-def _checked_stiffness(value: float | None) -> float | None:
-    """A stiffness, N/m, or none."""
-    return None if value is None else checks.number("stiffness", value, low=0.0, high=MAX_STIFFNESS, strict=True)
 
 
 def _rows(velocity: Any, entries: int) -> tuple[tuple[float, ...], ...]:

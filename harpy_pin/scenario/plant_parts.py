@@ -15,7 +15,7 @@ from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, DEFAULT_PRESET, P
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 
-__all__ = ["PLANTS", "PLANT_PARTS", "Compliant", "Mujoco", "PlantPart"]
+__all__ = ["PLANT_PARTS", "Compliant", "Mujoco", "PlantPart"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,5 +96,4 @@ class Mujoco(PlantPart):
 
 
 PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco)}
-PLANTS = tuple(PLANT_PARTS)
-"""Names of the physics engines."""
+"""The physics engines of a scenario by name; the first one is the default."""

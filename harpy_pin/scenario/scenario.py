@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from os import PathLike, fspath
+from os import PathLike
 from typing import Any
 
 from harpy_pin import checks
@@ -89,13 +89,14 @@ class Scenario:
             "duration": checks.number("duration", duration, low=0.0, strict=True),
             "period": checks.number("period", period, low=0.0, strict=True),
             "dt": checks.number("dt", dt, low=1e-6),
-            "urdf": _path(urdf),
+            "urdf": None if urdf is None else str(checks.path("urdf", urdf)),
         }
         checks.keep(self, **values)
         self._check_robot()
         self._check_times()
         if ground is None or (isinstance(ground, Mapping) and ground.get("stiffness") is None):
-            ground = _default_ground(robot, self.gait) | ({} if ground is None else dict(ground))
+            stiffness = fitting_stiffness(robot, self.gait.name == Walking.name)  # for the robot's weight
+            ground = ({} if stiffness is None else {"stiffness": stiffness}) | ({} if ground is None else dict(ground))
         checks.keep(self, ground=read_record(Ground, "ground", ground))
         self.plant.felt_ground(self.ground)  # refuses a ground that the engine does not have
 
@@ -115,9 +116,7 @@ class Scenario:
         if self.robot == "harpy":
             return
         if controller == "governed":
-            message = (
-                f"the governed controller is for Harpy's legs and thrusters: '{self.robot}' takes 'condensed' or 'wbc'"
-            )
+            message = f"the governed controller is for Harpy: '{self.robot}' takes 'condensed' or 'wbc'"
             raise InputError(message, name="controller", value=controller)
         if self.urdf is not None:
             raise InputError("urdf is a variant of Harpy: it goes with robot='harpy'", name="urdf", value=self.urdf)
@@ -187,20 +186,3 @@ class Scenario:
             message = f"the run was walked with its own {parts or 'parts'}, which its scenario does not hold"
             raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
         return cls.from_dict(run.metadata["scenario"])
-
-
-def _default_ground(robot: str, gait: GaitPart) -> dict[str, Any]:
-    """What differs from the paper's: the ground is as stiff as fits the robot where that is not Harpy.
-
-    Raises:
-        RobotError: the robot is not installed.
-    """
-    stiffness = fitting_stiffness(robot, gait.name == Walking.name)
-    return {} if stiffness is None else {"stiffness": stiffness}
-
-
-def _path(urdf: Any) -> str | None:
-    """The path of a URDF as text."""
-    if urdf is not None and not isinstance(urdf, str | PathLike):
-        raise InputError(f"urdf must be a path, got {shown(urdf)}", name="urdf", value=urdf)
-    return None if urdf is None else fspath(urdf)

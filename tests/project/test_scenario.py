@@ -51,7 +51,7 @@ def gaits(*, turning):
     speed, stiffness = st.floats(-1.0, 1.0), st.none() | positive
     straight = st.builds(hp.Straight, speed=speed, stiffness=stiffness)
     velocity = rows.map(sorted) | st.tuples(*[small] * 3)
-    return straight | st.builds(hp.Commanded, velocity=velocity, stiffness=stiffness) if turning else straight
+    return straight | st.builds(hp.Commanded, velocity=velocity) if turning else straight
 
 
 def controllers():

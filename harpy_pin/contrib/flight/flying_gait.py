@@ -339,11 +339,5 @@ class Flying(GaitPart):
         """See :class:`~harpy_pin.scenario.GaitPart`."""
         return checks.instance("gait", gait, FlyingGait).parameters
 
-    @classmethod
-    @checked
-    def fits(cls, robot: str) -> bool:
-        """See :class:`~harpy_pin.scenario.GaitPart`."""
-        return robot == "harpy"
-
 
 GAIT_PARTS[Flying.name] = Flying
