@@ -196,7 +196,7 @@ def study_gait(robot: Robot) -> dict[str, str]:
         how = f"falls after {s.steps:.1f} steps" if s.fell else f"walks {s.steps:.1f} steps"
         rows[title] = (
             f"{how} at {s.speed:.3f} m/s, height {s.height_min:.3f} to {s.height_max:.3f} m, pitch up to "
-            f"{s.pitch_max:.3f} rad, slip {s.slip:.2f} mm per step, thrust {s.thrust_rms:.1f} N"
+            f"{s.pitch_max:.3f} rad, slip {s.slip:.2f} mm per step"
         )
         if path != PAPER_CURVES_GAIT and mu == 0.25:
             name = title.split(",")[0]

@@ -16,7 +16,7 @@ from reproduction.gait.planar_gait import PlanarGait, PlanarGaitRecord, planar_t
 if TYPE_CHECKING:
     from reproduction.gait.planar_model import PlanarModelRecord
 
-__all__ = ["PlanarJoints", "joint_targets", "planar_control", "walk_record"]
+__all__ = ["PlanarJoints", "planar_control", "walk_record"]
 
 MAX_JOINT_RATE = 20.0
 """Largest joint velocity target, rad/s, as in the governed controller."""
@@ -51,9 +51,8 @@ class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):
         period: between ticks, s.
         integral: (4,) integral part of the joint torques, N·m.
         target: (4,) left hip, left knee, right hip, right knee, rad.
-        rate: (4,) of the targets, without the feedback's own rate, rad/s.
+        rate: (4,) of the targets, rad/s.
         torque: (4,) of the command, N·m.
-        thrust: (3,) of the command, sum of both thrusters, world axes, N.
     """
 
     period: float
@@ -61,7 +60,6 @@ class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):
     target: Vector = sized(4)
     rate: Vector = sized(4)
     torque: Vector = sized(4)
-    thrust: Vector = sized(3)  # type: ignore[assignment]  # of the gait it says whether there is any
 
 
 def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Records[PlanarWalkRecord]:
@@ -71,7 +69,7 @@ def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Rec
 
 @kernel(q=(7,), v=(7,))
 def planar_control(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
-    """One tick: joint torques and the sagittal thrust.
+    """One tick: joint torques.
 
     Args:
         t: time, s.
@@ -80,33 +78,25 @@ def planar_control(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model
         walk: element of :func:`walk_record`.
         model: element of :attr:`PlanarModel.record`.
     """
-    joint_targets(t, q, v, walk, model)
+    joint_targets(t, walk, model)
     limit = walk.integral_limit
     for i in range(4):
         error = walk.target[i] - q[3 + i]
         walk.integral[i] += walk.k_i[i % 2] * error * walk.period
         walk.integral[i] = min(max(walk.integral[i], -limit), limit)
         walk.torque[i] = walk.k_p[i % 2] * error + walk.integral[i] + walk.k_d[i % 2] * (walk.rate[i] - v[3 + i])
-    walk.thrust[0] = walk.thrust_k_p * (walk.speed * t - q[0]) + walk.thrust_k_d * (walk.speed - v[0])
 
 
-@kernel(q=(7,), v=(7,))
-def joint_targets(t: float, q: Vector, v: Vector, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
-    """Targets and rates of the joints: closed-form inverse kinematics, then the hip's rotation by the pitch feedback.
+@kernel
+def joint_targets(t: float, walk: PlanarWalkRecord, model: PlanarModelRecord) -> None:
+    """Targets and rates of the joints: closed-form inverse kinematics.
 
-    Where a foot target is out of reach, they are those of the nearest pose. Arguments as :func:`planar_control`, which
-    uses of the state only its pitch, for the feedback.
+    Where a foot target is out of reach, they are those of the nearest pose.
     """
     position, velocity, stance = np.empty((2, 2)), np.empty((2, 2)), np.empty((2, 2))
     planar_targets(t, walk, position, velocity, stance)
     for k in range(2):
         _place_leg(k, position[k], velocity[k], walk, model)
-        carries = stance[k, 0] > 0.5
-        turn = walk.stance_pitch if carries else walk.swing_pitch
-        turn_rate = walk.stance_pitch_rate if carries else walk.swing_pitch_rate
-        walk.target[2 * k] += turn * q[2]
-        walk.target[2 * k] += turn_rate * v[2]
-        walk.rate[2 * k] += turn * v[2]
 
 
 @kernel

@@ -44,8 +44,7 @@ class StepMap:
         joints: PID gains; with ``k_i`` zero the controller has no memory and the integrals stay as they are.
 
     Raises:
-        InputError: the gait follows the distance walked (its thrust has a gain on x), so x cannot be left out; the
-            step is no whole number of ticks.
+        InputError: the step is no whole number of ticks.
     """
 
     def __init__(
@@ -56,8 +55,6 @@ class StepMap:
         ground: Ground | None = None,
         joints: PlanarJoints | None = None,
     ) -> None:
-        if gait.thrust_k_p > 0.0:
-            raise InputError("a thrust that follows x leaves no x to divide out; set thrust_k_p to 0", name="gait")
         self.walk = PlanarWalk(robot, gait, ground=ground, joints=joints)
         ticks = gait.step_duration / self.walk.period
         if abs(ticks - round(ticks)) > 1e-6:
@@ -87,7 +84,7 @@ class StepMap:
             section: (17,) or, without memory, (13,) state.
 
         Returns:
-            Likewise; NaN where the walk falls.
+            The state, NaN where the walk falls.
         """
         walk, n = self.walk, self.size
         s = checks.vector("section", section, n)
@@ -97,7 +94,7 @@ class StepMap:
         return np.full(n, np.nan) if summary.fell else self._swapped(self._read())
 
     def jacobian(self, section: Vector, step: float) -> Vector:
-        """(n, n) derivative of the map by central differences of ``step`` times :data:`SCALE`, scaled likewise."""
+        """(n, n) derivative of the map by central differences of ``step`` times :data:`SCALE`, in units of it."""
         n = self.size
         matrix = np.zeros((n, n))
         for i in range(n):

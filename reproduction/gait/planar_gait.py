@@ -27,16 +27,16 @@ class PlanarGait:
     """A planar walk. Positions are relative to the body's origin, body axes, m; heights count downwards.
 
     Both legs follow the same curves, half a cycle apart. The stance foot goes from the front end to the back end, the
-    swing foot back. The last four pairs (feedback, thrust) are zero in an open-loop gait.
+    swing foot back. Nothing but the clock drives it.
 
     Attributes:
         half_step: half the distance between the two ends, the paper's "end x".
         end_height: of the ends below the body.
         swing_mid_height: of the middle control point P2 of the swing, below the body.
-        stance_mid_height: likewise of the stance.
+        stance_mid_height: of the middle control point P2 of the stance, below the body.
         offset: how far the middle between the ends lies in front of the body.
         swing_mid_x: of P2 of the swing, from that middle.
-        stance_mid_x: likewise of the stance.
+        stance_mid_x: of P2 of the stance, from that middle.
         lift_x: P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it.
         lift_z: P1 − P0 of the swing, upward.
         land_x: P4 − P3 of the swing, forward.
@@ -50,16 +50,10 @@ class PlanarGait:
             :mod:`harpy_pin.gaits.straight`).
         speed: desired, m/s.
         height: desired, m.
-        start_vx: velocity of the body at t = 0, m/s.
-        start_vz: likewise, m/s.
+        start_vx: forward velocity of the body at t = 0, m/s.
+        start_vz: upward velocity of the body at t = 0, m/s.
         start_pitch: rad.
         start_pitch_rate: rad/s.
-        stance_pitch: rotation of a stance leg's target at the hip per pitch of the body, rad/rad.
-        stance_pitch_rate: likewise per pitch rate, s.
-        swing_pitch: rotation of a swing leg's target, rad/rad; −1 holds it upright in the world.
-        swing_pitch_rate: likewise, s.
-        thrust_k_p: of the sagittal thrust K_p (speed t − x) + K_d (speed − ẋ), N/m (the paper's 400).
-        thrust_k_d: likewise, N·s/m (the paper's 40).
 
     Raises:
         InputError: a number is not finite or out of its domain.
@@ -88,17 +82,11 @@ class PlanarGait:
     start_vz: float = 0.1
     start_pitch: float = 0.0
     start_pitch_rate: float = 0.0
-    stance_pitch: float = 0.0
-    stance_pitch_rate: float = 0.0
-    swing_pitch: float = 0.0
-    swing_pitch_rate: float = 0.0
-    thrust_k_p: float = 0.0
-    thrust_k_d: float = 0.0
 
     def __post_init__(self) -> None:
         positive = ("half_step", "end_height", "swing_mid_height", "stance_mid_height", "step_duration", "height")
         for entry in fields(self):
-            low = 0.0 if entry.name in (*positive, "double_support", "thrust_k_p", "thrust_k_d") else -np.inf
+            low = 0.0 if entry.name in (*positive, "double_support") else -np.inf
             high = 0.9 if entry.name == "double_support" else np.inf
             number = checks.number(
                 entry.name, getattr(self, entry.name), low=low, high=high, strict=entry.name in positive
@@ -158,17 +146,6 @@ class PlanarGait:
     def as_dict(self) -> dict[str, float]:
         """Numbers by name."""
         return asdict(self)
-
-    @property
-    def feedback(self) -> bool:
-        """Whether anything but the clock drives the walk."""
-        numbers = (self.stance_pitch, self.stance_pitch_rate, self.swing_pitch, self.swing_pitch_rate)
-        return any(numbers) or self.thrust
-
-    @property
-    def thrust(self) -> bool:
-        """Whether thrusters push along x."""
-        return self.thrust_k_p > 0.0 or self.thrust_k_d > 0.0
 
     @property
     def curves(self) -> Vector:

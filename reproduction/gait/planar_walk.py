@@ -42,7 +42,6 @@ class PlanarSummary:
         height_max: of the body, m.
         pitch_max: largest magnitude, rad.
         paper_cost: time average of 10|v_x − 0.3| + |ω| + 10|z − 0.6| (equations.md §3).
-        thrust_rms: root mean square of the sum of the thrusts, N.
         slip: path of the touching feet along the ground, mm per step.
         torque_max: largest joint torque, N·m.
         force_rms_x: root mean square of the ground's force along x, N.
@@ -57,7 +56,6 @@ class PlanarSummary:
     height_max: float
     pitch_max: float
     paper_cost: float
-    thrust_rms: float
     slip: float
     torque_max: float
     force_rms_x: float
@@ -113,7 +111,7 @@ class PlanarWalk(KeepsViews):
     def initial_state(self) -> tuple[Vector, Vector]:
         """Configuration (7,) and velocity (7,) at t = 0: joints on their targets, the lower foot in the ground."""
         g, q, v = self.gait, self.model.neutral(), np.zeros(7)
-        joint_targets(0.0, q, v, self._walk[0], self._model[0])
+        joint_targets(0.0, self._walk[0], self._model[0])
         q[2], q[3:] = g.start_pitch, field(self._walk, "target")
         v[:3], v[3:] = (g.start_vx, g.start_vz, g.start_pitch_rate), field(self._walk, "rate")
         q[1] = -float(self.model.terms(q, v)["foot_position"][:, 2].min()) - self.static_penetration
@@ -142,10 +140,10 @@ class PlanarWalk(KeepsViews):
 
         Args:
             duration: s.
-            log: keep :attr:`log`: rows t, q (7), v (7), force (6), torque (4), thrust (2), feet (4) per tick.
+            log: keep :attr:`log`: rows t, q (7), v (7), force (6), torque (4) per tick.
         """
         ticks = checks.ticks(checks.number("duration", duration, low=0.0, strict=True), self.period)
-        self.log = np.zeros((ticks if log else 0, 31))
+        self.log = np.zeros((ticks if log else 0, 25))
         sums = make_record(SumsRecord)
         start = self.q[0]
         done = _run(self.t, ticks, self.q, self.v, self._walk, self._model, self._ground, self._step, self.log, sums)
@@ -163,7 +161,6 @@ class PlanarWalk(KeepsViews):
             height_max=float(total["height_max"]),
             pitch_max=float(total["pitch_max"]),
             paper_cost=float(total["cost"] / n),
-            thrust_rms=float(np.sqrt(total["thrust"] / n)),
             slip=float(1e3 * total["slip"] / max(steps, 1e-9)),
             torque_max=float(total["torque_max"]),
             force_rms_x=float(np.sqrt(total["force"] / n)),
@@ -177,7 +174,7 @@ class SumsRecord(RecordOf):
     Attributes:
         cost: of the paper, per tick.
         pitch_max, torque_max: largest magnitudes, rad and N·m.
-        thrust, force: squared magnitude of the thrust, squared force along x, N².
+        force: squared force along x, N².
         slip: path of touching feet, m.
         pitch_change, changes: sum of the squared changes from one mid-step to the next, rad², and how many.
         height_min, height_max: m.
@@ -188,7 +185,6 @@ class SumsRecord(RecordOf):
     cost: float = 0.0
     pitch_max: float = 0.0
     torque_max: float = 0.0
-    thrust: float = 0.0
     force: float = 0.0
     slip: float = 0.0
     pitch_change: float = 0.0
@@ -213,7 +209,7 @@ def _run(
     total: SumsRecord,
 ) -> int:
     """Walk; returns the ticks done before a fall."""
-    fall_height = 0.6 * q[1]
+    fall_height, thrust = 0.6 * q[1], np.zeros(3)
     step_ticks = max(round(p.step_duration / p.period), 1)
     for tick in range(ticks):
         planar_control(t + p.period * tick, q, v, p, d)
@@ -224,14 +220,10 @@ def _run(
             row[8:15] = v
             row[15:21] = s.force
             row[21:25] = p.torque
-            row[25], row[26] = p.thrust[0], p.thrust[2]
         for _ in range(2):
             touching = (s.force[2] > 0.0, s.force[5] > 0.0)
-            planar_step(q, v, p.torque, p.thrust, d, ground, s)
+            planar_step(q, v, p.torque, thrust, d, ground, s)
             _add_slip(touching, d, s, total)
-        if log.shape[0] > 0:
-            for k in range(2):
-                row[27 + 2 * k], row[28 + 2 * k] = d.foot_position[k, 0], d.foot_position[k, 2]
         _add_tick(q, v, p, s, total)
         if tick % step_ticks == step_ticks // 2:
             if 2 * tick > ticks and not np.isnan(total.pitch):
@@ -293,7 +285,6 @@ def _add_tick(q: Vector, v: Vector, p: PlanarWalkRecord, s: StepRecord, total: S
     total.cost += 10.0 * abs(v[0] - 0.3) + abs(v[2]) + 10.0 * abs(q[1] - 0.6)
     total.height_min, total.height_max = min(total.height_min, q[1]), max(total.height_max, q[1])
     total.pitch_max = max(total.pitch_max, abs(q[2]))
-    total.thrust += p.thrust[0] * p.thrust[0] + p.thrust[2] * p.thrust[2]
     for j in range(p.torque.shape[0]):
         total.torque_max = max(total.torque_max, abs(p.torque[j]))
     total.force += (s.force[0] + s.force[3]) ** 2

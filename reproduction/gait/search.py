@@ -43,12 +43,6 @@ ENDS: Bounds = {
     "push_x": (-0.12, 0.12),
     "push_z": (-0.05, 0.05),
 }
-FEEDBACK: Bounds = {
-    "stance_pitch": (-2.0, 2.0),
-    "stance_pitch_rate": (-0.3, 0.3),
-    "swing_pitch": (-2.0, 2.0),
-    "swing_pitch_rate": (-0.3, 0.3),
-}
 OVERLAP: Bounds = {
     "double_support": (0.0, 0.88),
     "half_step": (0.01, 0.23),
@@ -64,12 +58,10 @@ SEARCHES: dict[str, Bounds] = {
     "middle": {**PAPER, **PLACE, **START, **MIDDLE},
     "ends": {**PAPER, **PLACE, **START, **MIDDLE, **ENDS, "swing_mid_height": (0.4, 0.6)},
     "overlap": {**PAPER, **PLACE, **START, **MIDDLE, **ENDS, **OVERLAP},
-    "feedback": {**PAPER, **PLACE, **START, **MIDDLE, **FEEDBACK},
 }
 """Sets of numbers to vary, with their bounds. ``paper`` is what the paper prints; ``middle`` and all before it keep
 its P1 = P0 and P3 = P4; ``ends`` frees the feet's velocities at both ends; ``overlap`` adds a planned double support
-and the wider bounds that it needs;
-``feedback`` adds pitch feedback in the legs to ``middle``."""
+and the wider bounds that it needs."""
 
 WORST = 20.0
 """Bound on the paper's cost: a walk that falls at once must not drown the others."""

@@ -45,8 +45,7 @@ class SpatialGait(StraightGait):
         friction: static friction coefficient of the planar walk that it is read from.
 
     Raises:
-        InputError: unknown reference, a target is out of reach, the gait has a thrust or pitch feedback of its own, or
-            the planar walk falls before it has settled.
+        InputError: unknown reference, a target is out of reach, or the planar walk falls before it has settled.
     """
 
     constant = True
@@ -65,8 +64,6 @@ class SpatialGait(StraightGait):
         friction: float = 0.25,
     ) -> None:
         checks.one_of("reference of the body", reference, REFERENCES)
-        if planar.feedback:
-            raise InputError("a planar gait with feedback or thrust of its own has no targets in time", name="planar")
         self.planar = planar
         self._upright_swing = upright_swing
         self._table: Vector | None = None

@@ -60,12 +60,7 @@ def records(robot):
     return {
         "leg": leg.record[0],
         "gains": reduced[0],
-        "model": {
-            "axial_force": reduced[0],
-            "planar_step": model.record,
-            "planar_control": model.record[0],
-            "joint_targets": model.record[0],
-        },
+        "model": {"axial_force": reduced[0], "planar_step": model.record, "planar_control": model.record[0]},
         "p": {"explicit_update": erg_record(rows=5, size=6, alpha_r=1, alpha_t=1, alpha_n=1)[0]},
         "walk": walk[0],
         "gait": walk[0],

@@ -17,9 +17,7 @@ BAD = {
         **{"speed": (math.nan, "fast"), "step_duration": (0.0, -1.0), "double_support": (-0.1, 1.0), "height": (0.0,)},
         **{"width": (-0.1,), "sway": (math.inf,), "clearance": (-0.01,), "penetration_offset": (-0.01,)},
     },
-    PlanarGait: {
-        **{"half_step": (0.0, "far"), "end_height": (math.nan,), "double_support": (0.95,), "thrust_k_p": (-1,)}
-    },
+    PlanarGait: {**{"half_step": (0.0, "far"), "end_height": (math.nan,), "double_support": (0.95,)}},
     CentreGains: {"k_pt": (-1.0,), "k_dt": ((1.0, 2.0),), "k_pr": (math.nan,), "k_dr": (-0.1,)},
     AttitudeGains: {"k_p": (-1.0,)},
     JointGains: {"k_p": ((1.0, -1.0, 1.0),)},

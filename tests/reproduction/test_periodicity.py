@@ -66,7 +66,5 @@ def test_jacobian_predicts_a_disturbance(step_map, periodic):
 def test_periodicity_refuses(model):
     with pytest.raises(InputError, match="falls after"):
         analyse_periodicity(model, PlanarGait(), settle=10)
-    with pytest.raises(InputError, match="thrust"):
-        StepMap(model, PlanarGait(thrust_k_p=400.0))
     with pytest.raises(InputError, match="whole number of ticks"):
         StepMap(model, PlanarGait(step_duration=0.7503))

@@ -11,7 +11,7 @@ from reproduction.gait.joints import PlanarJoints, planar_control, walk_record
 
 
 class PlanarWalkController:
-    """Torques of hips and knees, and the sagittal thrust in equal halves."""
+    """Torques of hips and knees."""
 
     def __init__(self, model, gait, period=1e-3):
         self.model, self.period = model, period
@@ -20,7 +20,6 @@ class PlanarWalkController:
 
     def step(self, state):
         _tick(state.t, state.q, state.v, self._record, self.model.record)
-        self._command.thrust[:] = 0.5 * field(self._record, "thrust")
         return self._command
 
     def telemetry(self):
