@@ -29,7 +29,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES, _choose, _correct, _solve_active
 from harpy_pin.wbc.condensed.condensed_solver import SearchRecord
 from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, _bring_in, _most_violated, _start
-from harpy_pin.wbc.qp_solver import row_value, worst_violation
+from harpy_pin.wbc.program import row_value, worst_violation
 
 _MAIN = Template("""
 static struct bench_state state;

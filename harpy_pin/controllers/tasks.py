@@ -27,8 +27,7 @@ from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_ter
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.centre_of_mass import note_centre_drift
-from harpy_pin.wbc.weights import TargetsRecord, targets_record
+from harpy_pin.wbc.weights import TargetsRecord, note_centre_drift, targets_record
 
 if TYPE_CHECKING:
     from harpy_pin.model.tree import TreeRecord

@@ -26,16 +26,8 @@ from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import ZERO, RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.dual import DualActiveSet, DualRecord, dual_active_set
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.qp_solver import (
-    ACCEPTED,
-    QPSolution,
-    QPSolver,
-    QPStatus,
-    equality_residual,
-    row_value,
-    worst_violation,
-)
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram, equality_residual, row_value, worst_violation
+from harpy_pin.wbc.qp_solver import ACCEPTED, QPSolution, QPSolver, QPStatus
 
 __all__ = ["WarmStartedActiveSet"]
 

@@ -18,8 +18,8 @@ from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.qp_solver import QPSolver, QPStatus, row_value
+from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram, row_value
+from harpy_pin.wbc.qp_solver import QPSolver, QPStatus
 
 __all__ = ["DualActiveSet"]
 

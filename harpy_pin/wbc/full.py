@@ -12,13 +12,13 @@ from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
 from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.centre_of_mass import body_row
 from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
     WholeBodyProblem,
     add_task,
+    body_row,
     desired_acceleration,
     enter_pyramids,
     force_bounds,

@@ -20,13 +20,13 @@ from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, contact_
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, field
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.centre_of_mass import body_row
 from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
     WholeBodyProblem,
     add_task,
+    body_row,
     desired_acceleration,
     friction_limits,
     mirror,

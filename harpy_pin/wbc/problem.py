@@ -35,7 +35,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record
@@ -332,6 +332,33 @@ def desired_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vec
         out[3 + i] = t.orientation[i]
     for j in range(t.joints.shape[0]):
         out[6 + j] = t.joints[j]
+
+
+@kernel
+def body_row(k: int, d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: Vector, row: Vector) -> float:
+    """A row of the body's linear task along a world axis, where the centre of mass has the horizontal ones.
+
+    The base's linear rows of M a + n are the robot's mass times the acceleration of its centre of mass, less gravity,
+    in base axes: c̈ = R (M_l a + n_l) / m + g. The task of the body has these rows where a gait demands that acceleration
+    (:attr:`harpy_pin.gaits.gait.GaitTarget.centre_of_mass`): of a robot on soles legs, torso and arms are heavy, and
+    what they do moves its centre of mass against the origin of its base.
+
+    Axis k is 0 or 1 of the centre of mass, or 2 of the body's origin. The row (nv,) is written, and the value that
+    row · a should have, m/s², is returned.
+    """
+    row[:] = 0.0
+    if k < 2:
+        for i in range(3):
+            x = rotation[k, i] / d.mass_matrix[0, 0]
+            for c in range(row.shape[0]):
+                row[c] += x * d.mass_matrix[i, c]
+        return float(t.body[k] - t.centre_drift[k])
+    value = t.body[2]
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        row[i] = rotation[2, i]
+        value -= rotation[2, i] * (v[3 + a] * v[b] - v[3 + b] * v[a])
+    return float(value)
 
 
 @kernel

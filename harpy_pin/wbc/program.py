@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector
@@ -91,3 +92,44 @@ class QuadraticProgram(KeepsViews):
         c = self.inequality @ checks.array("z", z, len(self.gradient))
         equal = np.abs(self.equality @ z - self.equality_value)
         return float(max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0))
+
+
+@kernel
+def row_value(qp: ProgramRecord, r: int, z: Vector) -> float:
+    """Row r of C z; the first rows are the bounded variables themselves."""
+    if r < qp.bounded:
+        return float(z[r])
+    s = 0.0
+    for i in range(z.shape[0]):
+        s += qp.inequality[r, i] * z[i]
+    return s
+
+
+@kernel
+def equality_residual(qp: ProgramRecord, z: Vector) -> float:
+    """Largest |A z − b|; inf where one is not a number."""
+    worst = 0.0
+    for r in range(qp.equality_value.shape[0]):
+        s = -qp.equality_value[r]
+        for i in range(z.shape[0]):
+            s += qp.equality[r, i] * z[i]
+        if np.isnan(s):
+            return np.inf
+        worst = max(worst, abs(s))
+    return worst
+
+
+@kernel
+def worst_violation(qp: ProgramRecord, z: Vector) -> float:
+    """Largest violation of a constraint by z; inf where something is not a number."""
+    for i in range(z.shape[0]):
+        if not np.isfinite(z[i]):
+            return np.inf
+    worst = equality_residual(qp, z)
+    for r in range(qp.lower.shape[0]):
+        s = row_value(qp, r, z)
+        below, above = qp.lower[r] - s, s - qp.upper[r]
+        if np.isnan(below) or np.isnan(above):
+            return np.inf
+        worst = max(worst, below, above)
+    return worst

@@ -10,11 +10,10 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.program import QuadraticProgram, worst_violation
 
 __all__ = ["QPSolution", "QPSolver", "QPStatus"]
 
@@ -122,44 +121,3 @@ class QPSolver(KeepsViews, ABC):
     @abstractmethod
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         """Fill ``z`` and ``iterations`` of the solution."""
-
-
-@kernel
-def row_value(qp: ProgramRecord, r: int, z: Vector) -> float:
-    """Row r of C z; the first rows are the bounded variables themselves."""
-    if r < qp.bounded:
-        return float(z[r])
-    s = 0.0
-    for i in range(z.shape[0]):
-        s += qp.inequality[r, i] * z[i]
-    return s
-
-
-@kernel
-def equality_residual(qp: ProgramRecord, z: Vector) -> float:
-    """Largest |A z − b|; inf where one is not a number."""
-    worst = 0.0
-    for r in range(qp.equality_value.shape[0]):
-        s = -qp.equality_value[r]
-        for i in range(z.shape[0]):
-            s += qp.equality[r, i] * z[i]
-        if np.isnan(s):
-            return np.inf
-        worst = max(worst, abs(s))
-    return worst
-
-
-@kernel
-def worst_violation(qp: ProgramRecord, z: Vector) -> float:
-    """Largest violation of a constraint by z; inf where something is not a number."""
-    for i in range(z.shape[0]):
-        if not np.isfinite(z[i]):
-            return np.inf
-    worst = equality_residual(qp, z)
-    for r in range(qp.lower.shape[0]):
-        s = row_value(qp, r, z)
-        below, above = qp.lower[r] - s, s - qp.upper[r]
-        if np.isnan(below) or np.isnan(above):
-            return np.inf
-        worst = max(worst, below, above)
-    return worst

@@ -8,13 +8,13 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.centre_of_mass import note_centre_drift
 
 __all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "targets_record", "thrust_box"]
 
@@ -231,3 +231,14 @@ def targets_record(robot: Robot) -> Records[TargetsRecord]:
     """A new :class:`TargetsRecord`."""
     feet = len(robot.feet)
     return make_record(TargetsRecord, robot.sizes, force_range=np.tile((0.0, 1e4), (feet, 1)))
+
+
+@kernel
+def note_centre_drift(d: DynamicsRecord, t: TargetsRecord) -> None:
+    """What the velocities alone give the centre of mass, R n_l / m + g, into ``t.centre_drift``."""
+    tree = d.tree
+    for k in range(2):
+        s = 0.0
+        for i in range(3):
+            s += tree.rotation[k, i] * d.bias[i]
+        t.centre_drift[k] = s / d.mass_matrix[0, 0] + tree.gravity[k]

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
-from harpy_pin.wbc.centre_of_mass import body_row
 from harpy_pin.wbc.condensed import CondensedSolver
+from harpy_pin.wbc.problem import body_row
 
 
 def centred_case(seed, spread=0.2):

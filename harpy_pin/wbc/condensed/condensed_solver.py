@@ -1,8 +1,8 @@
 """The whole-body optimum as a program in the contact forces alone, solved in a bounded number of operations.
 
 A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), fills in the program in the contact forces
-(:mod:`harpy_pin.wbc.condensed.force_program`), finds its optimum, and recovers thrusts and torques
-(:mod:`harpy_pin.wbc.condensed.root`). The last tick's active set is tried, then exchanged; then follows the dual
+(:mod:`harpy_pin.wbc.condensed.force_program`), finds its optimum, and recovers thrusts and torques.
+The last tick's active set is tried, then exchanged; then follows the dual
 active-set method. At the end every force is put into its pyramid.
 
 Where thrusts or torques of that optimum exceed their limits, which is rare, the program is solved again with thrusts
@@ -30,10 +30,17 @@ from harpy_pin.model.record import Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
-from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record, condensed_sizes, eliminate_limbs
+from harpy_pin.wbc.condensed.condense import (
+    CondensationRecord,
+    condensation_record,
+    condensed_sizes,
+    eliminate_limbs,
+    joint_torques,
+    recover,
+    root_factor,
+)
 from harpy_pin.wbc.condensed.force_program import force_objective, into_cones, search_active_set
 from harpy_pin.wbc.condensed.limits import limited_program
-from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
 from harpy_pin.wbc.dual import DualActiveSet, DualRecord
 from harpy_pin.wbc.giving_way import beyond_torque_limit, share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (

@@ -28,10 +28,15 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condense import CondensationRecord, condensation_record, eliminate_limbs
+from harpy_pin.wbc.condensed.condense import (
+    CondensationRecord,
+    condensation_record,
+    eliminate_limbs,
+    recover,
+    root_factor,
+)
 from harpy_pin.wbc.condensed.force_program import force_objective
 from harpy_pin.wbc.condensed.limits import input_map
-from harpy_pin.wbc.condensed.root import recover, root_factor
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,

@@ -21,9 +21,8 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.centre import root_per_unit
-from harpy_pin.wbc.condensed.condense import CondensationRecord
+from harpy_pin.wbc.condensed.condense import CondensationRecord, joint_torques, recover, root_factor
 from harpy_pin.wbc.condensed.force_program import root_cost
-from harpy_pin.wbc.condensed.root import joint_torques, recover, root_factor
 from harpy_pin.wbc.problem import force_bounds
 
 if TYPE_CHECKING:
