@@ -339,9 +339,9 @@ def body_row(k: int, d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: V
     """A row of the body's linear task along a world axis, where the centre of mass has the horizontal ones.
 
     The base's linear rows of M a + n are the robot's mass times the acceleration of its centre of mass, less gravity,
-    in base axes: c̈ = R (M_l a + n_l) / m + g. The task of the body has these rows where a gait demands that acceleration
-    (:attr:`harpy_pin.gaits.gait.GaitTarget.centre_of_mass`): of a robot on soles legs, torso and arms are heavy, and
-    what they do moves its centre of mass against the origin of its base.
+    in base axes: c̈ = R (M_l a + n_l) / m + g. The task of the body has these rows where a gait demands that
+    acceleration (:attr:`harpy_pin.gaits.gait.GaitTarget.centre_of_mass`): of a robot on soles legs, torso and arms are
+    heavy, and what they do moves its centre of mass against the origin of its base.
 
     Axis k is 0 or 1 of the centre of mass, or 2 of the body's origin. The row (nv,) is written, and the value that
     row · a should have, m/s², is returned.
