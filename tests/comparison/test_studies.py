@@ -381,6 +381,14 @@ def test_every_flight_is_as_its_row_says(name):
 
 
 @needs_robots
+def test_robots_stand_or_say_why_they_do_not():
+    standing, times = tables_of("robots").values()
+    assert standing.number("solo12", "mass") == pytest.approx(2.5, abs=0.01)
+    assert "point foot must have 3 joints" in str(standing.get("solo8", "stands, condensed").value)
+    assert times.rows[:2] == ["solo12, QP", "solo12, condensed"]
+
+
+@needs_robots
 def test_a_look_at_walking_falls_nowhere_and_times_the_ticks():
     rows = rows_of("walking")
     assert [row["what"] for row in rows if "fell" not in row] == ["ticks"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -45,20 +44,15 @@ def test_go2_walks_stairs(rise, part):
 
 
 @needs_robots
-def test_feet_carry_on_treads_and_clear_the_steps():
-    """A foot that carries is away from every riser; one in the air is nowhere below the ground."""
+def test_feet_stand_on_treads_and_clear_the_steps():
+    """A loaded foot is away from every riser; a swing foot is nowhere below the ground."""
     run = climbed(UPSTAIRS)
-    robot = hp.load_robot("go2")
-    data = robot.model.createData()
+    x, y, z = np.moveaxis(run["foot_position"][::5], 2, 0)
+    assert (z > UPSTAIRS.height(x, y) - 0.01).all()
+    loaded = np.abs(run["foot_force"][::5]).max(axis=2) > 10.0
     risers = UPSTAIRS.start + UPSTAIRS.depth * np.arange(UPSTAIRS.steps)
-    for q, force in zip(run["q"][::5], run["foot_force"][::5], strict=True):
-        pin.framesForwardKinematics(robot.model, data, q)
-        for k, name in enumerate(robot.feet):
-            x, y, z = data.oMf[robot.frame_id(name)].translation
-            assert z > float(UPSTAIRS.height(x, y)) - 0.01
-            if np.abs(force[k]).max() > 10.0:
-                away = np.maximum(risers - x, x - risers - UPSTAIRS.edge)
-                assert away.min() > 0.5 * MARGIN
+    away = np.maximum(risers - x[loaded, None], x[loaded, None] - risers - UPSTAIRS.edge)
+    assert away.min() > 0.5 * MARGIN
 
 
 @needs_robots

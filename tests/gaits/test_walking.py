@@ -29,14 +29,14 @@ small = st.floats(-1.0, 1.0)
 @given(small, small, small, st.floats(3.0, 8.0), st.floats(0.0, 0.5))
 @settings(max_examples=20)
 def test_prediction_is_the_pendulums_motion(place, velocity, pressure, omega, time):
-    told = predict(place, velocity, pressure, omega, time)
+    found = predict(place, velocity, pressure, omega, time)
     if time > 0.0:
         motion = solve_ivp(
             lambda _, x: (x[1], omega**2 * (x[0] - pressure)), (0.0, time), (place, velocity), rtol=1e-10, atol=1e-12
         )
-        np.testing.assert_allclose(told, motion.y[:, -1], rtol=1e-6, atol=1e-8)
+        np.testing.assert_allclose(found, motion.y[:, -1], rtol=1e-6, atol=1e-8)
     else:
-        assert told == (place, velocity)
+        assert found == (place, velocity)
 
 
 @given(small, small, st.floats(3.0, 8.0), st.floats(0.1, 0.6))
@@ -102,8 +102,8 @@ def test_what_is_measured_is_pinocchios(name):
         np.testing.assert_allclose(m["point"], feet, atol=1e-12)
         # The angular momentum about the ground below the centre of mass is that of a pendulum of this velocity.
         about_ground = data.hg.angular + np.cross((0.0, 0.0, centre[2]), robot.mass * data.vcom[0])
-        told = robot.mass * centre[2] * np.array((-m["drift"][1], m["drift"][0]))
-        np.testing.assert_allclose(told, about_ground[:2], atol=1e-11)
+        pendulum = robot.mass * centre[2] * np.array((-m["drift"][1], m["drift"][0]))
+        np.testing.assert_allclose(pendulum, about_ground[:2], atol=1e-11)
 
 
 # --- Targets ----------------------------------------------------------------------------------------------------------
@@ -156,7 +156,7 @@ def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
 
 
 @needs_robots
-def test_feet_that_land_early_carry_and_late_ones_are_searched_for():
+def test_feet_that_land_early_stay_and_late_ones_are_let_down():
     gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.0))
     p, loaded, free = gait.record[0], made_state(gait, force=6.0), made_state(gait, force=0.0)
     t, h = 0.0, 1e-3
@@ -196,7 +196,7 @@ def test_feet_that_land_early_carry_and_late_ones_are_searched_for():
 
 
 @needs_robots
-def test_a_foot_that_carries_and_does_not_touch_is_let_down():
+def test_a_stance_foot_that_does_not_touch_is_let_down():
     gait = hp.WalkingGait(hp.load_robot("solo12"))
     gait.observe(made_state(gait, height=0.01))
     o = gait.update(0.0)
@@ -208,9 +208,7 @@ def test_a_foot_that_carries_and_does_not_touch_is_let_down():
 def test_commands_that_are_not_finite_are_ignored_and_scripts_are_followed():
     robot = hp.load_robot("solo12")
     gait = hp.WalkingGait(robot, velocity=((0.1, 0.2, 0.0, 0.0), (0.5, 0.0, 0.0, 0.5, 0.01)))
-    q, v = gait.initial_state()
-    feet = np.zeros((4, 3))
-    state = hp.State(0.0, q, v, feet, feet, feet)
+    state = made_state(gait)
     with pytest.raises(hp.InputError, match="observe"):
         gait.update(0.0)
     for t in np.arange(0.0, 1.0, 1e-3):
@@ -267,9 +265,7 @@ def test_on_level_soles_the_demand_is_of_the_centre_of_mass(name, slope, centred
     gait = hp.WalkingGait(hp.load_robot(name))
     if slope:
         gait = hp.OnTerrain(gait, hp.ground.Plane(slope=slope))
-    q, v = gait.initial_state()
-    zeros = np.zeros((len(gait.robot.feet), 3))
-    gait.observe(hp.State(0.0, q, v, zeros, zeros, zeros))
+    gait.observe(made_state(gait))
     assert gait.update(0.0).centre_of_mass == centred
 
 

@@ -11,6 +11,7 @@ import pytest
 from long import long_but
 from needs import needs_robots
 from scipy.optimize import brentq
+from walks import made_state, walk
 
 import harpy_pin as hp
 from harpy_pin.gaits.walking.build import build_of
@@ -59,8 +60,8 @@ def test_reaction_is_the_momentum_that_a_moving_foot_gives_the_pendulum():
         v[6 + 3 * k : 9 + 3 * k] = 0.3, -0.7, 0.9
         foot = pin.computeFrameJacobian(model, data, q, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)[:3] @ v
         momentum = pin.computeCentroidalMomentum(model, data, q, v).np / robot.mass
-        wanted = (momentum[0] + momentum[4] / build.rise, momentum[1] - momentum[3] / build.rise)
-        np.testing.assert_allclose(build.reaction[k] @ foot, wanted, atol=1e-12)
+        desired = (momentum[0] + momentum[4] / build.rise, momentum[1] - momentum[3] / build.rise)
+        np.testing.assert_allclose(build.reaction[k] @ foot, desired, atol=1e-12)
 
 
 @needs_robots
@@ -68,15 +69,8 @@ def test_reaction_is_the_momentum_that_a_moving_foot_gives_the_pendulum():
 def test_go2_trots_at_two_metres_per_second_with_shorter_steps(plant):
     if plant == "mujoco":
         pytest.importorskip("mujoco")
-    robot = hp.load_robot("go2")
-    gait = hp.WalkingGait(robot, velocity=(2.0, 0.0, 0.0), max_speed=2.0)
-    scenario = hp.Scenario(
-        controller=hp.Condensed(parameters=gait.parameters),
-        ground=hp.Ground(mu_s=0.8, stiffness=robot.mass * 9.81 / 2e-3),
-        duration=4.0,
-        plant=plant,
-    )
-    run = hp.walk(scenario, gait=gait)
+    gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(2.0, 0.0, 0.0), max_speed=2.0)
+    run = walk(gait, mu=0.8, duration=4.0, plant=plant)
     last = run["t"] > 3.0
     assert run.ending == "completed"
     assert np.mean(run["centre"][last, 3]) == pytest.approx(2.0, abs=0.1)
@@ -102,12 +96,7 @@ def test_anymal_b_bounds_as_fast_as_its_legs_reach():
     robot = hp.load_robot("anymal_b")
     with pytest.warns(UserWarning, match="limited"):
         gait = hp.WalkingGait(robot, schedule="bound", velocity=((0.3, 0.45, 0.0, 0.0),))
-    scenario = hp.Scenario(
-        controller=hp.Condensed(parameters=gait.parameters),
-        ground=hp.Ground(mu_s=0.5, stiffness=robot.mass * 9.81 / 2e-3),
-        duration=6.0,
-    )
-    run = hp.walk(scenario, gait=gait)
+    run = walk(gait, mu=0.5, duration=6.0)
     assert run.ending == "completed"
     assert run["centre"][-1, 0] > 5.0 * 0.9 * gait.max_speed
 
@@ -164,14 +153,8 @@ def test_no_foothold_stretches_a_leg(name, higher):
 @needs_robots
 def test_a_late_foot_that_rests_has_landed_though_it_hardly_pushes():
     gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.0))
-    p, (q, v), feet = gait.record[0], gait.initial_state(), np.zeros((4, 3))
-
-    def state(force):
-        load = feet.copy()
-        load[:, 2] = force
-        return hp.State(0.0, q, v, feet, feet, load)
-
-    rests, free, t = state(0.5 * float(p["touch_force"])), state(0.0), 0.0
+    p, t = gait.record[0], 0.0
+    rests, free = made_state(gait, force=0.5 * float(p["touch_force"])), made_state(gait)
 
     def late_after(given):
         nonlocal t
@@ -195,7 +178,7 @@ def test_a_late_foot_that_rests_has_landed_though_it_hardly_pushes():
 @needs_robots
 def test_turns_bend_the_way_by_the_acceleration_at_most():
     gait = hp.WalkingGait(hp.load_robot("go2"))
-    gait.observe(hp.State(0.0, *gait.initial_state(), *np.zeros((3, 4, 3))))
+    gait.observe(made_state(gait))
     for command in np.random.default_rng(3).uniform(-1.5, 1.5, (50, 3)):
         gait.command[:3] = command
         gait.update(0.0)
@@ -245,7 +228,7 @@ def test_a_walking_gait_says_to_what_it_limits_the_velocity() -> None:
 
 
 @needs_robots
-def test_what_is_said_is_what_is_walked() -> None:
+def test_the_limit_in_the_warning_is_the_one_that_is_walked() -> None:
     gait = hp.Walking(velocity=(9.0, 0.0, 0.0))
     with pytest.warns(UserWarning, match="limited to") as said:
         run = hp.walk(hp.Scenario(robot="go2", gait=gait, duration=4.0))

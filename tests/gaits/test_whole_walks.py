@@ -1,4 +1,4 @@
-"""Robots that walk where they are told, on slippery ground, pushed, delayed, and in MuJoCo.
+"""Walks of any robot, on slippery ground, pushed, delayed, and in MuJoCo.
 
 ``--long`` walks more robots: kernels are compiled for each size of robot.
 """
@@ -18,12 +18,13 @@ from walks import made_state, path_error, slip_per_step, walk
 import harpy_pin as hp
 from harpy_pin.ground.terrain import HeightField, Stairs
 
-small = st.floats(-1.0, 1.0)
+PUSHES = [((0.6, 0.0),), ((-0.6, 0.0),), ((0.0, 0.6),), ((0.0, -0.6),)]
+"""Velocities that pushes would give, m/s."""
 
 
 @needs_robots
 @pytest.mark.parametrize(("name", "speed"), [("solo12", 0.6), ("go2", 1.5), ("a1", 1.2), ("anymal_c", 0.8)])
-def test_trots_where_it_is_told_and_hardly_slips(name, speed):
+def test_trots_as_commanded_and_hardly_slips(name, speed):
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(speed, 0.0, 0.0), max_speed=2.0)
     run = walk(gait)
     assert run.ending == "completed"
@@ -74,7 +75,7 @@ def test_walks_on_slippery_ground(mu):
 
 
 @needs_robots
-@pytest.mark.parametrize("push", [(0.6, 0.0), (-0.6, 0.0), (0.0, 0.6), (0.0, -0.6)])
+@pytest.mark.parametrize("push", [push for (push,) in PUSHES])
 def test_a_pushed_trot_goes_on(push):
     run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0)), pushes=((1.5, (*push, 0.0)),))
     assert run.ending == "completed"
@@ -158,7 +159,7 @@ def test_feet_of_a_biped_do_not_cross_and_land_before_it_leans_too_far():
 
 
 @needs_robots
-@pytest.mark.parametrize("push", [(0.6, 0.0), (-0.6, 0.0), (0.0, 0.6), (0.0, -0.6)])
+@pytest.mark.parametrize("push", long_but(PUSHES, PUSHES[1:3]))
 @pytest.mark.parametrize("plant", ["compliant", "mujoco"])
 def test_a_pushed_biped_on_points_goes_on(plant, push):
     if plant == "mujoco":
@@ -170,7 +171,7 @@ def test_a_pushed_biped_on_points_goes_on(plant, push):
 
 
 @needs_robots
-@pytest.mark.parametrize("time", [2.24, 2.28, 2.32, 2.36])
+@pytest.mark.parametrize("time", long_but((2.24, 2.28, 2.32, 2.36), (2.24, 2.36)))
 def test_a_biped_on_points_that_is_pushed_askew_is_not_lifted(time):
     """Its one force holds the body upright against the swinging leg only by pushing it aside and up."""
     gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.5, 0.0, 0.0))
@@ -182,22 +183,11 @@ def test_a_biped_on_points_that_is_pushed_askew_is_not_lifted(time):
 # --- Ground that the gait does not know -------------------------------------------------------------------------------
 
 
-def blind(gait, surface, *, on_tick=None):
-    """A walk on a ground of which the gait knows nothing."""
-    mass = gait.robot.mass
-    scenario = hp.Scenario(
-        controller=hp.Condensed(parameters=gait.parameters),
-        ground=hp.Ground(mu_s=0.6, stiffness=mass * 9.81 / 2e-3, terrain=surface),
-        duration=3.5,
-    )
-    return hp.walk(scenario, gait=gait, on_tick=on_tick)
-
-
 @needs_robots
 @pytest.mark.parametrize("rise", [0.02, -0.02])
 @pytest.mark.parametrize("name", ["solo12", "bolt"])
 def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
-    """Up: a foot that meets the ground early carries. Down: a late one is searched for, and the others carry."""
+    """Up: a foot that meets the ground early has landed. Down: a late one is let down, and the others stay loaded."""
     log = []
 
     def see(state):
@@ -206,7 +196,8 @@ def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
 
     robot = hp.load_robot(name)
     gait = hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0))
-    run = blind(gait, Stairs(rise=rise, steps=1, depth=5.0, start=0.5, edge=0.002), on_tick=see)
+    stairs = Stairs(rise=rise, steps=1, depth=5.0, start=0.5, edge=0.002)
+    run = walk(gait, terrain=stairs, duration=3.5, on_tick=see)
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
     unknown = 0.03 * gait.record["height"][0]
@@ -233,7 +224,8 @@ def test_bumps_of_one_centimetre_that_it_does_not_know(name, seed):
     heights = np.random.default_rng(seed).uniform(-0.01, 0.01, (30, 30))
     heights[:9] = 0.0  # where it stands at first
     gait = hp.WalkingGait(hp.load_robot(name), velocity=(0.3, 0.0, 0.0))
-    run = blind(gait, HeightField(heights=heights.tolist(), resolution=0.1, corner=(-0.5, -1.5)))
+    bumps = HeightField(heights=heights.tolist(), resolution=0.1, corner=(-0.5, -1.5))
+    run = walk(gait, terrain=bumps, duration=3.5)
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.05
     assert run["centre"][-1, 0] > 0.6
@@ -293,16 +285,8 @@ SIDES = [45 * k for k in range(8)]
 @pytest.mark.parametrize("degrees", long_but(SIDES, (90,)))
 def test_a_push_from_any_side_does_not_fell_g1_in_mujoco(degrees):
     pytest.importorskip("mujoco")
-    robot, angle = hp.load_robot("g1"), np.deg2rad(degrees)
-    gait = hp.WalkingGait(robot, velocity=((0.3, 0.2, 0.0, 0.0),))
-    impulse = 0.15 * robot.mass * np.array((np.cos(angle), np.sin(angle), 0.0))
-    scenario = hp.Scenario(
-        controller=hp.Condensed(parameters=gait.parameters),
-        ground=hp.Ground(mu_s=0.5, stiffness=robot.mass * 9.81 / 2e-3),
-        disturbances=hp.Disturbances(pushes=(hp.Push(2.2, tuple(impulse)),)),
-        duration=6.0,
-        plant="mujoco",
-    )
-    run = hp.walk(scenario, gait=gait)
+    gait, angle = hp.WalkingGait(hp.load_robot("g1"), velocity=((0.3, 0.2, 0.0, 0.0),)), np.deg2rad(degrees)
+    push = (0.15 * np.cos(angle), 0.15 * np.sin(angle), 0.0)
+    run = walk(gait, mu=0.5, pushes=((2.2, push),), duration=6.0, plant="mujoco")
     assert run.ending == "completed"
     assert run["centre"][-1, 2] > 0.9 * run["centre"][0, 2]

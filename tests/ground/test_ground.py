@@ -73,7 +73,7 @@ def violation(ground, mobility, free, height, dt, force):
     return worst / (1.0 + np.abs(force).max())
 
 
-@settings(max_examples=600)
+@settings(max_examples=400)
 @given(ground=grounds(), seed=seeds, feet=st.sampled_from([1, 2]))
 def test_step_obeys_the_law_at_its_end(ground, seed, feet):
     mobility, free, height, dt = draw_contact(seed, feet)
@@ -96,16 +96,16 @@ def test_step_obeys_the_law_where_the_damper_sets_in(ground, seed, share):
 def test_step_nearly_always_converges():
     """Gauss–Seidel has no guarantee for strongly coupled, unlike feet: it says so, and it is rare."""
     failed, contacts = 0, 0
-    for seed in range(4000):
+    for seed in range(2000):
         ground = Ground(mu_s=[0.25, 0.8][seed % 2], cone=CONES[seed // 2 % 2])
         force, sweeps = solve(ground, *draw_contact(seed, 1 + seed // 4 % 2))
         contacts += bool(force.any())
         failed += sweeps > 500
-    assert contacts > 1500
+    assert contacts > 750
     assert failed <= 0.001 * contacts
 
 
-@settings(max_examples=300)
+@settings(max_examples=200)
 @given(ground=grounds(), seed=seeds, feet=st.sampled_from([1, 2]))
 def test_solution_is_a_fixed_point(ground, seed, feet):
     problem = draw_contact(seed, feet)

@@ -97,7 +97,13 @@ def test_all_kinds_have_one_layout():
 
 
 @pytest.mark.parametrize(
-    "ground", [hp.Ground(slope=0.2), *(hp.Ground(terrain=terrain) for terrain in EXAMPLES)], ids=str
+    "ground",
+    [
+        hp.Ground(slope=0.2),
+        hp.Ground(friction_strips=((0.5, 1.0, 0.2),), stiffness_strips=((0.5, 1.0, 2e3), (1.0, 2.0, 32e3))),
+        *(hp.Ground(terrain=terrain) for terrain in EXAMPLES),
+    ],
+    ids=str,
 )
 def test_a_scenario_keeps_its_ground(ground):
     scenario = hp.Scenario(ground=ground)

@@ -113,14 +113,10 @@ def test_limits_and_armature_are_those_of_the_file(robot):
     np.testing.assert_array_equal(robot.model.armature[:6], 0.0)
 
 
-def test_armature_follows_the_name_not_the_order(urdf_with):
-    path = urdf_with('armature="0.005"', 'armature="0.125"')
-    np.testing.assert_array_equal(hp.load_harpy(path).model.armature[6:], [0.125, *[0.005] * 5])
-
-
-def test_missing_armature_is_zero(urdf_with):
-    path = urdf_with(' armature="0.005"', "")
-    np.testing.assert_array_equal(hp.load_harpy(path).model.armature[6:8], [0.0, 0.005])
+@pytest.mark.parametrize(("given", "first"), [(' armature="0.125"', 0.125), ("", 0.0)])
+def test_armature_follows_the_name_and_is_zero_where_it_is_missing(urdf_with, given, first):
+    path = urdf_with(' armature="0.005"', given)
+    np.testing.assert_array_equal(hp.load_harpy(path).model.armature[6:], [first, *[0.005] * 5])
 
 
 # --- Kinematics and dynamics of the pantograph ----------------------------------------------------------------------
@@ -196,17 +192,6 @@ def test_left_and_right_have_the_same_limits(robot):
 # --- Refusing -------------------------------------------------------------------------------------------------------
 
 
-def test_missing_file(tmp_path):
-    with pytest.raises(RobotError, match=r"nowhere\.urdf") as caught:
-        hp.load_harpy(tmp_path / "nowhere.urdf")
-    assert caught.value.path == tmp_path / "nowhere.urdf"
-
-
-def test_directory(tmp_path):
-    with pytest.raises(RobotError):
-        hp.load_harpy(tmp_path)
-
-
 @pytest.mark.parametrize(
     "content",
     [
@@ -232,12 +217,12 @@ def test_not_a_urdf(tmp_path, content):
     assert caught.value.path == path
 
 
-def test_every_truncation_is_refused_in_silence(robot, tmp_path, capfd):
+def test_truncations_are_refused_in_silence(robot, tmp_path, capfd):
     content = robot.urdf.read_bytes()
     path = tmp_path / "cut.urdf"
     whole = len(content.rstrip())
     path.write_bytes(content)
-    for length in range(whole - 1, -1, -1):
+    for length in range(whole - 1, -1, -3):
         os.truncate(path, length)
         with pytest.raises(RobotError):
             hp.load_harpy(path)
@@ -249,13 +234,6 @@ def test_every_truncation_is_refused_in_silence(robot, tmp_path, capfd):
 def test_without_thruster(robot):
     with pytest.raises(RobotError, match=r"thruster.*'booster'.*left_thruster"):
         hp.load_robot(robot.urdf, feet=robot.feet, thrusters=("booster",))
-
-
-def test_massless_robot(tmp_path):
-    path = tmp_path / "ghost.urdf"
-    path.write_text('<robot name="ghost"><link name="base"/></robot>')
-    with pytest.raises(RobotError, match="mass"):
-        hp.load_robot(path, feet=())
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from needs import needs_robots
 from pages import content_of
+from places import places
 
 import harpy_pin as hp
 from harpy_pin.controllers.thrust_tilt import MAX_LEAN, lean, limit_push
@@ -217,7 +218,7 @@ def test_a_push_is_answered(flyer, controller, tmp_path):
         along = np.sum(axes(flyer, q) * thrust, axis=1)
         np.testing.assert_allclose(thrust, along[:, None] * axes(flyer, q), atol=1e-9)
         assert ((along >= LIMIT[0] - 1e-9) & (along <= LIMIT[1] + 1e-9)).all()
-    # Momentum in hover: the thrusts carry the weight, and neither they nor the drag turn the robot.
+    # Momentum in hover: the thrusts hold the weight, and neither they nor the drag turn the robot.
     q, thrust = run["q"][-1], run["thrust"][-1]
     np.testing.assert_allclose(thrust.sum(axis=0), (0.0, 0.0, MASS * GRAVITY), atol=0.02 * MASS * GRAVITY)
     along = np.sum(axes(flyer, q) * thrust, axis=1)
@@ -249,7 +250,7 @@ def test_mujoco_flies_alike(flyer):
 PLANTS = ("compliant", "mujoco")
 
 
-def test_a_lean_points_the_thrust_where_it_is_wanted():
+def test_a_lean_points_the_thrust_where_it_is_asked_for():
     rng, gravity = np.random.default_rng(0), np.array([0.0, 0.0, -GRAVITY])
     for _ in range(20):
         desired = rng.normal(scale=3.0, size=3)
@@ -323,17 +324,15 @@ def test_thrust_variables(mixed, flyer):
 @needs_robots
 @pytest.mark.parametrize("name", FLYERS)
 def test_catalogue_can_fly(name):
-    """The rotors carry the weight without turning the robot, within their limits; opposite drags cancel."""
+    """The rotors hold the weight without turning the robot, within their limits; opposite drags cancel."""
     robot = hp.load_robot(name)
     assert robot.feet == ()
     q, _ = hp.Hovering(robot).initial_state()
-    data = robot.model.createData()
-    centre = pin.centerOfMass(robot.model, data, q)
-    pin.framesForwardKinematics(robot.model, data, q)
-    places = np.array([data.oMf[robot.frame_id(rotor.frame)].translation for rotor in robot.rotors])
+    assert np.all((robot.joint_lower <= q[7:]) & (q[7:] <= robot.joint_upper))
+    centre = pin.centerOfMass(robot.model, robot.model.createData(), q)
     force = axes(robot, q)
     drags = np.array([rotor.drag for rotor in robot.rotors])
-    moment = np.cross(places - centre, force) + drags[:, None] * force
+    moment = np.cross(places(robot, q, robot.thrusters) - centre, force) + drags[:, None] * force
     weight = np.array([0.0, 0.0, robot.mass * GRAVITY, 0.0, 0.0, 0.0])
     thrust = np.linalg.lstsq(np.hstack((force, moment)).T, weight, rcond=None)[0]
     np.testing.assert_allclose(np.hstack((force, moment)).T @ thrust, weight, atol=1e-9)

@@ -90,6 +90,7 @@ FILE = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot name="r">
         (with_end(link("a") + link("b") + joint("1", "a", "b") + joint("2", "b", "a")), "go round in a circle"),
         (with_end(link("a") + joint("1", "a", "a")), "go round in a circle"),
         (with_end(joint("1", "base", "left_foot")), "'left_foot' is the child of two joints"),
+        ('<robot name="ghost"><link name="base"/></robot>', "total mass is 0"),
         (with_end(link("alone")), "'base' and 'alone' are both without a parent"),
         (changed('<child link="left_hip"/>', '<child link="nothing"/>'), "the child of joint 'left_hip_frontal'"),
         (changed('<parent link="base"/>', ""), "the parent of joint 'left_hip_frontal'"),
@@ -127,9 +128,11 @@ def test_is_refused_in_one_line(tmp_path, capfd, text, says):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_device_is_no_file():
-    with pytest.raises(RobotError, match="no URDF"):
-        load_harpy("/dev/zero")
+def test_what_is_no_file_is_refused(tmp_path):
+    for path in (Path("/dev/zero"), tmp_path, tmp_path / "nowhere.urdf"):
+        with pytest.raises(RobotError, match="no URDF") as caught:
+            load_harpy(path)
+        assert caught.value.path == path
 
 
 def test_what_is_checked_is_what_is_read(tmp_path):

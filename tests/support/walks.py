@@ -7,15 +7,13 @@ import numpy as np
 import harpy_pin as hp
 
 
-def walk(
-    gait, *, mu=0.6, duration=3.0, controller="condensed", plant="compliant", pushes=(), on_tick=None, **disturbances
-):
+def walk(gait, *, mu=0.6, duration=3.0, plant="compliant", terrain=None, pushes=(), on_tick=None, **disturbances):
     """A walk on ground into which the robot sinks by 2 mm; pushes are (time, velocity that they would give)."""
-    mass, kind = gait.robot.mass, {"condensed": hp.Condensed, "wbc": hp.WholeBody}[controller]
+    mass = gait.robot.mass
     shoves = tuple(hp.Push(t, tuple(mass * np.array(velocity))) for t, velocity in pushes)
     scenario = hp.Scenario(
-        controller=kind(parameters=gait.parameters),
-        ground=hp.Ground(mu_s=mu, stiffness=mass * 9.81 / 2e-3),
+        controller=hp.Condensed(parameters=gait.parameters),
+        ground=hp.Ground(mu_s=mu, stiffness=mass * 9.81 / 2e-3, terrain=terrain),
         duration=duration,
         plant=plant,
         disturbances=hp.Disturbances(pushes=shoves, **disturbances),

@@ -27,66 +27,38 @@ BENT, STRETCHED = 0.92, 0.98
 
 @dataclass(frozen=True)
 class Build:
-    """How a robot is built, in the posture in which it stands, heading along x.
+    """How a robot is built, in the posture in which it stands, heading along x."""
 
-    Attributes:
-        point: (points, 3) contact points about the body's origin, m.
-        foot: (points,) the foot that each contact point is of.
-        place: (feet, 3) middles of the feet about the body's origin, m.
-        leg: length of a stretched leg from hip to foot, the shortest of all, m.
-        height: of the body's origin above the ground while it walks, m.
-        rise: height of the centre of mass above the ground while it walks, m.
-        reach: largest horizontal distance of a foot from its hip, m.
-        hip: height of the hips above the feet, of four legs, m.
-        beside: (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m.
-        swing_acceleration: largest horizontal one that the motors of the weakest leg's hip alone give a foot, m/s².
-        reaction: (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's
-            angular momentum about the ground, forward and to the left.
-        narrow: largest distance of the two groups of feet between which the body sways, m.
-    """
-
-    point: Vector
-    foot: NDArray[np.int64]
-    place: Vector
-    leg: float
-    height: float
-    rise: float
-    reach: float
-    hip: float
-    beside: Vector
-    swing_acceleration: float
+    point: Vector  # (points, 3) contact points about the body's origin, m
+    foot: NDArray[np.int64]  # (points,) the foot that each contact point is of
+    place: Vector  # (feet, 3) middles of the feet about the body's origin, m
+    leg: float  # length of a stretched leg from hip to foot, the shortest of all, m
+    height: float  # of the body's origin above the ground while it walks, m
+    rise: float  # height of the centre of mass above the ground while it walks, m
+    reach: float  # largest horizontal distance of a foot from its hip, m
+    hip: float  # height of the hips above the feet, of four legs, m
+    beside: Vector  # (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m
+    swing_acceleration: float  # largest horizontal one that the motors of the weakest leg's hip alone give a foot, m/s²
+    # (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's angular momentum
+    # about the ground, forward and to the left
     reaction: Vector
-    narrow: float
+    narrow: float  # largest distance of the two groups of feet between which the body sways, m
 
 
 @dataclass(frozen=True)
 class Pace:
-    """How long the steps of a walk last, and how fast it goes.
+    """How long the steps of a walk last, and how fast it goes."""
 
-    Attributes:
-        usual_step: time from one touchdown to the next of a slow walk, s.
-        fast_double_support: share of a step in which every foot is on the ground, at the largest speed.
-        slow_double_support: the same of a robot that hardly walks.
-        gentle: whether feet go down slowly, and take over the load slowly.
-        stride: longest way of a step, m: beyond, steps are shorter in time.
-        max_speed: largest velocity of a foot's place, m/s.
-    """
-
-    usual_step: float
-    fast_double_support: float
-    slow_double_support: float
-    gentle: bool
-    stride: float
-    max_speed: float
+    usual_step: float  # time from one touchdown to the next of a slow walk, s
+    fast_double_support: float  # share of a step in which every foot is on the ground, at the largest speed
+    slow_double_support: float  # the same of a robot that hardly walks
+    gentle: bool  # whether feet go down slowly, and take over the load slowly
+    stride: float  # longest way of a step, m: beyond, steps are shorter in time
+    max_speed: float  # largest velocity of a foot's place, m/s
 
 
 def build_of(robot: Robot, q: Vector) -> Build:
-    """How a robot is built.
-
-    Args:
-        robot: with feet.
-        q: (nq,) configuration in which it stands.
-    """
+    """How a robot with feet is built that stands in the configuration q."""
     model, data = robot.model, robot.model.createData()
     centre = np.array(pin.centerOfMass(model, data, q)) - q[:3]
     pin.updateFramePlacements(model, data)
@@ -137,15 +109,9 @@ def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:
 
 
 def draw_together(places: Vector, group: NDArray[np.int64], most: float) -> float:
-    """Move two groups of feet, in place, until their middles are apart by no more than some distance.
+    """Move two groups of feet, 0 and 1, in place, until their middles are apart by ``most`` at most.
 
-    Args:
-        places: (feet, 2) about their common middle, m.
-        group: (feet,) 0 or 1.
-        most: the distance, m.
-
-    Returns:
-        Their distance then, m.
+    The places are (feet, 2), about their common middle. Returns the distance of the two middles then.
     """
     middles = [places[group == g].mean(axis=0) for g in range(2)]
     apart = float(np.linalg.norm(middles[1] - middles[0]))

@@ -54,15 +54,9 @@ HALVINGS = 7
 def pace_of(
     robot: Robot, q: Vector, build: Build, group: NDArray[np.int64], clearance: float, *, max_speed: float | None
 ) -> Pace:
-    """The pace of a robot.
+    """The pace of a robot that stands in q, whose feet swing in the given groups.
 
-    Args:
-        robot: with feet.
-        q: (nq,) configuration in which it stands.
-        build: how it is built.
-        group: (feet,) in which step of the cycle each foot swings.
-        clearance: height of a foot at mid-swing, m.
-        max_speed: m/s, where that is given; otherwise what legs and motors can do.
+    The largest speed is what legs and motors can do, where none is given.
     """
     groups = int(group.max()) + 1
     natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
@@ -123,17 +117,8 @@ def swing_load(
 ) -> float:
     """Largest torque of the motors of a leg that swings, as a share of their limits; of the weakest leg.
 
-    The body goes straight on at the speed; a foot goes from half a stance behind its place to half a stance ahead.
-
-    Args:
-        robot: with feet.
-        q: (nq,) configuration in which it stands.
-        build: how it is built.
-        speed: forward, m/s.
-        step_duration: s.
-        double_support: share of a step in which every foot is on the ground.
-        clearance: height of a foot at mid-swing, m.
-        upright: share of its swing, at the end, in which a foot moves vertically.
+    The body goes straight on at the speed; a foot goes from half a stance behind its place to half a stance ahead. It
+    moves vertically in the share ``upright`` of its swing, at the end.
     """
     model, data = robot.model, robot.model.createData()
     duration = (1.0 - double_support) * step_duration
@@ -172,13 +157,7 @@ def _follow(robot: Robot, q: Vector, foot: str, way: Vector) -> tuple[list[Vecto
 
 
 def fastest_speed(load: Callable[[float], float], high: float, most: float) -> float:
-    """Largest speed up to some bound at which a load is below another.
-
-    Args:
-        load: of a speed, growing.
-        high: the bound, m/s.
-        most: of the load.
-    """
+    """Largest speed up to ``high`` at which a load, which grows with it, is not above ``most``."""
     if load(high) <= most:
         return high
     low = 0.0

@@ -74,15 +74,10 @@ def highest_on_way(p: WalkingRecord, k: int) -> float:
 
 
 def walk_over(walk: Records[WalkingRecord], terrain: Records[TerrainRecord], reach: float) -> bool:
-    """Let a walk go over ground that is not flat; where that is no plane, steps last as long as lifting a foot takes.
+    """Let a walk go over a terrain, whose plane the body follows in a square to ``reach`` on each side.
 
-    Args:
-        walk: of the gait.
-        terrain: the surface.
-        reach: half the side of the square around the body whose plane the body follows, m.
-
-    Returns:
-        Whether the targets of swing feet have world heights: those of points, on ground that is no plane.
+    Where that is no plane, steps last as long as lifting a foot takes. Returns whether the targets of swing feet have
+    world heights: those of points, on ground that is no plane.
     """
     walk["terrain"], walk["ground_reach"] = terrain, reach
     uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2])
