@@ -45,9 +45,7 @@ class MarginRecord(RecordOf):
     """What the kernels of :class:`MarginGovernor` know and work in.
 
     Attributes:
-        p_11: of the Lyapunov function's matrix P.
-        p_12: likewise.
-        p_22: likewise.
+        p_11, p_12, p_22: entries of the Lyapunov function's matrix P.
         inverse_11: (P⁻¹)₁₁.
         normal_level: Γ of the normal force.
         mu: μ_s.

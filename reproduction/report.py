@@ -51,7 +51,9 @@ class Reproduction:
     gait: Mapping[str, str]
 
 
-def reproduce(robot: Robot, *, duration: float = 10.0, on_stage: Callable[[str], None] | None = None) -> Reproduction:
+def reproduce(
+    robot: Robot, *, duration: float = 10.0, on_stage: Callable[[str], None] = lambda stage: None
+) -> Reproduction:
     """Run both simulations and judge every claim.
 
     Args:
@@ -59,16 +61,15 @@ def reproduce(robot: Robot, *, duration: float = 10.0, on_stage: Callable[[str],
         duration: of each 3D walk, s.
         on_stage: called with what is about to be done.
     """
-    tell = on_stage if on_stage is not None else lambda _: None
-    tell("VLIP simulation")
+    on_stage("VLIP simulation")
     vlip = study_vlip()
     walks = {}
     for name in SETTINGS:
-        tell(f"3D walks, gait {name}")
+        on_stage(f"3D walks, gait {name}")
         walks[name] = study_walk(name, duration=duration)
-    tell("planar gait")
+    on_stage("planar gait")
     gait = study_gait(robot)
-    tell("cost")
+    on_stage("cost")
     cost = study_cost(walks["optimised"].runs["measured"], robot, "optimised", mu=MU)
     by_claim = zip(*(walk.findings for walk in walks.values()), strict=True)
     return Reproduction(vlip, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)

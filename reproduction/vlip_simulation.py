@@ -67,7 +67,7 @@ class VlipParameters:
         start: ``paper`` starts at the target, which already violates friction (equations.md W2); ``inside`` starts body
             and applied reference at an angle of 0.3 rad, inside the friction cone.
         gains: of the thruster law.
-        gravity_compensation: the thrust also carries the part of gravity across the leg: the setting in which, with
+        gravity_compensation: the thrust also compensates the part of gravity across the leg: the setting in which, with
             K_pt = m k_pr and K_dt = m k_dr, the model is exactly linear.
     """
 
@@ -273,7 +273,7 @@ class VlipRecord(PointMassRecord):
     Attributes:
         gravity: vector, m/s².
         foot: its place, m.
-        carry: mass whose gravity across the leg the thrust carries, kg.
+        carry: mass whose gravity across the leg the thrust compensates, kg.
     """
 
     gravity: Vector

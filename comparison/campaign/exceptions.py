@@ -54,7 +54,7 @@ def with_reasons(
         exceptions: of a campaign's summary.
         tasks: of the campaign.
         path: of the campaign's file, which keeps the further walks, too.
-        progress: is told how many walks are done.
+        progress: called with how many walks are done, and of how many.
     """
     code, by_place = code_digest(), {(task.seed, task.contender): task for task in tasks}
     fell = [(entry, [by_place[entry["seed"], name] for name in entry["fell"]]) for entry in exceptions]

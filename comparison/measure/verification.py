@@ -133,14 +133,14 @@ def record_programs(
     p, ticks = controller.problem.program, len(sequence)
     keep = min(keep, ticks)
     programs, solutions = np.zeros(keep, p.record.dtype), np.full((keep, p.shape[0]), np.nan)
-    commands, told, residuals = [], [], []
+    commands, reports, residuals = [], [], []
     every = max(ticks // samples, 1)
     violation = 0.0
     for i, state in enumerate(sequence.states):
         command = controller.step(state)
         commands.append(np.concatenate((command.torque, command.thrust.ravel())))
         solution = controller.solution
-        told.append((solution.iterations, int(solution.status), solution.usable))
+        reports.append((solution.iterations, int(solution.status), solution.usable))
         if i < keep:
             programs[i] = p.record[0]
             if solution.usable:
@@ -149,7 +149,7 @@ def record_programs(
             violation = max(violation, p.violation(solution.z))
             if i % every == 0:
                 residuals.append(stationarity(p, solution.z))
-    iterations, statuses, usable = np.array(told, dtype=float).T
+    iterations, statuses, usable = np.array(reports, dtype=float).T
     trace = ProgramTrace(programs, solutions, iterations, statuses, usable > 0.0, violation, np.array(residuals))
     return trace, np.array(commands)
 

@@ -30,7 +30,7 @@ _Job = TypeVar("_Job")
 
 
 def tracked(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[_Job]:
-    """The jobs one by one; progress is told when the next one is asked for."""
+    """The jobs one by one; progress is called when the next one is asked for."""
     for done, job in enumerate(jobs, start=1):
         yield job
         if progress is not None:

@@ -1,7 +1,7 @@
 """A tick of every peer and of ours against the number of joints: standing robots that sway, on the same program.
 
 Feet are points, as the peers' contacts are; a humanoid stands on its two ankles. Thrusters are absent: both variants of
-a peer pose the same program, and one is told. The condensed WBC takes no point foot at the end of six joints.
+a peer pose the same program, and one is kept. The condensed WBC takes no point foot at the end of six joints.
 """
 
 from __future__ import annotations
@@ -146,7 +146,7 @@ def measure_growth(
             "feet": len(problem.settings["feet"]),
             "ticks": len(problem),
             "unsolved_by_us": int(np.count_nonzero(~problem.expected["decided"].solved)),
-            "contenders": {name: _told(entry) for name, entry in entries.items()},
+            "contenders": {name: _summary(entry) for name, entry in entries.items()},
         }
     return rows
 
@@ -156,8 +156,8 @@ def _made(kind: type[WholeBody], gait: Callable[[], Gait], parameters: WholeBody
     return kind(gait(), parameters)
 
 
-def _told(entry: Mapping[str, Any]) -> dict[str, Any]:
-    """What is told of a contender: its median tick, µs, or why there is none."""
+def _summary(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What the table says of a contender: its median tick, µs, or why there is none."""
     times = next(iter(entry.get("times", {}).values()), None)
     return {
         "reason": entry["reason"],

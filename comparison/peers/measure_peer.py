@@ -58,7 +58,7 @@ class Answer:
     versions: dict[str, str]
 
     def entry(self, problem: PeerProblem, variant: str) -> dict[str, Any]:
-        """What is told of an answer: how far it is from our solutions, and its times if it is near enough."""
+        """How far it is from our solutions, and its times if it is near enough."""
         entry = {**check(self.quantities, problem.expected[variant]), "versions": self.versions}
         if not entry["reason"]:
             entry["times"] = summarise_times(problem, self.laps, self.overhead)
@@ -123,9 +123,9 @@ def check(quantities: dict[str, Vector], expected: Expected) -> dict[str, Any]:
     compared = int(np.count_nonzero(ticks))
     largest: dict[str, float] = {}
     median: dict[str, float] = {}
-    told = {"compared": compared, "differing": 0, "difference_max": largest, "difference_median": median}
+    found = {"compared": compared, "differing": 0, "difference_max": largest, "difference_median": median}
     if compared == 0:
-        return {"reason": "our own solver solved nothing to compare with", **told}
+        return {"reason": "our own solver solved nothing to compare with", **found}
     wrong, unsolved = np.zeros(compared, dtype=np.bool_), np.zeros(compared, dtype=np.bool_)
     for name, value in quantities.items():
         if value.size == 0:
@@ -139,7 +139,7 @@ def check(quantities: dict[str, Vector], expected: Expected) -> dict[str, Any]:
     differing, lost = int(np.count_nonzero(wrong)), int(np.count_nonzero(unsolved))
     reason = f"not comparable: {differing} of {compared} ticks differ from our solution" if differing else ""
     reason += f", {lost} of them unsolved" if lost else ""
-    return {"reason": reason, **told, "differing": differing}
+    return {"reason": reason, **found, "differing": differing}
 
 
 def summarise_times(problem: PeerProblem, laps: dict[str, Laps], overhead: float) -> dict[str, Any]:

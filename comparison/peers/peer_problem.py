@@ -164,7 +164,7 @@ def make_problem(
         expected[name] = Expected(acceleration, given[:, n_thrust:], force, thrusts, found)
     settings = {
         "urdf": str(robot.urdf),
-        # The link that the free flyer carries.
+        # The link on the free flyer.
         "base": next(f.name for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == 1),
         "joints": robot.joints,
         "feet": robot.feet,

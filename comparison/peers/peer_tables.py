@@ -63,13 +63,13 @@ def _growth(peers: Mapping[str, Any]) -> Table:
             reasons.append(f"{robot}: {entry['reason']}")
             continue
         cells += [Cell(robot, name, entry[name]) for name in ("joints", "feet", "unsolved_by_us")]
-        for name, told in entry["contenders"].items():
-            if told["p50_us"] is not None:
-                cells.append(Cell(robot, name, told["p50_us"], "µs"))
-            if told["difference"] is not None:
-                cells.append(Cell(f"{robot}: torque differs by", name, told["difference"], "N·m"))
-            if told["reason"]:
-                reasons.append(f"{robot}, {name}: {told['reason']}")
+        for name, found in entry["contenders"].items():
+            if found["p50_us"] is not None:
+                cells.append(Cell(robot, name, found["p50_us"], "µs"))
+            if found["difference"] is not None:
+                cells.append(Cell(f"{robot}: torque differs by", name, found["difference"], "N·m"))
+            if found["reason"]:
+                reasons.append(f"{robot}, {name}: {found['reason']}")
     note = (
         "Standing and swaying on point feet, all held, no thrusters, friction 0.5; the cost of posture is next to "
         "nothing on legs of three joints. Times count only within the same tolerance. " + "; ".join(reasons)

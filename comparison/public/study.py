@@ -30,7 +30,7 @@ def measure_public(
 
     Args:
         folder: with a clone of each repository, under its name.
-        progress: told after every program.
+        progress: called after every program.
         problems: most of each set, which are taken evenly.
         repetitions: how often each is solved.
 

@@ -1,7 +1,7 @@
 """Search for a planar gait: CMA-ES from many starts, seeded, resumable.
 
-The search is a function of its seed and of the costs it was told, so a file of costs is all it takes to resume: the
-candidates are asked for again, and told their old costs, before the first new walk.
+The search is a function of its seed and of the costs found so far, so a file of costs is all it takes to resume: the
+candidates are asked for again, and answered with their old costs, before the first new walk.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import __version__, checks
-from harpy_pin.errors import HarpyError, InputError, RunFileError, shown
+from harpy_pin.errors import HarpyError, RunFileError, shown
 from harpy_pin.files import check_writable, write_json
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -87,11 +87,7 @@ def optimise_gait(
         RunFileError: the file to resume from is damaged, belongs to another search, or cannot be written.
     """
     chosen = task if task is not None else PlanarTask(model=PlanarModel.from_robot(robot))
-    if isinstance(budget, bool) or int(checks.number("budget", budget, low=1)) != budget:
-        raise InputError(f"budget must be a whole number of walks, got {shown(budget)}", name="budget", value=budget)
-    if isinstance(seed, bool) or int(checks.number("seed", seed, low=0)) != seed:
-        raise InputError(f"seed must be a whole number, got {shown(seed)}", name="seed", value=seed)
-    budget, seed = int(budget), int(seed)
+    budget, seed = checks.whole("budget", budget, low=1), checks.whole("seed", seed)
     if start is not None:
         kept = {name: value for name, value in start.as_dict().items() if name not in chosen.bounds}
         chosen = replace(chosen, fixed={**kept, **chosen.fixed})
@@ -101,7 +97,7 @@ def optimise_gait(
     path = Path(resume) if resume is not None else None
     if path is not None:
         check_writable(path)
-    told = _load_costs(path, identity) if path is not None and path.exists() else []
+    known = _load_costs(path, identity) if path is not None and path.exists() else []
     costs: list[float] = []
     best_cost, best_gait, ending = np.inf, None, "completed"
     candidates = _candidates(len(chosen.bounds), seed, around, spread)
@@ -109,8 +105,8 @@ def optimise_gait(
         x = next(candidates)
         while True:
             gait = chosen.gait(x)
-            old = len(costs) < len(told)
-            cost = told[len(costs)] if old else chosen.evaluate(gait)
+            old = len(costs) < len(known)
+            cost = known[len(costs)] if old else chosen.evaluate(gait)
             costs.append(cost)
             if cost < best_cost:
                 best_cost, best_gait = cost, gait
@@ -123,7 +119,7 @@ def optimise_gait(
             x = candidates.send(cost)
     except KeyboardInterrupt:
         ending = "interrupted"
-    if path is not None and len(costs) > len(told):
+    if path is not None and len(costs) > len(known):
         _save_costs(path, identity, costs)
     if best_gait is None:
         raise KeyboardInterrupt
@@ -218,7 +214,7 @@ def _save_costs(path: Path, identity: dict[str, Any], costs: list[float]) -> Non
 
 
 def _load_costs(path: Path, identity: dict[str, Any]) -> list[float]:
-    """Costs told so far.
+    """Costs found so far.
 
     Raises:
         RunFileError: the file is damaged or belongs to another search.

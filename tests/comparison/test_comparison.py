@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -16,8 +15,7 @@ from comparison.benchmark import Settings, compare
 from comparison.cli import app, main
 from comparison.measure.controllers import CONTENDERS
 from comparison.measure.replay import WBC_PHASES
-from harpy_pin import InputError, RunFileError
-from harpy_pin.files import write_json
+from harpy_pin import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -57,16 +55,6 @@ def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
     assert document["machine"]["cpu"]
     assert document["versions"]["pin"] != "not installed"
     assert len(document["limitations"]) > 5
-
-
-def test_document_is_written_as_it_is(whole_document: dict[str, Any], tmp_path: Path) -> None:
-    document = whole_document
-    path = tmp_path / "comparison.json"
-    write_json(path, document)
-    assert json.loads(path.read_text(encoding="utf-8")) == document
-    assert list(tmp_path.iterdir()) == [path]
-    with pytest.raises(RunFileError, match="cannot write"):
-        write_json(tmp_path / "missing" / "x.json", document)
 
 
 def test_unknown_sections_are_refused() -> None:
