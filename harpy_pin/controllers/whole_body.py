@@ -52,10 +52,9 @@ class WholeBodyController(TaskController):
     """Walks by solving a quadratic program at every tick.
 
     ``step`` does what :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish` do one after the other. They may
-    be called (and timed) apart; between them :attr:`problem` can be inspected. With ``input_space`` or
-    ``contact_force``, ``reuse``, no lag of thrusts and no task added, ``step`` is one compiled call of the same kernels
-    (:mod:`harpy_pin.controllers.whole_body_tick`). What is left is Python's: another solver in every tick, rows that
-    come from Python, the formulation ``full``.
+    be called (and timed) apart; between them :attr:`problem` can be inspected. With ``reuse``, no lag of thrusts and no
+    task added, ``step`` is one compiled call of the same kernels (:mod:`harpy_pin.controllers.whole_body_tick`). What
+    is left is Python's: another solver in every tick, and rows that come from Python.
 
     Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set method
     follows (:mod:`harpy_pin.wbc.dual`), which finds a solution or proves that there is none; with ``reuse`` it comes
@@ -115,9 +114,8 @@ class WholeBodyController(TaskController):
         super()._make_anew()
         solver, problem, formulation = self._solver, self.problem, self.parameters.formulation
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
-        self._in_python = self.added is not None or self._lag is not None or formulation not in QP_STEPS
-        if self._in_python or type(solver) is not WarmStartedActiveSet:
-            self._in_python = True
+        self._in_python = self.added is not None or self._lag is not None or type(solver) is not WarmStartedActiveSet
+        if self._in_python:
             return
         self._step = QP_STEPS[formulation]
         solutions = (solver.solution.z, solver.dual.solution.z)

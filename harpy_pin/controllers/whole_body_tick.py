@@ -1,7 +1,7 @@
 """The tick of the whole-body QP: one kernel for the library and the exported C, of the parts that its phases call.
 
-Kernels have it for the formulations of :data:`IN_ONE_CALL`, with this library's own solver: the last active set
-and its exchange, then the dual method (:mod:`harpy_pin.wbc.active_set_warm_start`).
+It has every formulation, with this library's own solver: the last active set and its exchange, then the dual method
+(:mod:`harpy_pin.wbc.active_set_warm_start`).
 """
 
 from __future__ import annotations
@@ -42,9 +42,6 @@ __all__ = ["EXPORTED_QP_STEPS", "QP_STEPS", "ProgramTickRecord", "WholeBodyTickR
 
 STIFFNESS, DAMPING = 50.0, 1.0
 """Of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
-
-IN_ONE_CALL = ("input_space", "contact_force")
-"""Formulations whose tick is one call."""
 
 
 class WholeBodyTickRecord(TasksRecord, TickRecord):
@@ -266,7 +263,7 @@ def _step_of(name: str) -> tuple[Kernel[int], Kernel[int]]:
     return qp_step, qp_step_of_one
 
 
-_STEPS = {name: _step_of(name) for name in IN_ONE_CALL}
+_STEPS = {name: _step_of(name) for name in FORMULATIONS}
 QP_STEPS: dict[str, Kernel[int]] = {name: steps[0] for name, steps in _STEPS.items()}
 """The tick by formulation, on the records of its parts."""
 EXPORTED_QP_STEPS: dict[str, Kernel[int]] = {name: steps[1] for name, steps in _STEPS.items()}

@@ -116,7 +116,6 @@ def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
     _refuse_lags(controller.parameters)
     _refuse(controller.added is not None, "a program with added tasks")
-    _refuse(p.formulation not in EXPORTED_QP_STEPS, f"the formulation '{p.formulation}'")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
     dual = DualActiveSet(program)

@@ -192,7 +192,6 @@ def test_what_is_not_exported_is_refused():
     for name, given, message in (
         ("condensed", {"thrust_lag": 0.1}, "a thrust_lag"),
         ("wbc", {"thrust_turning_lag": 0.1}, "a thrust_turning_lag"),
-        ("wbc", {"formulation": "full"}, "formulation 'full'"),
         ("governed", {"legs": "feedforward"}, "leg control law 'feedforward'"),
         ("governed", {"governor": "none"}, "governors"),
     ):
