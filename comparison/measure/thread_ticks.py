@@ -45,28 +45,13 @@ class _Timed:
         return command
 
 
-def time_ticks(walk: Walk) -> tuple[Run, Vector]:
-    """Walk with every tick called from Python.
+def time_ticks(walk: Walk, other: Controller | None = None) -> tuple[Run, Vector, Vector]:
+    """Walk with every tick called from Python, and with another controller that is given the same states.
 
     Returns:
-        The run, and the time of each of its ticks after the first ten, µs.
+        The run; (ticks, 2) times of both, µs; and (ticks,) how far their torques are apart, as a share of the largest
+        torque. Times and shares are without the first ten.
     """
-    run, times, _ = _walked(walk, None)
-    return run, times[:, 0]
-
-
-def time_ticks_of_two(walk: Walk, other: Walk) -> tuple[Vector, Vector]:
-    """Walk, with the controller of another walk given the same states.
-
-    Returns:
-        (ticks, 2) times of both, µs, and (ticks,) how far their torques are apart, as a share of the largest torque;
-        without the first ten.
-    """
-    _, times, apart = _walked(walk, other.controller)
-    return times, apart
-
-
-def _walked(walk: Walk, other: Controller | None) -> tuple[Run, Vector, Vector]:
     timed = _Timed(walk.controller, other)
     run = replace(walk, controller=timed).run(on_tick=_nothing)  # or the loop would be compiled as a whole
     return run, 1e-3 * np.array(timed.ticks[FIRST:]), np.array(timed.apart[FIRST:])

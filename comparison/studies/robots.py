@@ -141,7 +141,8 @@ def run_standing(
     built = build(scenario, gait=gait)
     if lean and isinstance(gait, Standing):
         gait.move(lean * gait.over(0), t=LEAN_AT, duration=min(1.0, duration - LEAN_AT))
-    return time_ticks(built)
+    run, times, _ = time_ticks(built)
+    return run, times[:, 0]
 
 
 def _stand(robot: Robot, controller: str, job: Job) -> dict[str, Any]:

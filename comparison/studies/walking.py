@@ -15,7 +15,7 @@ import numpy as np
 
 from comparison.contenders import label
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
-from comparison.measure.thread_ticks import time_ticks_of_two
+from comparison.measure.thread_ticks import time_ticks
 from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.study import Job, Study, fell, median, most, shown, tabulated, where
 from comparison.tables import Table
@@ -235,7 +235,7 @@ def ticks_of(scenario: Scenario) -> dict[str, Any]:
     """Times of a walk under the condensed WBC and of the QP at its states, and how far their torques are apart."""
     qp = WholeBody(parameters={"weights": {"posture": POSTURE}})
     condensed, other = replace(scenario, controller=Condensed()), replace(scenario, controller=qp)
-    times, apart = time_ticks_of_two(build(condensed), build(other))
+    _, times, apart = time_ticks(build(condensed), build(other).controller)
     return {**_times("condensed", times[:, 0]), **_times("qp", times[:, 1]), "late": int((times > LATE).sum())} | {
         "apart": float(np.median(apart)),
         "apart_99": float(np.quantile(apart, 0.99)),
