@@ -390,10 +390,10 @@ class Plant(KeepsViews, ABC):
         row: Mapping[str, ArrayLike] = self.signals
         if telemetry is not None:
             signals = telemetry()
-            if len(recorder) == 0 and row.keys() & signals.keys():
-                taken = ", ".join(sorted(row.keys() & signals.keys()))
+            row = {**self.signals, **signals}
+            if len(row) < len(self.signals) + len(signals):
+                taken = ", ".join(sorted(self.signals.keys() & signals.keys()))
                 raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
-            row = {**row, **signals}
         recorder.append(row)
 
     def checked(self, command: Command) -> Command:

@@ -8,7 +8,7 @@ direction, so only its thrust lags.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,11 +25,6 @@ MAX_LAG = 1e3
 """s."""
 MAX_THRUST = 1e6
 """N, and N/s."""
-LAGS = {"propeller": 0.025, "jet": 0.3, "fan": None}
-"""Of presets, s. ``propeller``: a rotor that slows down, in RotorS (Furrer et al., *RotorS – a modular Gazebo MAV
-simulator framework*, 2016); one that speeds up has half of it. ``jet``: an assumed order of magnitude. The published
-model of small turbojets is nonlinear, of second order (L'Erario et al., *Modeling, identification and control of model
-jet engines for jet powered robotics*, IEEE RA-L 5(2), 2020)."""
 SMALL = 1e-9
 """Thrust below which a command has no direction, N."""
 
@@ -96,25 +91,6 @@ class Thrusters:
             transition[0, 0] = math.exp(-dt / self.lag)
             mean[0] = -math.expm1(-dt / self.lag) * self.lag / dt
         return transition, mean
-
-    @classmethod
-    def preset(cls, name: str, **changes: Any) -> Thrusters:
-        """Thrusters of a kind, with lags of ``docs/thrusters.md``.
-
-        Args:
-            name: ``propeller``, ``jet``, or ``fan``, which needs a ``lag``: none of an electric ducted fan is public.
-            changes: attributes that are otherwise.
-
-        Raises:
-            InputError: another name, a fan without a lag, or a value out of its domain.
-        """
-        checks.one_of("preset", name, LAGS)
-        lag = LAGS[name]
-        for key in changes:
-            checks.one_of("setting of thrusters", key, [entry.name for entry in fields(cls)])
-        if lag is None and "lag" not in changes:
-            raise InputError("no lag of an electric ducted fan is public: give one, lag=...", name="lag", value=None)
-        return cls(**({"lag": lag} | changes))
 
 
 def _read_failing(value: Any) -> tuple[int, float, float]:

@@ -12,7 +12,6 @@ from harpy_pin.contrib.batch import BAD_STATE, CondensedBatch
 from harpy_pin.controllers import CondensedController, WholeBodyParameters
 from harpy_pin.model.robot import heavier
 from harpy_pin.model.state import State
-from harpy_pin.wbc.condensed import CondensedStatus
 from harpy_pin.wbc.weights import WholeBodyLimits
 
 ROBOT = hp.load_harpy()
@@ -110,17 +109,6 @@ def test_a_bad_row_spoils_no_other():
     spoiled.reset(bad)
     clean.reset(bad)
     np.testing.assert_array_equal(spoiled.step(q, v, force)[0], clean.step(q, v, force)[0])
-
-
-def test_forces_are_in_their_cones():
-    rng, gait = np.random.default_rng(3), hp.make_gait(ROBOT, speed=0.3)
-    batch = CondensedBatch(ROBOT, 2000)
-    batch.mu[:] = rng.uniform(0.1, 1.0, 2000)
-    batch.step(*samples(gait, rng, 2000, scale=0.1))
-    tangential = np.linalg.norm(batch.force[:, :, :2], axis=2)
-    assert (tangential <= batch.mu[:, None] * batch.force[:, :, 2] + 1e-9).all()
-    assert (np.abs(batch.torque) <= ROBOT.torque_limit).all()
-    assert (batch.status < CondensedStatus.TORQUE_CLIPPED * 2).all()
 
 
 def test_arrays_are_read_where_they_are():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harpy_pin as hp
@@ -37,6 +37,7 @@ def test_a_fall_conserves_energy_and_ends_at_the_touchdowns_speed(height, speed,
     assert fall.at(fall.free + fall.braked + 1.0)[0] == pytest.approx(z - 0.1)
 
 
+@settings(max_examples=12, deadline=None)
 @given(
     height=st.floats(0.5, 1.0),
     speed=st.floats(0.8, 3.0),

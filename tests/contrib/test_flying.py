@@ -51,21 +51,12 @@ def test_a_jump_is_as_high_and_as_far_as_asked_for_and_stands(jumped):
     assert jumped.ending == "completed"
     assert jumped["q"][air, 2].max() - jumped["q"][air[0], 2] == pytest.approx(0.31, abs=0.015)
     assert (middle(jumped, land[-1]) - middle(jumped, air[0]))[:2] == pytest.approx((0.4, 0.0), abs=0.02)
+    rise = jumped["q"][air, 2].max() - jumped["q"][air[0], 2]
+    assert rise == pytest.approx(jumped["v"][air[0], 2] ** 2 / (2.0 * 0.5 * 9.81), rel=0.04)  # v² / 2 g (1 − carried)
+    assert jumped["foot_position"][air, :, 2].min(axis=1).max() > 0.2
     end = jumped["q"][-1]
     assert 2.0 * np.hypot(end[3], end[4]) < 0.02
     assert end[2] == pytest.approx(jumped["q"][0, 2], abs=0.02)
-
-
-def test_the_feet_leave_the_ground_by_what_the_body_rises(jumped):
-    assert jumped["foot_position"][ticks(jumped, "air"), :, 2].min(axis=1).max() > 0.2
-
-
-def test_the_rise_is_that_of_ballistics_with_the_carried_share(jumped):
-    """v² / 2 g (1 − carried)."""
-    air = ticks(jumped, "air")
-    speed = jumped["v"][air[0], 2]
-    rise = jumped["q"][air, 2].max() - jumped["q"][air[0], 2]
-    assert rise == pytest.approx(speed**2 / (2.0 * 0.5 * 9.81), rel=0.04)
 
 
 def test_momentum_in_the_air_changes_by_thrust_and_gravity_alone(jumped):
@@ -92,15 +83,14 @@ def test_momentum_in_the_air_changes_by_thrust_and_gravity_alone(jumped):
     assert last[3:] - begin[3:] == pytest.approx(impulse[3:], abs=0.02)
 
 
-@pytest.mark.parametrize("controller", ["condensed", "wbc"])
-@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+@pytest.mark.parametrize(("controller", "plant"), [("condensed", "compliant"), ("wbc", "mujoco")])
 def test_forces_stay_in_their_cones_at_take_off_and_landing(controller, plant):
     """Those asked for at every tick, those of the plant within Coulomb's; and no more than twice the weight."""
     run = walked(Jump(height=0.31, forward=0.42), controller=controller, plant=plant, noise=True)
     assert run.ending == "completed"
     on_ground = np.concatenate([ticks(run, phase) for phase in ("bend", "push", "land")])
-    wanted = run["desired_force"].reshape(len(run), -1, 3)[on_ground]
-    tangent, normal = np.linalg.norm(wanted[..., :2], axis=2), wanted[..., 2]
+    desired = run["desired_force"].reshape(len(run), -1, 3)[on_ground]
+    tangent, normal = np.linalg.norm(desired[..., :2], axis=2), desired[..., 2]
     assert (normal > -1e-6).all()
     assert (tangent <= 0.75 * FRICTION * normal + 1e-5).all()
     force = run["foot_force"]
@@ -110,7 +100,7 @@ def test_forces_stay_in_their_cones_at_take_off_and_landing(controller, plant):
     assert (run["slip_path"][land[-1]] - run["slip_path"][land[0]]).sum() < 1e-3
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(height=st.floats(0.12, 0.42), forward=st.floats(-0.3, 0.4), left=st.floats(-0.1, 0.1))
 def test_jumps_land_where_they_should(height, forward, left):
     """Higher ones miss by up to 4 cm, see docs/flight.md."""
@@ -121,12 +111,11 @@ def test_jumps_land_where_they_should(height, forward, left):
     assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
 
 
-@pytest.mark.parametrize("controller", ["condensed", "wbc"])
-def test_a_jump_whose_lag_is_known_lands_softly_where_it_should(controller):
+def test_a_jump_whose_lag_is_known_lands_softly_where_it_should():
     fans = hp.Actuators(thrusters=hp.Thrusters(lag=0.1))
     scenario = hp.Scenario(
         gait=Flying(flights=Jump(height=0.31, forward=0.42)),
-        controller={"name": controller, "parameters": {"thrust_lag": 0.1}},
+        controller=hp.Condensed(parameters={"thrust_lag": 0.1}),
         ground=hp.Ground(mu_s=FRICTION),
         disturbances=hp.Disturbances(noise=hp.Noise.typical(), actuators=fans),
         duration=3.6,
@@ -150,10 +139,10 @@ def test_the_plan_is_that_of_the_controllers_lag():
 
 
 def test_hovering_with_noise_stays_within_two_centimetres():
-    run = walked(Fly(hover=3.0), duration=8.5, noise=True)
+    run = walked(Fly(hover=1.5), duration=6.0, noise=True)
     air = ticks(run, "air")
     still = air[np.ptp(np.stack([run["body_plan"][air - 1], run["body_plan"][air]]), axis=0).max(axis=1) == 0.0][500:]
-    assert len(still) > 2000
+    assert len(still) > 500
     assert np.linalg.norm(run["q"][still, :3] - run["body_plan"][still], axis=1).max() < 0.02
     thrust = run["thrust"][still].sum(axis=1).mean(axis=0)
     assert thrust == pytest.approx((0.0, 0.0, WEIGHT), abs=0.5)
@@ -314,14 +303,6 @@ def test_a_rotorcraft_with_legs_flies_to_a_place_and_stands(robot):
     assert 0.05 < 2.0 * np.abs(run["q"][air, 4]).max() < 0.3
     assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT_ROTORS
     assert 2.0 * np.hypot(run["q"][-1, 3], run["q"][-1, 4]) < 0.02
-
-
-def test_it_jumps(robot):
-    run = flown(robot, Jump(height=0.1), 3.2)
-    air = np.flatnonzero(run["flight_phase"].ravel() == PHASES.index("air"))
-    assert run.ending == "completed"
-    assert run["q"][air, 2].max() - run["q"][air[0], 2] == pytest.approx(0.1, abs=0.015)
-    assert run["foot_position"][-1].mean(axis=0)[:2] == pytest.approx((0.0, 0.0), abs=0.02)
 
 
 def test_rotors_that_do_not_carry_the_robot_are_refused(robot):

@@ -17,7 +17,6 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
 import harpy_pin as hp  # noqa: E402
 from harpy_pin.contrib.gym import HarpyEnv, HarpyVectorEnv  # noqa: E402
-from harpy_pin.contrib.gym.batched_env import default_scenario  # noqa: E402
 
 SHORT = hp.Scenario(gait=hp.Straight(speed=0.3), duration=0.4, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4))
 
@@ -159,19 +158,6 @@ def test_episodes_end_as_they_should():
     assert env.state.q[2] < 0.6 * height or tilt < 0.5
 
 
-def test_equal_seeds_are_equal_episodes():
-    first, second, third = HarpyEnv(SHORT), HarpyEnv(SHORT), HarpyEnv(SHORT)
-    rng = np.random.default_rng(2)
-    for env, seed in ((first, 1), (second, 1), (third, 2)):
-        env.reset(seed=seed)
-    for _ in range(20):
-        action = rng.uniform(-0.3, 0.3, 12).astype(np.float32)
-        a, b, c = (env.step(action)[0] for env in (first, second, third))
-        np.testing.assert_array_equal(a, b)
-        assert not np.array_equal(a, c)
-    assert not np.array_equal(first.reset()[0], first.reset()[0])
-
-
 def test_what_does_not_fit_is_refused():
     noisy, late = hp.Disturbances(noise=hp.Noise.typical()), hp.Disturbances(delay=5e-3)
     for more in ({"disturbances": noisy}, {"disturbances": late}, {"plant": "mujoco"}):
@@ -187,8 +173,3 @@ def test_what_does_not_fit_is_refused():
         many.step(np.zeros((3, 12)))
     with pytest.raises(hp.InputError, match="2 worlds need as many seeds"):
         many.reset(seed=[1, 2, 3])
-
-
-def test_default_scenario_is_what_is_documented():
-    s = default_scenario()
-    assert (s.gait.speed, s.duration, s.period, s.dt, s.ground.mu_s) == (0.3, 10.0, 5e-3, 1e-3, 0.6)

@@ -11,7 +11,6 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
-from gymnasium.vector import SyncVectorEnv  # noqa: E402
 from needs import needs_robots  # noqa: E402
 
 import harpy_pin as hp  # noqa: E402
@@ -181,16 +180,6 @@ def test_rewards_by_name_and_by_a_function():
     assert parts.keys() == expected.keys()
     for name, value in expected.items():
         assert parts[name] == pytest.approx(value, rel=1e-9, abs=1e-12), name
-
-
-def test_gymnasium_makes_vectors_of_it():
-    many = gymnasium.make_vec("harpy_pin.contrib.gym:Robot-v0", num_envs=2, vectorization_mode="sync", robot="go2")
-    assert isinstance(many, SyncVectorEnv)
-    assert many.reset(seed=0)[0].shape == (2, 44)
-    observation, reward, *_ = many.step(np.zeros((2, 3), dtype=np.float32))
-    assert observation.shape == (2, 44)
-    assert reward.shape == (2,)
-    many.close()
 
 
 def test_a_robot_of_ones_own_and_mujoco():

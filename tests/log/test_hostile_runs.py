@@ -1,6 +1,6 @@
 """Run files from strangers, as every command reads them: an answer, or one line of ours.
 
-``--fuzz 40`` is 5,000 files.
+``--fuzz 40`` is 2,400 files.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import harpy_pin as hp
 from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario
 from harpy_pin.view.robot_of import robot_of
 
-FILES = 125
+FILES = 60
 ICE = hp.Ground(mu_s=0.3, friction_strips=((0.01, 0.1, 0.05),))
 PUSHED = Disturbances(pushes=(hp.Push(0.01, (0.0, 1.0, 0.0)),))
 SCENARIOS = (
@@ -101,24 +101,6 @@ def test_optional_settings_are_named(runs, changes, says):
     signals, metadata = runs[0]
     with pytest.raises(hp.InputError, match=says):
         hp.measure(hp.Run(signals, {**metadata, **changes}))
-
-
-@pytest.mark.parametrize("name", ["mass", "dt", "end_time", "control_period"])
-def test_whole_numbers_beyond_all_floats_are_refused(runs, name, tmp_path):
-    signals, metadata = runs[0]
-    path = write_log(tmp_path / "run.npz", signals, {**metadata, name: 10**400})
-    with pytest.raises(hp.RunFileError, match=name):
-        hp.Run.load(path)
-
-
-@pytest.mark.parametrize(
-    ("name", "columns", "says"), [("q", 3, "q has shape"), ("v", 5, "v has shape"), ("q", 0, "q has shape")]
-)
-def test_a_base_has_seven_numbers(runs, tmp_path, name, columns, says):
-    signals, metadata = runs[0]
-    signals = {**signals, name: signals[name][:, :columns]}
-    with pytest.raises(hp.RunFileError, match=says):
-        hp.Run.load(write_log(tmp_path / "run.npz", signals, metadata))
 
 
 @pytest.mark.parametrize("urdf", ["a" * 5000, "a\nb", "a\x00b"])

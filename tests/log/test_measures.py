@@ -71,14 +71,6 @@ def test_slip_is_the_path_per_step():
     assert found.sliding == pytest.approx(300 / contact)
 
 
-def test_slow_motion_is_slip_but_not_sliding():
-    run = still(1500)
-    move(run, 0, 200, 1200, 0.009)
-    found = measure(run)
-    assert found.slip_mm_per_step == pytest.approx(4.5, rel=1e-9)
-    assert found.sliding == 0.0
-
-
 def test_motion_in_the_air_is_no_slip():
     run = still(1500)
     run["foot_force"][400:800, 0, 2] = 0.0
@@ -128,41 +120,6 @@ def test_a_bounce_is_not_a_touchdown():
     run["foot_force"][400:410, 0, 2] = 0.0  # 10 ms
     move(run, 0, 415, 425, 0.1)
     assert measure(run).late_slip_mm_per_step == pytest.approx(1.0 / 2, rel=1e-9)
-
-
-def test_contact_age():
-    touching = np.zeros((200, 2), dtype=bool)
-    touching[10:100, 0] = True
-    touching[40:45, 0] = False  # a bounce
-    touching[150:, 0] = True
-    age = contact_age(touching, PERIOD)
-    expected = np.zeros(200)
-    expected[10:100] = PERIOD * np.arange(90)
-    expected[40:45] = 0.0
-    expected[150:] = PERIOD * np.arange(50)
-    np.testing.assert_allclose(age[:, 0], expected, atol=1e-12)
-    np.testing.assert_array_equal(age[:, 1], 0.0)
-
-
-def test_shares_of_low_force_and_no_contact():
-    run = still(1001)
-    run["foot_force"][1:201, :, 2] = [4.0, 15.9]  # 19.9 N in all
-    run["foot_force"][201:301, :, 2] = [0.0, 20.1]
-    run["foot_force"][301:351, :, 2] = 0.0
-    found = measure(run)
-    assert found.low_force == pytest.approx(250 / 1000)
-    assert found.no_contact == pytest.approx(50 / 1000)
-
-
-def test_first_row_has_no_force_yet_and_does_not_count():
-    assert measure(still(2)).no_contact == 0.0
-
-
-@pytest.mark.parametrize("ending", ["fell", "diverged"])
-def test_falls(ending):
-    found = measure(still(10, ending=ending))
-    assert found.fell
-    assert found.ending == ending
 
 
 def test_step_duration_and_period_come_from_the_run():
@@ -299,13 +256,6 @@ def test_only_a_target_of_its_own_is_tracked(gait):
         assert "distance from the target" not in str(found)
     else:
         assert found.tracking_rms_mm == 0.0
-
-
-def test_as_dict_has_every_measure():
-    found = measure(still(5))
-    assert found.as_dict() == {name: getattr(found, name) for name in found.__dataclass_fields__} | {
-        "tracking_rms_mm": pytest.approx(float("nan"), nan_ok=True)
-    }
 
 
 N, PERIOD = 2000, 1e-3

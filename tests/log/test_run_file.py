@@ -49,6 +49,7 @@ def test_repacked_log_is_good(tmp_path):
         np.zeros(7, dtype="datetime64[s]"),
         np.zeros(7, dtype=[("x", float)]),
         np.zeros(7, dtype=np.longdouble),
+        np.array([print] * 7, dtype=object),  # never unpickled
     ],
     ids=lambda array: str(array.dtype),
 )
@@ -67,6 +68,11 @@ EVEN = 1e-3 * np.arange(7)
         ("q", np.zeros((7, 13), np.int64), "q holds"),
         ("q", np.zeros((7, 13), np.bool_), "q holds"),
         ("q", np.zeros(7), ""),
+        ("q", np.zeros((7, 3)), "q has shape"),
+        ("v", np.zeros((7, 5)), "v has shape"),
+        ("torque", np.zeros((6, 6)), "length"),
+        ("t", np.array(3.0), ""),
+        ("gain", np.array(3.0), ""),
         ("foot_force", np.zeros((7, 2, 2)), ""),
         ("foot_force", np.zeros((7, 3, 3)), ""),
         ("t", np.zeros((7, 1)), ""),
@@ -101,6 +107,7 @@ def test_types_shapes_and_times_that_no_walk_has(tmp_path, name, array, message)
         ("ground", 0.8),
         ("scenario", "walk"),
         ("pushes", {}),
+        *((name, 10**400) for name in ("mass", "dt", "end_time", "control_period")),
     ],
 )
 def test_metadata_of_odd_types(tmp_path, name, value):

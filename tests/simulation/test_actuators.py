@@ -74,18 +74,6 @@ def test_viscous_friction_is_more_damping():
     assert Actuators().damped(ROBOT) is ROBOT
 
 
-def test_nothing_changes_by_default():
-    v = np.random.default_rng(0).normal(size=12)
-    plain = hp.Simulator(ROBOT)
-    same = hp.Simulator(ROBOT, actuators=Actuators())
-    for simulator in (plain, same):
-        simulator.reset(Q, 0.1 * v)
-        simulator.advance(command(1.0), steps=50)
-    assert np.array_equal(plain.q, same.q)
-    assert not Actuators()
-    assert Actuators(coulomb_friction=0.1)
-
-
 def energy(simulator: hp.Simulator) -> float:
     return float(0.5 * simulator.v @ simulator.dynamics.mass_matrix @ simulator.v)
 
@@ -140,10 +128,17 @@ def test_friction_and_contact_satisfy_both_conditions():
 
 @NEEDS_MUJOCO
 @pytest.mark.parametrize(
-    "actuators", [Actuators(bandwidth=50.0), Actuators(viscous_friction=1.0), Actuators(coulomb_friction=0.3)]
+    "actuators",
+    [
+        Actuators(bandwidth=50.0),
+        Actuators(viscous_friction=1.0),
+        Actuators(coulomb_friction=0.3),
+        Actuators(thrusters={"lag": 0.03}),
+        Actuators(thrusters={"lag": 0.03, "turning_lag": 0.05}),
+    ],
 )
 def test_both_engines_agree(actuators):
-    """In the air, where contact does not matter, under torques that change."""
+    """In the air, where contact does not matter, under torques and thrusts that change."""
     from harpy_pin.simulation.mujoco import MujocoPlant
 
     plants = [kind(ROBOT, actuators=actuators, dt=1e-4) for kind in (hp.Simulator, MujocoPlant)]
@@ -154,7 +149,9 @@ def test_both_engines_agree(actuators):
         plant.reset(q, np.zeros(12))
         plant.advance(command(0.0))
         for n in range(300):
-            plant.advance(command(0.8 * math.sin(40.0 * n * 1e-4 + 1.0)))
+            torque, up = 0.8 * math.sin(40.0 * n * 1e-4 + 1.0), 40.0 + 20.0 * math.sin(60.0 * n * 1e-4)
+            thrust = np.array([(5.0, 0.0, up), (5.0, 1.0, up)]) if actuators.thrusters else np.zeros((2, 3))
+            plant.advance(hp.Command(np.full(6, torque), thrust))
         ends.append(plant.v.copy())
     assert np.abs(ends[0][6:]).max() > 0.3
     assert np.allclose(*ends, rtol=0.02, atol=0.02)
@@ -166,13 +163,17 @@ def test_bad_actuators_are_refused():
         {"torque_share": -1.0},
         {"coulomb_friction": -0.1},
         {"viscous_friction": math.nan},
+        {"thrusters": {"lag": -1.0}},
+        {"thrusters": {"lags": 0.1}},
+        {"thrusters": 0.1},
+        {"stall_share": 0.5},
     ):
-        with pytest.raises(hp.errors.InputError, match="actuators'"):
+        with pytest.raises(InputError, match=r"actuators'|thrusters'|no_load_speed"):
             Actuators(**values)
 
 
 def test_scenario_has_them_and_walks():
-    actuators = Actuators(bandwidth=100.0, coulomb_friction=0.1)
+    actuators = Actuators(bandwidth=100.0, coulomb_friction=0.1, thrusters={"lag": 0.05})
     scenario = hp.Scenario(disturbances=hp.Disturbances(actuators=actuators), ground=hp.Ground(mu_s=0.5), duration=0.2)
     assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
     run = hp.walk(scenario)
@@ -206,8 +207,3 @@ def test_unloaded_joint_reaches_its_no_load_speed():
     for _ in range(5):
         plant.advance(hp.Command(torque, np.zeros((2, 3))), steps=100)
     assert plant.v[11] == pytest.approx(3.0, rel=0.02)
-
-
-def test_stall_share_needs_a_speed():
-    with pytest.raises(InputError, match="no_load_speed"):
-        Actuators(stall_share=0.5)

@@ -67,11 +67,6 @@ def test_it_slides_as_coulomb_says(sled, heading, degrees):
     np.testing.assert_allclose(force - (force @ normal) * normal, -MU * (force @ normal) * down, atol=1e-6)
 
 
-def test_four_headings_give_equal_slips(sled):
-    slips = [slide(sled, 0.4, heading).slip_path[0] for heading in HEADINGS]
-    np.testing.assert_allclose(slips, slips[0], rtol=1e-9)
-
-
 @pytest.mark.parametrize("cone", ["circular", "per_axis"])
 @pytest.mark.parametrize(("slope", "heading"), [(0.2, 0.0), (-0.5, 0.7), (1.0, 2.5)])
 def test_a_robot_moves_as_on_flat_ground_under_tilted_gravity(robot, cone, slope, heading):
@@ -177,6 +172,8 @@ def test_mujoco_holds_and_slides_as_coulomb_says(sled, heading, degrees):
     np.testing.assert_allclose(plant.state.foot_position, flat.state.foot_position @ r.T, atol=1e-9)
     np.testing.assert_allclose(plant.state.foot_force, flat.state.foot_force @ r.T, atol=1e-6)
     assert plant.slip_path[0] == pytest.approx(flat.slip_path[0], rel=1e-6)
+    force = flat.state.foot_force[0]
+    assert np.hypot(*force[:2]) <= MU * force[2] * (1.0 + 1e-6)
     if degrees == 10.0:
         assert plant.slip_path[0] < 2e-5  # what impratio leaves of creep
     else:

@@ -190,26 +190,6 @@ def test_presets_have_the_stiffness_and_damping_they_state(sled, preset):
     np.testing.assert_allclose(plant.state.foot_force, [[0, 0, mass * 9.81]], atol=1e-6)
 
 
-@pytest.mark.parametrize("degrees", [10, 20])
-def test_slopes_hold_and_slide_as_coulomb_says(sled, degrees):
-    angle, mu = np.radians(degrees), 0.25
-    gravity = 9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)])
-    plant = MujocoPlant(sled, Ground(mu_s=mu), gravity=gravity)
-    q = pin.neutral(sled.model)
-    q[2] = -plant.static_penetration
-    plant.reset(q, np.zeros(6))
-    plant.advance(NOTHING, steps=2000)
-    way = plant.q[0]
-    if degrees == 10:
-        assert 0.0 <= way < 2e-5  # what impratio leaves of creep in a second
-        assert plant.slip_path[0] == pytest.approx(way, rel=1e-3)
-    else:
-        # MuJoCo lifts a foot that slides: it sinks less, but the load and the ratio of the forces stay.
-        assert way == pytest.approx(0.5 * 9.81 * (np.sin(angle) - mu * np.cos(angle)), rel=2e-3)
-    force = plant.state.foot_force[0]
-    assert np.hypot(*force[:2]) <= mu * force[2] * (1.0 + 1e-6)
-
-
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_sliding_foot_is_lifted(sled, preset):
     """MuJoCo's contact is convex: at sliding speed s the normal force has μ (d + k Δt) s beside spring and damper."""

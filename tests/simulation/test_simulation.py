@@ -69,27 +69,18 @@ def test_drop_converges_to_the_explicit_law_with_order_one(sled, ground):
     assert errors[-1, 0] / 7 < 2e-5
 
 
-def test_rest_is_the_static_sink(sled):
-    simulator = Simulator(sled, dt=1e-3)
+@pytest.mark.parametrize("slope", [0.0, np.pi / 6.0])
+def test_rest_is_the_static_sink(sled, slope):
+    """Of the load normal to the ground; a friction of 1 holds it."""
+    gravity = 9.81 * np.array([np.sin(slope), 0.0, -np.cos(slope)])
+    simulator = Simulator(sled, Ground(mu_s=1.0), dt=1e-3, gravity=gravity)
     q = pin.neutral(sled.model)
-    q[2] = 0.01
+    q[2] = 0.01 * (slope == 0.0)
     simulator.reset(q, np.zeros(6))
-    for _ in range(3000):
-        simulator.advance(NO_COMMAND)
-    assert simulator.static_penetration == pytest.approx(MASS * 9.81 / 8000.0)
+    simulator.advance(NO_COMMAND, steps=3000)
+    assert simulator.static_penetration == pytest.approx(MASS * 9.81 * np.cos(slope) / 8000.0)
     assert simulator.q[2] == pytest.approx(-simulator.static_penetration, abs=1e-9)
-    np.testing.assert_allclose(simulator.state.foot_force, [[0, 0, MASS * 9.81]], atol=1e-6)
-
-
-def test_static_sink_on_a_slope_is_that_of_the_normal_load(sled):
-    slope = np.radians(30)
-    gravity = 9.81 * np.array([np.sin(slope), 0, -np.cos(slope)])
-    simulator = Simulator(sled, Ground(mu_s=1.0), gravity=gravity)
-    q = pin.neutral(sled.model)
-    simulator.reset(q, np.zeros(6))
-    for _ in range(4000):
-        simulator.advance(NO_COMMAND)
-    assert simulator.static_penetration == pytest.approx(-simulator.q[2], rel=1e-6)
+    np.testing.assert_allclose(simulator.state.foot_force, [-MASS * gravity], atol=1e-5)
 
 
 def test_bouncing_never_gains_height(sled):
@@ -111,25 +102,9 @@ def test_bouncing_never_gains_height(sled):
 # --- Harpy ----------------------------------------------------------------------------------------------------------
 
 
-def test_contact_forces_of_a_walk_converge():
-    runs = [walk("wbc", dt=dt) for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)]
-    assert [run.ending for run in runs] == ["completed"] * 4
-    assert all(run.metadata["contact_unconverged"] == 0 for run in runs)
-    # Whether a foot is held is decided once a tick: a touchdown at the end of a tick is seen by one run and not by
-    # another, which is a jump and no error of a step. The 30 ms after such a tick are left out.
-    agree = np.ones(len(runs[0]), dtype=bool)
-    for tick in np.flatnonzero(np.ptp([run["held"] for run in runs], axis=0).any(axis=1)):
-        agree[tick : tick + 30] = False
-    assert agree.mean() > 0.9
-    forces = [run["foot_force"][agree, :, 2] for run in runs]
-    gaps = [np.abs(fine - coarse).mean() for coarse, fine in pairwise(forces)]
-    assert gaps[1] < gaps[0]
-    assert gaps[2] < 0.75 * gaps[1]
-    assert gaps[2] < 0.01 * forces[-1].mean()
-
-
-@pytest.mark.parametrize("ground", GROUNDS.values(), ids=[f"{k} kN" for k in GROUNDS])
-def test_walks_on_every_ground_converge_with_order_one(ground):
+@pytest.mark.parametrize("stiffness", [4, 8, 80])
+def test_walks_on_every_ground_converge_with_order_one(stiffness):
+    ground = GROUNDS[stiffness]
     runs = [
         hp.walk(hp.Scenario(controller=hp.Governed(governor="none"), ground=ground, dt=dt, duration=1.5))
         for dt in (1e-3, 5e-4, 2.5e-4, 1.25e-4)
@@ -222,16 +197,6 @@ def test_run_in_two_parts_is_the_run(robot):
     for name in ("q", "v", "foot_force"):
         joined = np.concatenate([p[name] for p in parts])
         np.testing.assert_allclose(joined, whole[name], atol=1e-9, err_msg=name)
-
-
-def test_state_is_a_copy(robot):
-    simulator, _ = standing(robot)
-    state = simulator.state
-    q = state.q.copy()
-    simulator.advance(idle())
-    np.testing.assert_array_equal(state.q, q)
-    state.v[:] = 99.0
-    assert np.all(simulator.v != 99.0)
 
 
 def test_controller_sees_what_is_logged_and_command_is_held(robot):

@@ -125,18 +125,6 @@ def test_a_thruster_that_is_not_there_cannot_fail():
         hp.Simulator(ROBOT, actuators=Actuators(thrusters={"failing": (2, 1.0, 0.5)}))
 
 
-def test_presets():
-    assert Thrusters.preset("propeller").lag == 0.025
-    assert Thrusters.preset("jet", lag=0.5, least=1.0) == Thrusters(lag=0.5, least=1.0)
-    assert Thrusters.preset("fan", lag=0.1) == Thrusters(lag=0.1)
-    with pytest.raises(InputError, match="public"):
-        Thrusters.preset("fan")
-    with pytest.raises(InputError, match="valid"):
-        Thrusters.preset("rocket")
-    with pytest.raises(InputError, match="valid"):
-        Thrusters.preset("jet", lags=1.0)
-
-
 def test_nothing_changes_by_default():
     """Thrusters whose limits are never reached are the ideal ones to rounding, and none in every bit."""
     ends = []
@@ -146,26 +134,6 @@ def test_nothing_changes_by_default():
         ends.append(simulator.run(hp.make_controller("condensed", GAIT, mu=0.25), 0.5)["q"][-1])
     assert (ends[0] == ends[1]).all()
     np.testing.assert_allclose(ends[2], ends[0], atol=1e-7)
-
-
-@NEEDS_MUJOCO
-@pytest.mark.parametrize("settings", [{"lag": 0.03}, {"lag": 0.03, "turning_lag": 0.05}])
-def test_both_engines_agree(settings):
-    """In the air, under thrusts that change."""
-    from harpy_pin.simulation.mujoco import MujocoPlant
-
-    q, _ = GAIT.initial_state()
-    q[2] += 10.0
-    ends = []
-    for kind in (hp.Simulator, MujocoPlant):
-        plant = kind(ROBOT, actuators=Actuators(thrusters=settings), dt=1e-4)
-        plant.reset(q, np.zeros(12))
-        for n in range(1000):
-            up = 40.0 + 20.0 * math.sin(60.0 * n * 1e-4)
-            plant.advance(hp.Command(np.zeros(6), np.array([(5.0, 0.0, up), (5.0, 1.0, up)])))
-        ends.append(plant.v.copy())
-    assert np.abs(ends[0][:3]).max() > 0.1
-    np.testing.assert_allclose(*ends, rtol=0.01, atol=0.01)
 
 
 @pytest.mark.parametrize(
@@ -182,20 +150,3 @@ def test_both_engines_agree(settings):
 def test_bad_thrusters_are_refused(values):
     with pytest.raises(InputError, match="thrusters'"):
         Thrusters(**values)
-    with pytest.raises(InputError, match="thrusters'"):
-        Actuators(thrusters=values)
-
-
-def test_other_settings_are_refused():
-    with pytest.raises(InputError, match="valid"):
-        Actuators(thrusters={"lags": 0.1})
-    with pytest.raises(InputError, match="thrusters"):
-        Actuators(thrusters=0.1)
-
-
-def test_scenario_has_them():
-    disturbances = hp.Disturbances(actuators={"thrusters": {"lag": 0.05}})
-    scenario = hp.Scenario(disturbances=disturbances, ground=hp.Ground(mu_s=0.5), duration=0.2)
-    assert scenario.disturbances.actuators.thrusters == Thrusters(lag=0.05)
-    assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
-    assert hp.walk(scenario).ending == "completed"

@@ -184,30 +184,22 @@ friction against turning and rolling; their spheres have 20 to 30 mm."""
 
 
 def _checked_forces(force: ArrayLike, **others: ArrayLike) -> tuple[Vector, ...]:
-    """Forces (..., 3), and other numbers for each of them, as arrays.
-
-    Args:
-        force: (..., 3) N.
-        others: (...) or fewer axes, by their names.
+    """Forces (..., 3), and other numbers for each of them by their names, as arrays.
 
     Raises:
         InputError: they are not numbers, or not of these shapes.
     """
-    arrays = [checks.array("force", force, None)]
-    shape = arrays[0].shape
-    if not shape or shape[-1] != 3:
-        raise InputError(f"force must have shape (..., 3), got {shape}", name="force", value=force)
-    for name, value in others.items():
-        array = checks.array(name, value, None)
+    forces = checks.array("force", force, None)
+    if forces.shape[-1:] != (3,):
+        raise InputError(f"force must have shape (..., 3), got {forces.shape}", name="force", value=force)
+    arrays = {name: checks.array(name, value, None) for name, value in others.items()}
+    for name, array in arrays.items():
         try:
-            fits = np.broadcast_shapes(array.shape, shape[:-1]) == shape[:-1]
+            arrays[name] = np.broadcast_to(array, forces.shape[:-1])
         except ValueError:
-            fits = False
-        if not fits:
-            message = f"{name} must fit forces of shape {shape[:-1]}, got {array.shape}"
-            raise InputError(message, name=name, value=value)
-        arrays.append(np.broadcast_to(array, shape[:-1]))
-    return tuple(arrays)
+            message = f"{name} must fit forces of shape {forces.shape[:-1]}, got {array.shape}"
+            raise InputError(message, name=name, value=others[name]) from None
+    return forces, *arrays.values()
 
 
 PRESETS = {"soft": (1.0, 1.0), "overdamped": (1.0, 2.0 * math.sqrt(2.0)), "stiff": (10.0, math.sqrt(10.0))}
