@@ -1,23 +1,229 @@
-"""Assignments of a kernel as statements of C."""
+"""Variables of C, and the assignments of a kernel that give them values."""
 
 from __future__ import annotations
 
 import ast
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.compiled.scalars import ATOM, Refused, refused
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Function, Scalar, Tuple, Value
-from harpy_pin.compiled.variables import Variables, stored
+from harpy_pin.compiled.blocks import Assignment, Block, CFunction, Learnt, Variable, Wider, mentions
+from harpy_pin.compiled.expressions import Expressions
+from harpy_pin.compiled.operators import ATOM, Refused, refused
+from harpy_pin.compiled.source import Source
+from harpy_pin.compiled.types import INTEGER, REAL, Array, Function, Scalar, Struct, Tuple, Value
 
-__all__ = ["Assignments"]
+if TYPE_CHECKING:
+    from harpy_pin.compiled.unit import Unit
+
+__all__ = ["Assignments", "stored"]
+
+
+def stored(nodes: Iterable[ast.AST]) -> Iterator[str]:
+    """Names that are assigned to anywhere in these nodes."""
+    for node in nodes:
+        for part in ast.walk(node):
+            if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store):
+                yield part.id
+
 
 SIGNS: dict[type[ast.operator], str] = {ast.Mult: "*=", ast.Add: "+=", ast.Sub: "-="}
 """Operators that change a variable or an element."""
 
 
-class Assignments(Variables):
-    """Translates assignments to names, elements, views and fields."""
+class Assignments(Expressions):
+    """Keeps account of names and variables, and translates what gives them values."""
+
+    def __init__(self, unit: Unit, source: Source, name: str, learnt: Learnt) -> None:
+        self.unit, self.source = unit, source
+        self.function = CFunction(name, [])
+        self.environment: dict[str, Value | None] = {}
+        self.variables: dict[str, Variable] = {}
+        self.taken: set[str] = set()
+        self.learnt, self.result = learnt, learnt.result
+        self.jumps: list[list[dict[str, Value | None]]] = []
+        self.work: list[str] = []
+        self.sizes: list[str] = []
+        self.numbers: set[str] = set()
+        self.path: list[Block] = [Block()]
+        self.stores = Counter(stored([source.tree]))
+        self.local = set(self.stores) | set(source.parameters)
+
+    # --- lines and sizes -------------------------------------------------------------------------------------------
+
+    def emit(self, line: str) -> None:
+        """Add a line."""
+        self.emitted += 1
+        self._uses(line)
+        self.path[-1].items.append(line)
+
+    def _block(self, header: str, *, loop: bool = False) -> Block:
+        self._uses(header)
+        block = Block(header, loop)
+        self.path[-1].items.append(block)
+        return block
+
+    def size(self, size: int | str) -> Value:
+        """A size of an array as a number; one that is a parameter is needed from now on."""
+        if isinstance(size, str):
+            self._uses(size)
+        return super().size(size)
+
+    def _uses(self, code: str) -> None:
+        for size in self.sizes:
+            if size in self.variables and mentions(code, size):
+                self._mention(Value(INTEGER, size))
+        for _, kind in self.function.parameters:
+            if isinstance(kind, Array):
+                self.function.sizes |= {size for size in kind.sizes if mentions(code, size)}
+
+    def _mention(self, value: Value) -> None:
+        variable = self.variables.get(value.code)
+        if variable is not None:
+            variable.places.append(self._here())
+
+    def _here(self) -> tuple[tuple[Block, int], ...]:
+        """The blocks around the next line, with its position in each."""
+        return tuple((block, len(block.items) - (block is not self.path[-1])) for block in self.path)
+
+    def _writes(self, value: Value) -> None:
+        self.function.written |= value.roots
+
+    # --- names -----------------------------------------------------------------------------------------------------
+
+    def keep(self, name: str, value: Value) -> Value:
+        """The value in a variable of its own, before the statement."""
+        if isinstance(value.type, Tuple):
+            return Value(value.type, items=tuple(self.keep(name, item) for item in value.items))
+        own = self._fresh(name)
+        if isinstance(value.type, Scalar):
+            self.emit(f"const {value.type} {own} = {value.code};")
+            return Value(value.type, own)
+        self.emit(f"{self.unit.declare(value.type, f'const {own}')} = {value.code};")
+        return replace(value, code=own, binding=ATOM)
+
+    def _fresh(self, name: str) -> str:
+        own, n = name, 2
+        while own in self.taken or own in map(self.unit.identifier, self.local):
+            own, n = f"{name}_{n}", n + 1
+        self.taken.add(own)
+        return own
+
+    def _set(self, name: str, value: Value) -> None:
+        """Give a name a value."""
+        own = self.unit.identifier(name)
+        kind = value.type
+        if isinstance(kind, Scalar):
+            before = self.environment.get(name)
+            if before is not None and before.code in self.numbers and isinstance(before.type, Scalar):
+                if kind.rank > before.type.rank:
+                    raise Refused(f"'{name}', an argument of a narrower type: give the number another name")
+                self._mention(before)
+                self.emit(f"{before.code} = {self.cast(value, before.type).code};")
+                return
+            rank = self.learnt.ranks.setdefault(name, kind)
+            if kind.rank > rank.rank:
+                self.learnt.ranks[name] = kind
+                raise Wider
+            value = self.cast(value, rank)
+            own = self._variable(name, self.unit.declare(rank, "{}"))
+            self._write(own, value.code)
+            constant = value.constant if self.stores[name] == 1 else None
+            self.environment[name] = Value(rank, own, constant=constant, volatile=self.stores[name] > 1)
+        elif isinstance(kind, Array | Struct):
+            kind = self._fix_sizes(name, kind) if isinstance(kind, Array) else kind
+            if value.code == "NULL":
+                self.environment[name] = replace(value, type=kind)
+                return
+            own = self._variable(name, self.unit.declare(kind, "{}"))
+            self._write(own, value.code)
+            roots, fields = self._all_memory(own, value)
+            self.environment[name] = Value(kind, own, roots=roots, fields=fields)
+        elif isinstance(kind, Tuple) and kind.uniform is not None:
+            own = self._variable(name, f"{kind.uniform} {{}}[{len(kind.items)}]", array=True)
+            items = [item if item.constant is not None else self.keep(f"{own}_item", item) for item in value.items]
+            for n, item in enumerate(items):
+                self._mention(Value(kind, own))
+                self.emit(f"{own}[{n}] = {item.code};")
+            same = tuple(Value(kind.uniform, f"{own}[{n}]", volatile=True) for n in range(len(items)))
+            self.environment[name] = Value(kind, own, items=same)
+        else:
+            raise Refused(f"'{name}', which is neither a number nor an array, a record, or numbers of one type")
+
+    def _all_memory(self, own: str, value: Value) -> tuple[frozenset[str], frozenset[str]]:
+        """The arguments, and the fields of records, that a variable may stand for anywhere in the function."""
+        roots, fields = self.learnt.memory.setdefault(own, (value.roots, value.fields))
+        wider = fields | value.fields if fields and value.fields else frozenset[str]()
+        if value.roots <= roots and wider == fields:
+            return roots, fields
+        self.learnt.memory[own] = (roots | value.roots, wider)
+        raise Wider
+
+    def _fix_sizes(self, name: str, kind: Array) -> Array:
+        """The type of a view whose sizes no later assignment changes."""
+        own = self.unit.identifier(name)
+        kept: dict[str, str] = {}
+        for n, size in enumerate((*kind.shape, *kind.strides)):
+            if isinstance(size, str) and size not in kept and not self._lasting(size):
+                known = {word for word in kept if mentions(size, word)}
+                code = size if not known else " * ".join(kept.get(word, word) for word in size.split(" * "))
+                kept[size] = self._fresh(f"{own}_size{n or ''}")
+                self.variables[kept[size]] = Variable(kept[size], f"integer {kept[size]}")
+                self.sizes.append(kept[size])
+                self._write(kept[size], code)  # goes again where nothing reads it
+        shape = tuple(kept.get(size, size) if isinstance(size, str) else size for size in kind.shape)
+        if kind.is_packed:
+            return Array.packed(kind.element, shape)
+        return Array(kind.element, shape, tuple(kept.get(n, n) if isinstance(n, str) else n for n in kind.strides))
+
+    def _lasting(self, code: str) -> bool:
+        """Whether an expression is a name that stands for one number all the time."""
+        parameters = {size for _, kind in self.function.parameters if isinstance(kind, Array) for size in kind.sizes}
+        return code.isidentifier() and (
+            code in parameters
+            or code in self.taken - set(map(self.unit.identifier, self.local))
+            or (self.stores.get(code, 0) == 1 and not any(b.loop for b in self.path))
+            or (code in self.source.parameters and self.stores.get(code, 0) == 0)
+        )
+
+    def _variable(self, name: str, declaration: str, *, array: bool = False, fresh: bool = False) -> str:
+        """The C variable of a name; another one where the name stood for another kind of thing, or is to be fresh."""
+        own, n = self.unit.identifier(name), 1
+        while True:
+            known = self.variables.get(own)
+            if known is not None and known.declaration == declaration.format(own) and not fresh:
+                return own
+            if known is None and own not in self.taken:
+                break
+            n += 1
+            own = f"{self.unit.identifier(name)}_{n}"
+        self.taken.add(own)
+        self.variables[own] = Variable(own, declaration.format(own), array)
+        return own
+
+    def _write(self, own: str, code: str, sign: str = "=") -> None:
+        self._uses(code)
+        variable = self.variables[own]
+        variable.places.append(self._here())
+        self.path[-1].items.append(Assignment(variable, code, sign))
+
+    def _unharmed(self, value: Value, names: set[str], memory: bool) -> Value:
+        """A value that assignments to variables of these names, or to memory, do not change."""
+        if isinstance(value.type, Tuple):
+            items = tuple(self._unharmed(item, names, memory) for item in value.items)
+            return value if items == value.items else Value(value.type, items=items)
+        if not isinstance(value.type, Scalar | Array | Struct) or value.constant is not None:
+            return value
+        harmed = any(mentions(value.code, name) for name in names) or (memory and self._reads(value))
+        return self.keep("next", value) if harmed else value
+
+    def _variables_of(self, name: str) -> set[str]:
+        """The variables of C that a name stands for, or has stood for."""
+        own = self.unit.identifier(name)
+        return {own, *(known for known in self.variables if known.startswith(f"{own}_"))}
 
     def _do_assign(self, statement: ast.Assign) -> None:
         if len(statement.targets) == 1:
@@ -81,34 +287,24 @@ class Assignments(Variables):
             return False
         assert isinstance(value, ast.Call)
         function = self.expression(value.func)
-        kinds = [*value.args[1:], *(keyword.value for keyword in value.keywords if keyword.arg == "dtype")]
-        if not value.args or len(kinds) > 1 or len(value.args) + len(value.keywords) > 1 + len(kinds):
-            raise refused(value, ": work space has a shape and a dtype")
-        element = self._element_type(kinds[0]) if kinds else REAL
+        if len(value.args) != 1 or value.keywords:
+            raise refused(value, ": work space has a shape, and its elements are real numbers")
         parts = list(value.args[0].elts) if isinstance(value.args[0], ast.Tuple) else [value.args[0]]
         sizes = [self.integer(part).constant for part in parts]
         if not isinstance(target, ast.Name) or not all(isinstance(size, int) for size in sizes):
             raise refused(value, ": the size of work space must be known when compiling")
-        kind = Array.packed(element, tuple(int(size) for size in sizes))  # type: ignore[arg-type]
+        kind = Array.packed(REAL, tuple(int(size) for size in sizes))  # type: ignore[arg-type]
         count = int(np.prod(kind.shape))  # type: ignore[arg-type]
         if count == 0:
             self.environment[target.id] = Value(kind, "NULL")
             return True
-        own = self._variable(target.id, f"{element} {{}}[{count}]", array=True, fresh=True)
+        own = self._variable(target.id, f"{REAL} {{}}[{count}]", array=True, fresh=True)
         self.work.append(own)
         self._mention(Value(kind, own))
         self.environment[target.id] = Value(kind, own, roots=frozenset((own,)), fields=frozenset((own,)))
         if function.type == Function(np.zeros):
             self._fill(self.environment[target.id], self.constant(0.0))  # type: ignore[arg-type]
         return True
-
-    def _element_type(self, node: ast.expr) -> Scalar:
-        """The dtype of work space."""
-        kind = self.expression(node).type
-        for scalar, dtypes in ((REAL, (np.float64, float)), (INTEGER, (np.int64, int)), (BOOLEAN, (np.bool_, bool))):
-            if isinstance(kind, Function) and kind.target in dtypes:
-                return scalar
-        raise Refused(f"work space of '{ast.unparse(node)}'")
 
     def _calls_numpy(self, value: ast.expr) -> bool:
         if not (isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute)):

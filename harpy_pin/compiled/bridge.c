@@ -56,14 +56,14 @@ enum { CONTIGUOUS = 0x1, ALIGNED = 0x100, WRITEABLE = 0x400 };
 /* --- a kernel compiled for one set of types --- */
 enum { MOST_AXES = 4, MOST_SLOTS = 128, MOST_RESULTS = 16, MOST_SYMBOLS = 8 };
 enum { ANY = -1, LEAST = 1000, SYMBOL = 1000000, FACTORS = 1000 };
-enum { ARRAY, NUMBER, WHOLE, TRUTH, EXACTLY, TUPLE };
+enum { ARRAY, NUMBER, WHOLE, TRUTH, TUPLE };
 
 typedef struct {
     int32_t kind;
     int32_t axes;              /* of an array; items of a tuple */
     int32_t written;           /* whether its memory is written */
     int32_t follow;            /* bits of the axes whose sizes the kernel is told */
-    object *type;              /* NumPy's type of its elements, or the object itself */
+    object *type;              /* NumPy's type of its elements */
     int64_t shape[MOST_AXES];  /* a size; ANY; a least one; or a multiple of a size that has a name */
 } argument;
 
@@ -132,13 +132,11 @@ static bool unpack(const argument **wanted, object *given, slot *slots, int *n, 
         if (given->type != &PyBool_Type) return false;
         slots[(*n)++].whole = given == &_Py_TrueStruct;
         return true;
-    case TUPLE:
+    default:
         if (PyTuple_Size(given) != a->axes) { PyErr_Clear(); return false; }
         for (int k = 0; k < a->axes; k++)
             if (!unpack(wanted, PyTuple_GetItem(given, k), slots, n, symbols)) return false;
         return true;
-    default:
-        return given == a->type;
     }
 }
 

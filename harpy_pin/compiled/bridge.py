@@ -13,12 +13,12 @@ import numpy as np
 
 from harpy_pin.compiled import compiler
 from harpy_pin.compiled.shapes import ANY, Shape, encode
-from harpy_pin.compiled.types import Array, Function, Scalar, Struct, Tuple, Type
+from harpy_pin.compiled.types import Array, Struct, Tuple, Type
 from harpy_pin.errors import KernelError
 
 __all__ = ["DTYPES", "Bound", "Version", "bridge"]
 
-ARRAY, NUMBER, WHOLE, TRUTH, EXACTLY, TUPLE = range(6)
+ARRAY, NUMBER, WHOLE, TRUTH, TUPLE = range(5)
 """Kinds of arguments."""
 MAX_AXES, MAX_SLOTS, MAX_RESULTS, MAX_SYMBOLS = 4, 128, 16, 8
 """As in bridge.c."""
@@ -110,14 +110,10 @@ class Version:
             follow = [isinstance(n, str) for n in shape]
             self._slots += 1 + sum(follow)
             yield _pack(ARRAY, len(shape), written, id(dtype), encode(shape, stated, self._symbols), follow)
-        elif isinstance(kind, Scalar):
+        else:
             self._slots += 1
             most = encode((), (stated,), self._symbols) if isinstance(stated, str) else ()
             yield _pack(SCALARS[str(kind)], sizes=most)
-        else:
-            target = kind.target if isinstance(kind, Function) else None
-            self._kept.append(target)
-            yield _pack(EXACTLY, pointer=id(target))
 
 
 def _pack(

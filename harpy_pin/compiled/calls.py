@@ -1,13 +1,18 @@
-"""Calls of kernels that C makes by itself: what gaits, controllers and plants do in a tick of a closed loop."""
+"""Calls of kernels that C makes by itself, one at a time in a closed loop, or several in one crossing from Python."""
 
 from __future__ import annotations
 
+import ctypes
+import sys
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from harpy_pin.compiled.bridge import Bound
-from harpy_pin.compiled.kernels import Kernel
+import numpy as np
 
-__all__ = ["Call"]
+from harpy_pin.compiled.bridge import Bound, bridge
+from harpy_pin.compiled.kernels import BACKEND, Kernel
+
+__all__ = ["Call", "Chain"]
 
 
 class Call:
@@ -32,3 +37,66 @@ class Call:
     def bind(self) -> Bound:
         """The call for C; see :meth:`harpy_pin.compiled.kernels.Kernel.bind`."""
         return self.kernel.bind(*self.arguments)
+
+
+MAX_SAMPLES = 8
+
+
+class _Link(ctypes.Structure):
+    _fields_ = (
+        ("bound", ctypes.POINTER(Bound)),
+        *((name, ctypes.c_int64) for name in ("takes_time", "answers", "expected")),
+    )
+
+
+class _Sample(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_void_p) for name in ("name", "memory")),
+        ("axes", ctypes.c_int64),
+        ("shape", ctypes.c_int64 * 2),
+    )
+
+
+class _Chain(ctypes.Structure):
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in ("links", "samples")),
+        *((name, ctypes.c_void_p) for name in ("type", "time")),
+        ("longest", ctypes.c_double),
+        ("first", ctypes.POINTER(_Link)),
+        ("sample", _Sample * MAX_SAMPLES),
+    )
+
+
+_Base: Any = bridge().make_chain_type() if BACKEND == "c" else object
+
+
+class Chain(_Base):  # type: ignore[misc]  # made by C
+    """Calls one after the other for a state, ``chain(state)``.
+
+    It copies what was measured to where the calls find it, and returns what the last one does: an integer. Where the
+    time is no float, an array is not of float64 and of its shape, or a call does not return what it must, it returns
+    None, and Python goes on.
+
+    Args:
+        calls: in their order; those whose kernel's first argument is ``t`` get the time, the state's ``t``.
+        samples: arrays of up to two axes, which the calls read, by the attribute of the state that they are.
+        longest: from this time on, before and after zero, Python goes on, s.
+    """
+
+    def __init__(self, calls: Sequence[Call], samples: Mapping[str, np.ndarray[Any, Any]], *, longest: float) -> None:
+        bound = [call.bind() for call in calls]
+        links = [
+            _Link(ctypes.pointer(one), call.takes_time, call.expected is not None, call.expected or 0)
+            for call, one in zip(calls, bound, strict=True)
+        ]
+        names = {name: sys.intern(name) for name in ("t", *samples)}
+        given = [
+            _Sample(id(names[name]), a.ctypes.data, a.ndim, (ctypes.c_int64 * 2)(*a.shape))
+            for name, a in samples.items()
+        ]
+        first = (_Link * len(links))(*links)
+        number = np.dtype(np.float64)
+        self._kept = (bound, first, samples, names, number)  # C has their addresses
+        parts = (_Sample * MAX_SAMPLES)(*given)
+        self._chain = _Chain(len(links), len(given), id(number), id(names["t"]), longest, first, parts)
+        bridge().set_chain(self, ctypes.byref(self._chain))

@@ -8,29 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harpy_pin.compiled.function import CFunction
+from harpy_pin.compiled.blocks import CFunction
 from harpy_pin.compiled.shapes import constant_shape
-from harpy_pin.compiled.types import (
-    BOOLEAN,
-    INTEGER,
-    NOTHING,
-    REAL,
-    Array,
-    Fixed,
-    Function,
-    Scalar,
-    Struct,
-    Tuple,
-    Type,
-    element_of,
-)
+from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Scalar, Struct, Tuple, Type, element_of
 from harpy_pin.compiled.unit import Unit
 from harpy_pin.errors import KernelError
 
 if TYPE_CHECKING:
     from harpy_pin.compiled.kernels import Kernel
 
-__all__ = ["argument_types", "entry_code", "entry_unit"]
+__all__ = ["argument_types", "entry_code"]
 
 SLOT = "typedef union { void *pointer; double number; int64_t whole; } slot;"
 UPPER_HALVES = """#if defined(__AVX__) && (defined(__clang__) || __GNUC__ >= 12)
@@ -68,25 +55,14 @@ def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]
         return INTEGER if whole else REAL
     if isinstance(value, tuple):
         return Tuple(tuple(_type(kernel, name, item, records) for item in value))
-    if hasattr(value, "py_func"):
-        return Function(value)
-    if value is None:
-        return NOTHING
     message = f"must be a number or an array, got {type(value).__name__}"
     raise KernelError(f"{name} of {kernel.py_func.__name__} {message}")
 
 
-def entry_unit(
-    kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False
-) -> tuple[Unit, CFunction]:
-    """The C of a kernel for arguments of these types."""
-    unit = Unit(single=single, debug=debug)
-    return unit, unit.function_for(kernel, types)
-
-
 def entry_code(kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False) -> str:
     """A whole file with the function that Python calls."""
-    unit, function = entry_unit(kernel, types, single=single, debug=debug)
+    unit = Unit(single=single, debug=debug)
+    function = unit.function_for(kernel, types)
     slots = iter(range(1000))
     arguments = [code for _, kind in function.parameters for code in _unpack(unit, kind, function, slots)]
     call = f"{function.name}({', '.join(arguments)})"
@@ -113,11 +89,6 @@ def _result(n: int, kind: str) -> str:
 
 def _unpack(unit: Unit, kind: Type, function: CFunction, slots: Any) -> list[str]:
     """Arguments in C from slots, for one argument of the kernel."""
-    if isinstance(kind, Function | Fixed) or kind == NOTHING:
-        return []
-    if isinstance(kind, Tuple):
-        items = ", ".join(code for item in kind.items for code in _unpack(unit, item, function, slots))
-        return [f"(const {kind.uniform}[]){{{items}}}"]
     if isinstance(kind, Scalar):
         member = f"a[{next(slots)}].{MEMBERS[str(kind)]}"
         cast = f"({kind})" if unit.single else ""

@@ -1,20 +1,25 @@
-"""Expressions of a kernel as expressions in C, with their types."""
+"""Expressions of a kernel as expressions in C: names, calls, fields of records, elements and views of arrays."""
 
 from __future__ import annotations
 
 import ast
 import builtins
-import time
 from dataclasses import replace
+from math import prod
 from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.scalars import ATOM, EQUALITY, UNARY, Refused, refused, wider
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Function, Scalar, Struct, Tuple, Value
-from harpy_pin.compiled.views import Views
+from harpy_pin.compiled.operators import ATOM, EQUALITY, PRODUCT, SUM, UNARY, Operators, Refused, refused, wider, wrap
+from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Function, Scalar, Struct, Tuple, Value
 
 __all__ = ["Expressions", "kernel_of"]
+
+
+def _is_sum_from(end: ast.BinOp, begin: ast.expr | None) -> bool:
+    """Whether the end of a slice is its beginning and something more."""
+    return begin is not None and isinstance(end.op, ast.Add) and ast.unparse(end.left) == ast.unparse(begin)
+
 
 MATHEMATICS = {
     np.sqrt: "sqrt",
@@ -33,7 +38,7 @@ MATHEMATICS = {
 PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
 OF_TWO = (np.arctan2, np.hypot, np.copysign)
 """Functions of two numbers."""
-LIBRARY = (*MATHEMATICS, *PREDICATES, min, max, abs, round, int, np.int64, float, time.perf_counter_ns)
+LIBRARY = (*MATHEMATICS, *PREDICATES, min, max, abs, int, np.int64, float)
 """All functions that are no kernels."""
 
 
@@ -42,14 +47,175 @@ def kernel_of(value: Any) -> Any:
     return getattr(value, "py_func", None)
 
 
-class Expressions(Views):
-    """Translates names, attributes, tuples and calls; the statements' translator is its subclass."""
+class Expressions(Operators):
+    """Translates attributes, tuples, functions of Python and NumPy, and what refers to memory."""
+
+    def _field(self, owner: Value, name: str) -> Value:
+        assert isinstance(owner.type, Struct)
+        fields = owner.type.fields()
+        if name not in fields:
+            raise Refused(f"a record without '{name}'; it has {', '.join(fields)}")
+        kind = fields[name]
+        inside = owner.code[1:] + "." if owner.code.startswith("&") else wrap(owner, ATOM) + "->"
+        code = f"{inside}{self.unit.identifier(name)}"
+        part = frozenset(f"{path}.{name}" for path in owner.fields)
+        if isinstance(kind, Array):
+            return Value(kind, "NULL" if kind.empty else code, roots=owner.roots, fields=part)
+        if isinstance(kind, Struct):
+            return Value(kind, f"&{code}", UNARY, roots=owner.roots, fields=part)
+        return Value(kind, code, roots=owner.roots, volatile=True)
+
+    def size(self, size: int | str) -> Value:
+        """A size of an array as a number."""
+        return self.constant(size) if isinstance(size, int) else Value(INTEGER, size, PRODUCT if "*" in size else ATOM)
+
+    def _subscript(self, node: ast.Subscript) -> Value:
+        owner = self.expression(node.value)
+        if isinstance(owner.type, Tuple):
+            return self._item(owner, self.integer(node.slice))
+        if not isinstance(owner.type, Array):
+            raise refused(node.value, " is no array")
+        view = self.view(owner, node.slice)
+        assert isinstance(view.type, Array)
+        if view.type.shape:
+            return view
+        if isinstance(view.type.element, Struct):
+            code = view.code[: -len("[0]")] if view.code.endswith("[0]") else f"&{view.code}"
+            binding = UNARY if code == f"&{view.code}" else ATOM
+            return Value(view.type.element, code, binding, roots=view.roots, fields=view.fields)
+        if view.type.element is SINGLE:
+            return Value(REAL, f"(real){view.code}", UNARY, roots=view.roots, volatile=True)
+        return Value(view.type.element, view.code, roots=view.roots, volatile=True)
+
+    def _item(self, owner: Value, index: Value) -> Value:
+        if isinstance(index.constant, int):
+            return owner.items[index.constant]
+        assert isinstance(owner.type, Tuple)
+        if owner.type.uniform is None or not owner.code:
+            raise Refused("an item of this tuple that is chosen at run time")
+        return Value(owner.type.uniform, f"{owner.code}[{index.code}]", volatile=True)
+
+    def view(self, owner: Value, index: ast.expr) -> Value:
+        """A part of an array; without axes left its code is the element, otherwise the address of the first one."""
+        assert isinstance(owner.type, Array)
+        parts = list(index.elts) if isinstance(index, ast.Tuple) else [index]
+        shape, strides = list(owner.type.shape), list(owner.type.strides)
+        if len(parts) > len(shape):
+            raise Refused(f"{len(parts)} indices of an array of {len(shape)} axes")
+        fixed, terms = 0, []
+        left_shape: list[int | str] = []
+        left_strides: list[int | str] = []
+        for axis, part in enumerate(parts):
+            if isinstance(part, ast.Slice):
+                start, size = self._slice(part, shape[axis])
+                left_shape.append(size)
+                left_strides.append(strides[axis])
+            else:
+                start = self._index(part, shape[axis])
+            step = strides[axis]
+            if isinstance(start.constant, int) and isinstance(step, int) and not self.unit.debug:
+                fixed += start.constant * step
+            elif step == 1:
+                terms.append(wrap(start, SUM))
+            elif start.constant != 0 or self.unit.debug:
+                terms.append(f"{step} * {wrap(start, PRODUCT + 1)}")
+        if fixed or not terms:
+            terms.append(str(fixed))
+        offset = " + ".join(terms)
+        kind = Array(owner.type.element, (*left_shape, *shape[len(parts) :]), (*left_strides, *strides[len(parts) :]))
+        if not kind.shape:
+            owner = self.dereferenced(owner)
+            return Value(kind, f"{self._at(owner, offset)}", roots=owner.roots, fields=owner.fields)
+        if any(isinstance(part, ast.Slice) and (part.lower or part.upper) for part in parts):
+            owner = replace(owner, fields=frozenset(path.rstrip("+") + "+" for path in owner.fields))
+        if offset == "0" or owner.code == "NULL":
+            return replace(owner, type=kind)
+        return Value(kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots, fields=owner.fields)
+
+    def dereferenced(self, owner: Value) -> Value:
+        """An array whose elements are named, in a branch that a robot without them never comes to."""
+        if owner.code != "NULL":
+            return owner
+        return replace(owner, code=f"(({self.unit.declare(owner.type, '').strip()})NULL)")
+
+    def _at(self, owner: Value, offset: str) -> str:
+        """An element of an array, whose address may already be a sum."""
+        base, _, begin = owner.code.partition(" + ")
+        if owner.binding == SUM and "(" not in base:
+            return f"{base}[{begin} + {offset}]" if offset != "0" else f"{base}[{begin}]"
+        return f"{wrap(owner, ATOM)}[{offset}]"
+
+    def _index(self, node: ast.expr, size: int | str) -> Value:
+        value = self.integer(node)
+        if isinstance(value.constant, int):
+            if value.constant < 0 or (isinstance(size, int) and value.constant >= size):
+                raise Refused(f"index {value.constant} of an axis of {size}")
+        elif self.unit.debug:
+            return Value(INTEGER, f"inside({value.code}, {size}, __LINE__)")
+        return value
+
+    def _slice(self, node: ast.Slice, size: int | str) -> tuple[Value, int | str]:
+        """Where a slice begins, and its size."""
+        if node.step is not None:
+            raise Refused("a slice with a step")
+        begin = self.integer(node.lower) if node.lower is not None else self.constant(0)
+        end = self.integer(node.upper) if node.upper is not None else self.size(size)
+        length: int | str | None = self._difference(node, size)
+        if length is None and isinstance(node.upper, ast.BinOp) and _is_sum_from(node.upper, node.lower):
+            length = self.integer(node.upper.right).code
+        if length is None:
+            length = end.code if begin.constant == 0 else f"({end.code} - {wrap(begin, SUM + 1)})"
+        for bound in (begin, end):
+            if isinstance(bound.constant, int) and isinstance(size, int) and not 0 <= bound.constant <= size:
+                raise Refused(f"a slice to {bound.constant} of an axis of {size}")
+        if self.unit.debug:
+            begin = Value(INTEGER, f"within({begin.code}, {end.code}, {size}, __LINE__)")
+        return begin, length
+
+    def _difference(self, node: ast.Slice, size: int | str) -> int | None:
+        """The size of a slice, where it is known although its ends may not be."""
+        begin = self._linear(node.lower) if node.lower is not None else {}
+        if node.upper is not None:
+            end = self._linear(node.upper)
+        elif isinstance(size, int):
+            end = {"": size}
+        else:
+            return None
+        rest = {term: end.get(term, 0) - begin.get(term, 0) for term in end.keys() | begin.keys()}
+        return rest.get("", 0) if not any(n for term, n in rest.items() if term) else None
+
+    def _linear(self, node: ast.expr) -> dict[str, int]:
+        """An integer expression as a sum of terms with constant factors; the term without a name is 1."""
+        value = self.integer(node)
+        if isinstance(value.constant, int):
+            return {"": value.constant}
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add | ast.Sub):
+            sign = 1 if isinstance(node.op, ast.Add) else -1
+            left, right = self._linear(node.left), self._linear(node.right)
+            return {term: left.get(term, 0) + sign * right.get(term, 0) for term in left.keys() | right.keys()}
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
+            for factor, other in ((node.left, node.right), (node.right, node.left)):
+                known = self.integer(factor).constant
+                if isinstance(known, int):
+                    return {term: known * n for term, n in self._linear(other).items()}
+        return {ast.unparse(node): 1}
+
+    def _reshape(self, owner: Value, arguments: list[ast.expr]) -> Value:
+        assert isinstance(owner.type, Array)
+        if not owner.type.is_packed:
+            raise Refused("reshape of a view with gaps")
+        parts = list(arguments[0].elts) if isinstance(arguments[0], ast.Tuple) else arguments
+        shape: list[int | str] = []
+        for part in parts:
+            size = self.integer(part)
+            shape.append(size.constant if isinstance(size.constant, int) else size.code)
+        known = [all(isinstance(n, int) for n in sizes) for sizes in (shape, owner.type.shape)]
+        if any(isinstance(n, int) and n < 0 for n in shape) or (all(known) and prod(shape) != prod(owner.type.shape)):
+            raise Refused(f"reshape of {owner.type.shape} to {tuple(shape)}")
+        return replace(owner, type=Array.packed(owner.type.element, tuple(shape)))
 
     def _constant(self, node: ast.Constant) -> Value:
         return self.constant(node.value)
-
-    def _name(self, node: ast.Name) -> Value:
-        return self.name(node)
 
     def _tuple(self, node: ast.Tuple) -> Value:
         items: list[Value] = []
@@ -62,13 +228,11 @@ class Expressions(Views):
         return Value(Tuple(tuple(item.type for item in items)), items=tuple(items))
 
     def _attribute(self, node: ast.Attribute) -> Value:
-        if isinstance(node.value, ast.Name) and node.value.id not in self.environment:
-            found = self.name(node.value)
-            if isinstance(found.type, Function):
-                if not hasattr(found.type.target, node.attr):
-                    raise refused(node, ", which is not there")
-                return self.known(getattr(found.type.target, node.attr), node.attr)
         owner = self.expression(node.value)
+        if owner.type == Function(np):
+            if not hasattr(np, node.attr):
+                raise refused(node, ", which is not there")
+            return self.known(getattr(np, node.attr), node.attr)
         if isinstance(owner.type, Struct):
             return self._field(owner, node.attr)
         if isinstance(owner.type, Array) and node.attr in ("shape", "size"):
@@ -90,36 +254,6 @@ class Expressions(Views):
             return value
         return Value(Function(found))
 
-    def _call(self, node: ast.Call) -> Value:
-        if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
-            owner = self.expression(node.func.value)
-            if isinstance(owner.type, Array):
-                return self._reshape(owner, node.args)
-        target = self.expression(node.func)
-        if not isinstance(target.type, Function):
-            raise refused(node.func, " is no function")
-        function = target.type.target
-        names = [keyword.arg for keyword in node.keywords]
-        if kernel_of(function) is not None:
-            if None in names:
-                raise refused(node, ": **")
-            packed = self._tuple(ast.Tuple([*node.args, *(keyword.value for keyword in node.keywords)], ast.Load()))
-            arguments = list(packed.items)
-            first = len(arguments) - len(names)
-            return self.call_kernel(
-                function, arguments[:first], dict(zip(map(str, names), arguments[first:], strict=True))
-            )
-        if not any(function is one for one in LIBRARY):
-            raise refused(node.func, " is no kernel and none of the functions that kernels have")
-        if names:
-            raise refused(node, ": arguments by name")
-        arguments = self.operands(node.args)
-        extreme = function in (builtins.min, builtins.max)
-        count = 0 if function is time.perf_counter_ns else 2 if extreme or function in OF_TWO else 1
-        if len(arguments) < count or (len(arguments) > count and not extreme):
-            raise Refused(f"'{ast.unparse(node)}': another number of arguments than {count}")
-        return self._library(function, arguments)
-
     def _library(self, function: Any, arguments: list[Value]) -> Value:
         """A function of Python or NumPy."""
         volatile = any(argument.volatile for argument in arguments)
@@ -128,8 +262,6 @@ class Expressions(Views):
             return Value(REAL, f"{self.unit.function(MATHEMATICS[function])}({codes})", volatile=volatile)
         if function in PREDICATES:
             return Value(BOOLEAN, f"{PREDICATES[function]}({codes}) != 0", EQUALITY, volatile=True)
-        if function is time.perf_counter_ns:
-            return Value(INTEGER, f"{self.unit.helper('clock_ns')}()", volatile=True)
         if function in (builtins.min, builtins.max):
             return self._extreme("min" if function is builtins.min else "max", arguments)
         (first,) = arguments
@@ -137,8 +269,6 @@ class Expressions(Views):
             if first.type is REAL:
                 return Value(REAL, f"{self.unit.function('fabs')}({codes})", volatile=volatile)
             return Value(INTEGER, f"{self.unit.helper('integer_abs')}({first.code})", volatile=volatile)
-        if function is builtins.round:
-            return Value(INTEGER, f"(integer){self.unit.function('rint')}({codes})", UNARY, volatile=volatile)
         return self.real(first) if function is builtins.float else self.cast(first, INTEGER)
 
     def _extreme(self, name: str, arguments: list[Value]) -> Value:

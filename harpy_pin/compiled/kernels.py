@@ -27,15 +27,14 @@ from harpy_pin.compiled.entry_points import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
 from harpy_pin.compiled.source import fingerprint, remember
-from harpy_pin.compiled.types import Array, Function, Nothing, Struct, Tuple, Type
+from harpy_pin.compiled.types import Array, Struct, Tuple, Type
 from harpy_pin.errors import InputError, KernelError
 
 __all__ = ["BACKEND", "Kernel", "kernel"]
 
 BACKENDS = ("c", "python")
 TRANSLATOR = (
-    *("types", "words", "scalars", "operators", "views", "expressions", "blocks", "function", "variables"),
-    *("assignments", "control", "statements", "source", "unit", "entry_points"),
+    *("types", "operators", "expressions", "blocks", "assignments", "statements", "source", "unit", "entry_points"),
 )
 """Modules that decide the C of a kernel."""
 _LOCK = RLock()
@@ -325,15 +324,13 @@ def _text(types: tuple[Type, ...]) -> str:
 
 
 def _type_text(kind: Type) -> str:
-    if isinstance(kind, Function):
-        return f"{fingerprint(kind.target.py_func)!r}"
     if isinstance(kind, Array):
         return f"{_type_text(kind.element)}{kind.shape}{kind.strides}"
     if isinstance(kind, Struct):
         return f"{kind.name}{_dtype_text(kind.dtype)}"
     if isinstance(kind, Tuple):
         return f"({', '.join(map(_type_text, kind.items))})"
-    return "None" if isinstance(kind, Nothing) else str(kind)
+    return str(kind)
 
 
 @cache

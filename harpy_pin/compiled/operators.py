@@ -1,31 +1,53 @@
-"""Operators of a kernel as operators of C: arithmetic, comparisons, conditions, and choices."""
+"""Numbers of a kernel as C: constants, conversions, operators, and the order in which expressions are evaluated."""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from harpy_pin.compiled.scalars import (
-    AND,
-    ATOM,
-    EQUALITY,
-    OR,
-    PRODUCT,
-    RELATION,
-    SUM,
-    TERNARY,
-    UNARY,
-    Refused,
-    Scalars,
-    refused,
-    wider,
-    wrap,
+import numpy as np
+
+from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Scalar, Tuple, Value
+
+if TYPE_CHECKING:
+    from harpy_pin.compiled.unit import Unit
+
+__all__ = ["ATOM", "EQUALITY", "PRODUCT", "SUM", "UNARY", "Operators", "Refused", "refused", "wider", "wrap"]
+
+ATOM, UNARY, PRODUCT, SUM, RELATION, EQUALITY, AND, OR, TERNARY = 100, 90, 80, 70, 60, 55, 40, 30, 20
+"""How tightly operators bind."""
+NODES = frozenset(
+    (
+        *(ast.Constant, ast.Name, ast.Tuple, ast.Attribute, ast.Subscript, ast.Call),
+        *(ast.UnaryOp, ast.BinOp, ast.BoolOp, ast.Compare, ast.IfExp),
+    )
 )
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Scalar, Tuple, Value
+"""Expressions that kernels have."""
+MEMORY = re.compile(r"\[|->|[A-Za-z_]\w*\.(?!v\d)[A-Za-z_]")
+"""What code has where it reads an element or a field."""
 
-__all__ = ["Operators"]
+
+class Refused(Exception):
+    """Something that kernels do not have."""
+
+
+def refused(node: ast.AST, reason: str = "") -> Refused:
+    """The refusal of a piece of source, which the message begins with."""
+    return Refused(f"'{ast.unparse(node)}'{reason}")
+
+
+def wrap(value: Value, binding: int) -> str:
+    """Code of a value as an operand of an operator that binds so tightly."""
+    return value.code if value.binding >= binding else f"({value.code})"
+
+
+def wider(*types: Any) -> Scalar:
+    """Of numbers the type that holds them all."""
+    return max((kind for kind in types if isinstance(kind, Scalar)), key=lambda scalar: scalar.rank)
+
 
 OPERATORS = {ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT)}
 COMPARISONS: dict[type[ast.cmpop], tuple[str, int, Callable[[Any, Any], bool]]] = {
@@ -38,8 +60,106 @@ COMPARISONS: dict[type[ast.cmpop], tuple[str, int, Callable[[Any, Any], bool]]] 
 }
 
 
-class Operators(Scalars):
-    """Translates operators."""
+class Operators:
+    """Translates numbers and operators; the translators of expressions and statements are its subclasses."""
+
+    unit: Unit
+    environment: dict[str, Any]
+    effects = 0
+    """Calls so far that write memory."""
+    emitted = 0
+    """Lines of C so far."""
+
+    def keep(self, name: str, value: Value) -> Value:
+        """The value in a variable of its own, before the statement."""
+        raise NotImplementedError
+
+    def ordered(self, nodes: Sequence[ast.expr]) -> list[Value]:
+        """Expressions that Python evaluates in order, and C in any: none may change what others read."""
+        values: list[Value] = []
+        writes: list[bool] = []
+        for node in nodes:
+            before = self.effects
+            values.append(self.expression(node))
+            writes.append(self.effects > before)
+        for n, write in enumerate(writes):
+            if write and any(writes[m] or self._reads(value) for m, value in enumerate(values) if m != n):
+                raise Refused("a call that changes what the rest of the expression reads: give its result a name first")
+        return values
+
+    def _reads(self, value: Value) -> bool:
+        """Whether the code reads memory that another kernel may write."""
+        if isinstance(value.type, Tuple):
+            return any(map(self._reads, value.items))
+        if not isinstance(value.type, Scalar):
+            return "[" in value.code
+        return MEMORY.search(value.code) is not None or not self.unit.is_pure(value.code)
+
+    def inline(self, translate: Callable[[ast.expr], Value], node: ast.expr) -> Value:
+        """Translate what may not run, or may run again: nothing of it may stand before the statement."""
+        before = self.emitted
+        value = translate(node)
+        if self.emitted > before:
+            raise refused(node, " where it may not run, or more than once: give it a name first")
+        return value
+
+    def constant(self, number: object) -> Value:
+        """A number that is known, or a tuple of such numbers."""
+        if isinstance(number, bool | np.bool_):
+            return Value(BOOLEAN, "true" if number else "false", constant=bool(number))
+        if isinstance(number, int | np.integer):
+            return Value(INTEGER, str(int(number)), ATOM if number >= 0 else UNARY, constant=int(number))
+        if isinstance(number, float):
+            return Value(REAL, self.unit.literal(number), ATOM if number >= 0 else UNARY, constant=float(number))
+        if isinstance(number, tuple):
+            items = tuple(map(self.constant, number))
+            return Value(Tuple(tuple(item.type for item in items)), items=items)
+        raise Refused(f"a constant of type {type(number).__name__}")
+
+    def real(self, value: Value) -> Value:
+        """The same as a real number."""
+        return self.cast(value, REAL)
+
+    def cast(self, value: Value, to: Scalar) -> Value:
+        """The same as a number of another type."""
+        if value.type == to:
+            return value
+        if not isinstance(value.type, Scalar):
+            raise Refused("something that is no number where one is needed")
+        if to is SINGLE:
+            return replace(self.real(value), code=f"(float){wrap(self.real(value), UNARY)}", binding=UNARY)
+        if to is BOOLEAN:
+            return Value(BOOLEAN, f"{wrap(value, EQUALITY + 1)} != 0", EQUALITY)
+        if isinstance(value.constant, int):
+            return self.constant(float(value.constant) if to is REAL else int(value.constant))
+        return replace(value, type=to, code=f"({to}){wrap(value, UNARY)}", binding=UNARY, constant=None)
+
+    def scalar(self, node: ast.expr) -> Value:
+        """An expression that must be a number."""
+        (value,) = self.operands([node])
+        return value
+
+    def operands(self, nodes: Sequence[ast.expr]) -> list[Value]:
+        """Expressions that must be numbers, evaluated in order."""
+        values = self.ordered(nodes)
+        for node, value in zip(nodes, values, strict=True):
+            if not isinstance(value.type, Scalar):
+                raise refused(node, " is no number")
+        return values
+
+    def integer(self, node: ast.expr) -> Value:
+        """An expression that must be an integer."""
+        value = self.scalar(node)
+        if value.type is REAL:
+            raise refused(node, " is no integer")
+        return self.cast(value, INTEGER)
+
+    def expression(self, node: ast.expr) -> Value:
+        """Any expression."""
+        if type(node) not in NODES:
+            raise Refused(f"'{ast.unparse(node)}': kernels have no {type(node).__name__}")
+        value: Value = getattr(self, f"_{type(node).__name__.lower()}")(node)
+        return value
 
     def truth(self, node: ast.expr) -> Value:
         """An expression as a condition."""
@@ -107,16 +227,13 @@ class Operators(Scalars):
         return Value(kind, f"({wrap(a, ATOM)} {sign} {wrap(b, ATOM)})", volatile=a.volatile or b.volatile)
 
     def _power(self, a: Value, b: Value) -> Value:
-        """A number to a power: of a constant integer by squaring."""
+        """A real number to a power; to a small one that is known when compiling, a product."""
         exponent = b.constant
         if isinstance(exponent, int) and 2 <= exponent <= 4 and a.type is REAL:
             base = self.unit.helper(f"power_{exponent}")
             return Value(REAL, f"{base}({a.code})", volatile=a.volatile)
-        if a.type is not REAL and b.type is not REAL and not (isinstance(exponent, int) and exponent < 0):
-            if exponent is None:
-                raise Refused("a whole number to a power that is not known when compiling")
-            power = self.unit.helper("integer_power")
-            return Value(INTEGER, f"{power}({self.cast(a, INTEGER).code}, {int(exponent)})", volatile=a.volatile)
+        if a.type is not REAL and b.type is not REAL:
+            raise Refused("a power of integers")
         a, b = self.real(a), self.real(b)
         return Value(REAL, f"{self.unit.function('pow')}({a.code}, {b.code})", volatile=True)
 
@@ -182,15 +299,6 @@ class Operators(Scalars):
         return self.keep("value", value) if calls else value
 
     def _relation(self, operator: ast.cmpop, a: Value, b: Value) -> Value:
-        if isinstance(operator, ast.In | ast.NotIn) and isinstance(b.type, Tuple):
-            if not b.items:
-                return self.constant(isinstance(operator, ast.NotIn))
-            a = self._once(a)
-            found = [self._relation(ast.Eq(), a, item) for item in b.items]
-            code = " || ".join(wrap(part, AND + 1) for part in found)
-            if isinstance(operator, ast.NotIn):
-                return Value(BOOLEAN, f"!({code})", UNARY)
-            return Value(BOOLEAN, code, OR)
         if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(operator, ast.Eq | ast.NotEq):
             return self._same_tuples(isinstance(operator, ast.Eq), a, b)
         if type(operator) not in COMPARISONS:

@@ -9,9 +9,8 @@ import inspect
 import linecache
 import os
 import textwrap
-from enum import EnumType
 from functools import cache
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType
 from typing import Any
 
 import numpy as np
@@ -160,23 +159,15 @@ def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType,
     called: list[FunctionType] = []
     named: list[str] = []
     for name in (*code.co_names, *code.co_freevars):
-        for value in _values(name, known, code.co_names):
-            kernel = kernel_of(value)
-            if kernel is not None:
-                called.append(kernel)
-                named.append(f"{name}→{kernel.__module__}.{kernel.__qualname__}")
-            elif isinstance(value, int | float | tuple | np.number):
-                named.append(f"{name}={value!r}")
+        value = known.get(name)
+        kernel = kernel_of(value)
+        if kernel is not None:
+            called.append(kernel)
+            named.append(f"{name}→{kernel.__module__}.{kernel.__qualname__}")
+        elif isinstance(value, int | float | tuple | np.number):
+            named.append(f"{name}={value!r}")
     text = f"{function.__qualname__}{_described(code)}{function.__defaults__!r}{named!r}"
     return text.encode(), tuple(called)
-
-
-def _values(name: str, known: dict[str, Any], attributes: tuple[str, ...]) -> list[Any]:
-    """What a name of a kernel stands for; of a module or an enumeration what the kernel may take from it."""
-    value = known.get(name)
-    if isinstance(value, ModuleType | EnumType) and value is not np:
-        return [getattr(value, attribute) for attribute in attributes if hasattr(value, attribute)]
-    return [value]
 
 
 def _described(code: CodeType) -> str:

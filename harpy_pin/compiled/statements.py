@@ -1,22 +1,46 @@
-"""A kernel as a function in C, for one set of argument types."""
+"""A kernel as a function in C, for one set of argument types: its branches, loops, returns and calls."""
 
 from __future__ import annotations
 
 import ast
-from dataclasses import replace
+import builtins
 from typing import TYPE_CHECKING, Any
 
-from harpy_pin.compiled.blocks import drop_unused, mentions, place, render
-from harpy_pin.compiled.control import Control
-from harpy_pin.compiled.function import CFunction, Learnt, Wider
-from harpy_pin.compiled.scalars import Refused
-from harpy_pin.compiled.source import Source
-from harpy_pin.compiled.types import BOOLEAN, NOTHING, Array, Fixed, Function, Scalar, Struct, Tuple, Type, Value
+from harpy_pin.compiled.assignments import Assignments, stored
+from harpy_pin.compiled.blocks import Block, CFunction, Learnt, Wider, drop_unused, mentions, place, render
+from harpy_pin.compiled.expressions import LIBRARY, OF_TWO, kernel_of
+from harpy_pin.compiled.operators import SUM, Refused, refused, wider, wrap
+from harpy_pin.compiled.source import Source, source_of
+from harpy_pin.compiled.types import (
+    BOOLEAN,
+    INTEGER,
+    NOTHING,
+    Array,
+    Fixed,
+    Function,
+    Scalar,
+    Struct,
+    Tuple,
+    Type,
+    Value,
+)
+from harpy_pin.errors import KernelError
 
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit
 
 __all__ = ["translate"]
+
+
+def _unify(a: Type, b: Type) -> Type:
+    """A type that holds both."""
+    if isinstance(a, Scalar) and isinstance(b, Scalar):
+        return wider(a, b)
+    if isinstance(a, Tuple) and isinstance(b, Tuple) and len(a.items) == len(b.items):
+        return Tuple(tuple(_unify(x, y) for x, y in zip(a.items, b.items, strict=True)))
+    if a != b:
+        raise Refused("results of different kinds")
+    return a
 
 
 def translate(unit: Unit, source: Source, name: str, types: tuple[Type, ...]) -> CFunction:
@@ -39,8 +63,197 @@ def translate(unit: Unit, source: Source, name: str, types: tuple[Type, ...]) ->
             continue
 
 
-class _Translator(Control):
+class _Translator(Assignments):
     """Goes through the statements once; types that turn out too narrow are kept for the next attempt."""
+
+    def body(self, statements: list[ast.stmt]) -> bool:
+        """Statements one after the other; returns whether what follows them is never reached through them."""
+        for statement in statements:
+            try:
+                left = getattr(self, f"_do_{type(statement).__name__.lower()}", self._unknown)(statement)
+            except Refused as reason:
+                raise self.source.error(statement, str(reason)) from None
+            if left or isinstance(statement, ast.Return | ast.Continue | ast.Break):
+                return True
+        return False
+
+    def _unknown(self, statement: ast.stmt) -> None:
+        raise Refused(f"kernels have no {type(statement).__name__}")
+
+    def _inside(self, block: Block, statements: list[ast.stmt]) -> bool:
+        self.path.append(block)
+        left = self.body(statements)
+        self.path.pop()
+        return left
+
+    def _do_pass(self, _: ast.Pass) -> None:
+        """Nothing."""
+
+    def _do_expr(self, statement: ast.Expr) -> None:
+        if isinstance(statement.value, ast.Constant):
+            return
+        value = self.expression(statement.value)
+        if not isinstance(statement.value, ast.Call):
+            raise Refused("an expression that does nothing")
+        if value.code:
+            self.emit(f"{value.code};")
+
+    def _do_return(self, statement: ast.Return) -> None:
+        value = self.expression(statement.value) if statement.value is not None else Value(NOTHING)
+        if value.type == NOTHING:
+            self._returns(NOTHING)
+            self.emit("return;")
+            return
+        if isinstance(value.type, Tuple):
+            kind = self._returns(Tuple(tuple(item.type for item in value.items)))
+            assert isinstance(kind, Tuple)
+            codes = [self.cast(item, to).code for item, to in zip(value.items, kind.items, strict=True)]  # type: ignore[arg-type]
+            self.emit(f"return ({self.unit.result_type(kind)}){{{', '.join(codes)}}};")
+            return
+        kind = self._returns(value.type)
+        if not isinstance(kind, Scalar):
+            raise Refused("a kernel returns numbers; an array is given to it to be written")
+        self.emit(f"return {self.cast(value, kind).code};")
+
+    def _returns(self, kind: Type) -> Type:
+        """The type of the result, which may have to hold another one, too."""
+        if not self.result:
+            self.result.append(kind)
+        before = self.result[0]
+        wider = _unify(before, kind)
+        if wider != before:
+            self.result[0] = wider
+            raise Wider
+        return before
+
+    def _do_if(self, statement: ast.If) -> bool:
+        condition = self.truth(statement.test)
+        if condition.constant is not None:
+            return self.body(statement.body if condition.constant else statement.orelse)
+        before = dict(self.environment)
+        left = self._inside(self._block(f"if ({condition.code})"), statement.body)
+        after = self.environment
+        self.environment = dict(before)
+        left_otherwise = bool(statement.orelse) and self._inside(self._block("else"), statement.orelse)
+        if not left:
+            self.environment = after if left_otherwise else self._merge(after, self.environment)
+        return left and left_otherwise
+
+    def _merge(self, a: dict[str, Value | None], b: dict[str, Value | None]) -> dict[str, Value | None]:
+        """What is known after two ways: a name that stands for two kinds of thing is known no more."""
+        merged: dict[str, Value | None] = {}
+        for name in a.keys() | b.keys():
+            x, y = a.get(name), b.get(name)
+            if name not in a or name not in b:
+                merged[name] = x if y is None else y  # assigned on one way only: a variable with a value all the same
+            else:
+                merged[name] = x if x is not None and y is not None and (x.code, x.type) == (y.code, y.type) else None
+        return merged
+
+    def _enter(self, statement: ast.For | ast.While) -> None:
+        """Before a loop: a name that stands for another kind of thing in the next round is known no more."""
+        for name in self.learnt.unsettled.get(statement.lineno, ()):
+            self.environment[name] = None
+
+    def _loop(self, block: Block, statement: ast.For | ast.While) -> None:
+        """A block that may be gone through again: names must stand for the same kind of thing then."""
+        before, work = dict(self.environment), len(self.work)
+        self.jumps.append([])
+        left = self._inside(block, statement.body)
+        ends = self.jumps.pop() + ([] if left else [self.environment])
+        after = before
+        for end in ends:
+            after = self._merge(after, end)
+        changed = {name for name, value in before.items() if value is not None and after[name] is None}
+        if changed:
+            self.learnt.unsettled.setdefault(statement.lineno, set()).update(changed)
+            raise Wider
+        for name in before:
+            if (value := after[name]) is not None and value.roots & set(self.work[work:]):
+                raise Refused(f"'{name}', which outlives the work space of its round")
+        self.environment = after
+
+    def _do_while(self, statement: ast.While) -> bool:
+        if statement.orelse:
+            raise Refused("a loop with else")
+        self._enter(statement)
+        condition = self.inline(self.truth, statement.test)
+        self._loop(self._block(f"while ({condition.code})", loop=True), statement)
+        return condition.constant is True and not any(isinstance(node, ast.Break) for node in ast.walk(statement))
+
+    def _do_continue(self, _: ast.Continue) -> None:
+        self.jumps[-1].append(dict(self.environment))
+        self.emit("continue;")
+
+    def _do_break(self, _: ast.Break) -> None:
+        self.jumps[-1].append(dict(self.environment))
+        self.emit("break;")
+
+    def _do_for(self, statement: ast.For) -> None:
+        if not isinstance(statement.target, ast.Name) or statement.orelse:
+            raise Refused("a loop over several names, or with else")
+        name = statement.target.id
+        own = self.unit.identifier(name) if name != "_" else self._fresh("round")
+        call = statement.iter
+        ranged = isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
+        before = self.environment.get(name)
+        if name != "_" and name in stored(statement.body):
+            raise Refused(f"'{name}', which its loop changes")
+        if ranged:
+            assert isinstance(call, ast.Call)
+            header = self._range(own, call, statement.body)
+            if header is None:
+                return
+            block = self._block(header, loop=True)
+            self.environment[name] = Value(INTEGER, own)
+        else:
+            block = self._over_items(own, call)
+            items = self.environment[own]
+            self.environment[name] = items
+        self._enter(statement)
+        self._loop(block, statement)
+        self.environment.pop(name, None)
+        if before is not None:
+            self.environment[name] = None
+
+    def _range(self, own: str, call: ast.Call, body: list[ast.stmt]) -> str | None:
+        """The header of a loop over a range; None where it is certainly empty."""
+        bounds = [self.integer(argument) for argument in call.args]
+        begin, end = (self.constant(0), bounds[0]) if len(bounds) == 1 else (bounds[0], bounds[1])
+        step = bounds[2].constant if len(bounds) == 3 else 1
+        if not isinstance(step, int) or step == 0:
+            raise Refused("a step that is not known when compiling")
+        if mentions(begin.code, own):
+            begin = self.keep(f"{own}_begin", begin)
+        if (
+            begin.constant is not None
+            and end.constant is not None
+            and not range(int(begin.constant), int(end.constant), step)
+        ):
+            return None
+        if end.constant is None and (end.volatile or "(" in end.code or self._assigned_in(end.code, body)):
+            end = self.keep(f"{own}_end", end)
+        sign = "<" if step > 0 else ">"
+        advance = f"{own}++" if step == 1 else f"{own}--" if step == -1 else f"{own} += {step}"
+        return f"for (integer {own} = {begin.code}; {own} {sign} {wrap(end, SUM)}; {advance})"
+
+    def _over_items(self, own: str, node: ast.expr) -> Block:
+        """A loop over a tuple: its items go into an array first."""
+        items = self.expression(node)
+        if not isinstance(items.type, Tuple) or items.type.uniform is None:
+            raise Refused("a loop over something that is neither range() nor a tuple of numbers of one type")
+        values = self._fresh(f"{own}_values")
+        count = len(items.items)
+        codes = ", ".join(item.code for item in items.items)
+        self.emit(f"const {items.type.uniform} {values}[{count}] = {{{codes}}};")
+        index = self._fresh(f"{own}_n")
+        block = self._block(f"for (int {index} = 0; {index} < {count}; {index}++)", loop=True)
+        block.items.append(f"const {items.type.uniform} {own} = {values}[{index}];")
+        self.environment[own] = Value(items.type.uniform, own)
+        return block
+
+    def _assigned_in(self, code: str, body: list[ast.stmt]) -> bool:
+        return any(mentions(code, self.unit.identifier(name)) for name in stored(body))
 
     def __init__(self, unit: Unit, source: Source, name: str, types: tuple[Type, ...], learnt: Learnt) -> None:
         super().__init__(unit, source, name, learnt)
@@ -62,14 +275,12 @@ class _Translator(Control):
         function.sizes = {size for size in function.sizes if mentions(text, size)}
         parameters = []
         for name, kind in function.parameters:
-            if isinstance(kind, Array | Struct | Scalar) or (isinstance(kind, Tuple) and kind.uniform):
+            if isinstance(kind, Array | Struct | Scalar):
                 parameters.append(self.unit.declare(kind, self.unit.identifier(name)))
             if isinstance(kind, Array):
                 parameters += [f"integer {size}" for size in kind.sizes if size in function.sizes]
-        unused = [n for n, kind in function.parameters if not isinstance(kind, Function | Fixed)]
-        silent = [
-            f"    (void){self.unit.identifier(n)};" for n in unused if not mentions(text, self.unit.identifier(n))
-        ]
+        own = [self.unit.identifier(name) for name, kind in function.parameters if not isinstance(kind, Fixed)]
+        silent = [f"    (void){name};" for name in own if not mentions(text, name)]
         function.head = (
             f"static {self.unit.result_type(function.result)} {function.name}({', '.join(parameters) or 'void'})"
         )
@@ -81,7 +292,7 @@ class _Translator(Control):
         """An argument as a value, with names for sizes that are known at run time."""
         own = self.unit.identifier(name)
         self.taken.add(own)
-        if isinstance(kind, Tuple) and kind.uniform is None:
+        if isinstance(kind, Tuple):
             items = tuple(self._parameter(f"{name}_{n}", item) for n, item in enumerate(kind.items))
             return Value(kind, items=items)
         if isinstance(kind, Array):
@@ -92,31 +303,17 @@ class _Translator(Control):
             self.taken |= set(kind.sizes)
         self.function.parameters.append((name, kind))
         if isinstance(kind, Fixed):
-            if not self.stores[name]:
-                return self.constant(kind.value)
-            self.taken.remove(own)
-            self._write(self._variable(name, self.unit.declare(BOOLEAN, "{}")), self.constant(kind.value).code)
-            self.numbers.add(own)
-            return Value(BOOLEAN, own, volatile=True)
-        if isinstance(kind, Function):
-            return Value(kind)
-        if isinstance(kind, Tuple):
-            items = tuple(Value(item, f"{own}[{n}]", volatile=True) for n, item in enumerate(kind.items))
-            return Value(kind, own, items=items)
+            if self.stores[name]:
+                raise KernelError(f"{self.source.name} changes '{name}', a truth value that is known when compiling")
+            return self.constant(kind.value)
         if isinstance(kind, Array) and kind.empty:
             return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)))
         volatile = isinstance(kind, Scalar) and self.stores[name] > 0
         if volatile:
-            wider = self.learnt.arguments.get(name)
-            if wider is not None:
-                given = Value(kind, own)
-                own = self._variable(name, self.unit.declare(wider, "{}"))
-                self._write(own, self.cast(given, wider).code)
-                kind = wider
             self.numbers.add(own)
         return Value(kind, own, roots=frozenset((name,)), fields=frozenset((name,)), volatile=volatile)
 
-    def name(self, node: ast.Name) -> Value:
+    def _name(self, node: ast.Name) -> Value:
         """What a name stands for: a variable, or what the kernel's module knows by it."""
         if node.id in self.environment:
             value = self.environment[node.id]
@@ -126,28 +323,55 @@ class _Translator(Control):
             return value
         if node.id in self.local:
             raise Refused(f"'{node.id}' before it has a value")
-        found = self.source.lookup(node.id, single=self.unit.single)
-        if isinstance(found, Value):
-            return found
-        return self.known(found, node.id)
+        return self.known(self.source.lookup(node.id, single=self.unit.single), node.id)
 
-    def call_kernel(self, kernel: Any, arguments: list[Value], named: dict[str, Value]) -> Value:
+    def _call(self, node: ast.Call) -> Value:
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":
+            owner = self.expression(node.func.value)
+            if isinstance(owner.type, Array):
+                return self._reshape(owner, node.args)
+        target = self.expression(node.func)
+        if not isinstance(target.type, Function):
+            raise refused(node.func, " is no function")
+        function = target.type.target
+        names = [keyword.arg for keyword in node.keywords]
+        if kernel_of(function) is not None:
+            if None in names:
+                raise refused(node, ": **")
+            packed = self._tuple(ast.Tuple([*node.args, *(keyword.value for keyword in node.keywords)], ast.Load()))
+            arguments = list(packed.items)
+            first = len(arguments) - len(names)
+            return self._call_kernel(
+                function, arguments[:first], dict(zip(map(str, names), arguments[first:], strict=True))
+            )
+        if not any(function is one for one in LIBRARY):
+            raise refused(node.func, " is no kernel and none of the functions that kernels have")
+        if names:
+            raise refused(node, ": arguments by name")
+        arguments = self.operands(node.args)
+        extreme = function in (builtins.min, builtins.max)
+        count = 2 if extreme or function in OF_TWO else 1
+        if len(arguments) < count or (len(arguments) > count and not extreme):
+            raise Refused(f"'{ast.unparse(node)}': another number of arguments than {count}")
+        return self._library(function, arguments)
+
+    def _call_kernel(self, kernel: Any, arguments: list[Value], named: dict[str, Value]) -> Value:
         """The call of another kernel, which is translated for these types if it has not been yet."""
-        source = self.unit.source(kernel)
+        source = source_of(kernel.py_func)
         given = dict(zip(source.parameters, arguments, strict=False)) | named
         for name, default in source.defaults.items():
             if name not in given:
                 given[name] = self.constant(default)
         if given.keys() != set(source.parameters) or len(arguments) > len(source.parameters):
             raise Refused(f"a call of {source.name} with other arguments than {', '.join(source.parameters)}")
-        values = [self._argument(given[name]) for name in source.parameters]
+        values = [given[name] for name in source.parameters]
         called = self.unit.function_for(kernel, tuple(self._passed(value) for value in values))
         self.effects += bool(called.written)
         if called.name in self.taken:
             raise Refused(f"a call of {called.name} beside a variable of that name")
         codes = []
         for value, (name, kind) in zip(_flat(values), called.parameters, strict=True):
-            if isinstance(kind, Function | Fixed):
+            if isinstance(kind, Fixed):
                 continue
             codes.append(value.code)
             if name in called.written:
@@ -165,21 +389,12 @@ class _Translator(Control):
         self._uses(code)
         return Value(called.result, code, volatile=True)
 
-    def _argument(self, value: Value) -> Value:
-        """An argument in a form that can be passed: a tuple of numbers as an array."""
-        if isinstance(value.type, Tuple) and not value.code and value.type.uniform is not None:
-            own = self._fresh("values")
-            codes = ", ".join(item.code for item in value.items)
-            self.emit(f"{value.type.uniform} {own}[{len(value.items)}] = {{{codes}}};")
-            return replace(value, code=own)
-        return value
-
     @staticmethod
     def _passed(value: Value) -> Type:
         """What a kernel is translated for: a truth value that is known is part of it."""
         if value.type is BOOLEAN and isinstance(value.constant, bool):
             return Fixed(value.constant)
-        if isinstance(value.type, Tuple) and value.type.uniform is None:
+        if isinstance(value.type, Tuple):
             return Tuple(tuple(_Translator._passed(item) for item in value.items))
         return value.type.signature if isinstance(value.type, Array) else value.type
 
@@ -188,6 +403,5 @@ def _flat(values: list[Value]) -> list[Value]:
     """Values with those inside tuples in the place of the tuples, as a function of C takes them."""
     flat: list[Value] = []
     for value in values:
-        mixed = isinstance(value.type, Tuple) and value.type.uniform is None
-        flat += _flat(list(value.items)) if mixed else [value]
+        flat += _flat(list(value.items)) if isinstance(value.type, Tuple) else [value]
     return flat

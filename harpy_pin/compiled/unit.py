@@ -10,15 +10,28 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.function import CFunction
-from harpy_pin.compiled.source import Source, source_of
+from harpy_pin.compiled.blocks import CFunction
+from harpy_pin.compiled.source import source_of
 from harpy_pin.compiled.statements import translate
 from harpy_pin.compiled.types import Array, Nothing, Struct, Tuple, Type
-from harpy_pin.compiled.words import ELSEWHERE, RESERVED
 from harpy_pin.errors import KernelError
 
 __all__ = ["Unit"]
 
+KEYWORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
+register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true
+false integer real inside within slot isfinite isnan"""
+MATHEMATICS = "sqrt sin cos tanh exp atan2 acos hypot copysign floor ceil fabs pow fmod rint"
+RESERVED = frozenset([*KEYWORDS.split(), *MATHEMATICS.split(), *(f"{name}f" for name in MATHEMATICS.split())])
+"""Words of C, and what generated code calls: no variable and no function may have such a name."""
+FUNCTIONS = """acosh asin asinh atan atanh cbrt cosh erf erfc exp2 expm1 fdim fma fmax fmin fpclassify frexp gamma ilogb
+isgreater isinf isless isnormal isunordered j0 j1 jn ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround
+modf nan nearbyint nextafter nexttoward remainder remquo round scalb scalbln scalbn signbit significand sinh tan tgamma
+trunc y0 y1 yn abort abs atexit atof bsearch calloc div exit free getenv index labs ldiv llabs malloc memcpy memmove
+memset mktemp printf puts qsort rand random read realloc remove rename rindex signal srand strtod system time write
+entry main signature"""
+ELSEWHERE = frozenset(FUNCTIONS.split())
+"""Functions of C's library: no function may have such a name."""
 HELPERS = {
     "floor_div": "static inline integer floor_div(integer a, integer b)\n"
     "{\n    if (b == 0) return 0;\n"
@@ -28,16 +41,11 @@ HELPERS = {
     "    const integer r = a % b;\n    return r != 0 && (r < 0) != (b < 0) ? r + b : r;\n}",
     "real_mod": "static inline real real_mod(real a, real b)\n"
     "{\n    const real r = $fmod(a, b);\n    return r == 0 ? $copysign(0, b) : (r < 0) != (b < 0) ? r + b : r;\n}",
-    "integer_power": "static inline integer integer_power(integer base, integer exponent)\n"
-    "{\n    integer product = 1;\n    for (; exponent > 0; exponent--) product *= base;\n    return product;\n}",
     "real_min": "static inline real real_min(real a, real b)\n{\n    return b < a ? b : a;\n}",
     "real_max": "static inline real real_max(real a, real b)\n{\n    return b > a ? b : a;\n}",
     "integer_min": "static inline integer integer_min(integer a, integer b)\n{\n    return b < a ? b : a;\n}",
     "integer_max": "static inline integer integer_max(integer a, integer b)\n{\n    return b > a ? b : a;\n}",
     "integer_abs": "static inline integer integer_abs(integer a)\n{\n    return a < 0 ? -a : a;\n}",
-    "clock_ns": "static inline integer clock_ns(void)\n"
-    "{\n    struct timespec now;\n    clock_gettime(CLOCK_MONOTONIC, &now);\n"
-    "    return (integer)now.tv_sec * 1000000000 + (integer)now.tv_nsec;\n}",
     "power_2": "static inline real power_2(real x)\n{\n    return x * x;\n}",
     "power_3": "static inline real power_3(real x)\n{\n    return x * (x * x);\n}",
     "power_4": "static inline real power_4(real x)\n{\n    const real square = x * x;\n    return square * square;\n}",
@@ -83,15 +91,11 @@ class Unit:
 
     # --- what translators ask ------------------------------------------------------------------------------------
 
-    def source(self, kernel: Any) -> Source:
-        """The source of a kernel."""
-        return source_of(kernel.py_func)
-
     def function_for(self, kernel: Any, types: tuple[Type, ...]) -> CFunction:
         """A kernel for arguments of these types, translated once."""
         key = (kernel.py_func, types)
         if key not in self.functions:
-            source = self.source(kernel)
+            source = source_of(kernel.py_func)
             if kernel.py_func in self._under_way:
                 raise KernelError(f"{source.name} calls itself, which no kernel may")
             self._under_way.append(kernel.py_func)
@@ -153,8 +157,6 @@ class Unit:
             return f"{element} *{name}"
         if isinstance(kind, Struct):
             return f"struct {self.struct(kind)} *{name}"
-        if isinstance(kind, Tuple):
-            return f"const {kind.uniform} *{name}"
         return f"{kind} {name}"
 
     def struct(self, record: Struct) -> str:
@@ -202,9 +204,7 @@ class Unit:
     def header(self) -> str:
         """What the file includes."""
         names = ["math.h", "stdbool.h", "stddef.h", "stdint.h", *(("stdio.h", "stdlib.h") if self.debug else ())]
-        clock = "clock_ns" in self.helpers
-        includes = "\n".join(f"#include <{name}>" for name in (*names, *(("time.h",) if clock else ())))
-        return f"#define _POSIX_C_SOURCE 199309L\n{includes}" if clock else includes
+        return "\n".join(f"#include <{name}>" for name in names)
 
     def _struct_text(self, dtype: np.dtype[Any], name: str) -> str:
         lines = [f"struct {name} {{"]

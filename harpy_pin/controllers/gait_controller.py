@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.compiled import BACKEND, Kernel
-from harpy_pin.compiled.calls import Call
-from harpy_pin.compiled.chain import Chain
+from harpy_pin.compiled.calls import Call, Chain
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, sample_fits
 from harpy_pin.errors import InputError

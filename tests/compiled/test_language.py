@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -102,6 +104,29 @@ def a_missing_field(a):
     return a.nothing
 
 
+def a_member(a):
+    return 1.0 if a[0] in (1.0, 2.0) else 0.0
+
+
+def whole_work_space(a):
+    x = np.zeros(3, dtype=np.int64)
+    return x[0]
+
+
+def a_wider_argument(a, n=3):
+    n = n + 0.5
+    return n
+
+
+def a_module(a):
+    return math.pi * a[0]
+
+
+def a_tuple_of_several_kinds(a):
+    pair = (a[0], a)
+    return pair[0]
+
+
 def inner_function(a):
     def inner():
         return 1.0
@@ -112,7 +137,8 @@ def inner_function(a):
 REFUSED = (
     *(a_list, a_dictionary, a_text, a_trial, an_own_function, a_numpy_function, unknown_size, from_the_end),
     *(beyond_the_end, a_comprehension, after_its_loop, before_a_value, two_kinds, changes_its_range, a_step),
-    *(an_array_as_result, a_missing_field, inner_function),
+    *(an_array_as_result, a_missing_field, a_member, whole_work_space, a_wider_argument, a_module),
+    *(a_tuple_of_several_kinds, inner_function),
 )
 
 

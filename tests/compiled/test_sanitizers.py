@@ -88,7 +88,7 @@ def test_a_write_behind_an_array_is_found(tmp_path):
         ("condensed", "loops"),
         ("formulation input_space", "formulation contact_force"),
         ("formulation full", "governed"),
-        ("governor paper", "governor cone", "governor filter"),
+        ("governor paper", "governor filter"),
         ("batches", "reduced", "pieces"),
         ("environments",),
     ],

@@ -13,7 +13,7 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
-from harpy_pin.compiled.entry_points import entry_unit
+from harpy_pin.compiled.unit import Unit
 from harpy_pin.controllers.condensed_tick import condensed_step
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -113,8 +113,10 @@ def test_the_condensed_tick_stays_in_two_folders():
     controller = hp.make_controller("condensed", hp.make_gait(hp.load_harpy()), mu=0.3)
     q, v = controller.gait.initial_state()
     controller.step(hp.State(0.0, q, v, *np.zeros((3, 2, 3))))
-    functions = [f for types in condensed_step._versions for f, _ in entry_unit(condensed_step, types)[0].functions]
-    folders = {function.__module__.split(".")[1] for function in functions}
+    unit = Unit()
+    for types in condensed_step._versions:
+        unit.function_for(condensed_step, types)
+    folders = {function.__module__.split(".")[1] for function, _ in unit.functions}
     assert folders == {"controllers", "wbc", "model", "ground"}
 
 
