@@ -299,6 +299,10 @@ class Operators:
         return self.keep("value", value) if calls else value
 
     def _relation(self, operator: ast.cmpop, a: Value, b: Value) -> Value:
+        if isinstance(operator, ast.In) and isinstance(b.type, Tuple) and b.items:
+            a = self._once(a)
+            found = [self._relation(ast.Eq(), a, item) for item in b.items]
+            return Value(BOOLEAN, " || ".join(wrap(part, AND + 1) for part in found), OR)
         if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(operator, ast.Eq | ast.NotEq):
             return self._same_tuples(isinstance(operator, ast.Eq), a, b)
         if type(operator) not in COMPARISONS:

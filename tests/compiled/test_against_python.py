@@ -106,6 +106,7 @@ def comparisons(a, n, m):
         n < m or n == 5 or x > y,
         (n > 0) & (m > 0),
         (n > 0) | (m > 0),
+        n in (1, 2, m),
         (n, m) == (1, 2),
         (n, m) != (m, n),
         1 if n else 2 if m else 3,

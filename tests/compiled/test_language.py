@@ -105,7 +105,7 @@ def a_missing_field(a):
 
 
 def a_member(a):
-    return 1.0 if a[0] in (1.0, 2.0) else 0.0
+    return 1.0 if a[0] in a else 0.0
 
 
 def whole_work_space(a):
