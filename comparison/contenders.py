@@ -27,6 +27,11 @@ HARSH = (*(name for name in TUNED if not name.startswith("filter/")), "governed/
 """Every tuned variant but the filter's, the filter, and law and QP with the friction estimated; they walk the harsh
 campaign."""
 
+LIMITED: dict[str, dict[str, Any]] = {
+    name: {"name": "governed", "governor": name, "limits": True} for name in ("none", "paper", "filter")
+}
+"""Governed controllers of a scenario with the limits of torque and thrust that the others have, by their governor."""
+
 _LABELS = {
     "governed/none": "no governor",
     "governed/paper": "paper's governor",
@@ -41,8 +46,6 @@ _LABELS = {
     "wbc/daqp": "whole-body QP, DAQP only",
     "joint_pd": "joint PD",
 }
-
-
 _SHORT = {BEST: "best", "condensed/estimate": "cond. est."}
 
 

@@ -11,9 +11,10 @@ from __future__ import annotations
 import hashlib
 import inspect
 import tempfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,7 @@ from comparison.campaign.plan import code_digest
 from comparison.campaign.store import Store
 from comparison.measure.walking import Progress, Rows, one_by_one
 from comparison.tables import Cell, Table
-from harpy_pin import checks
+from harpy_pin import Run, checks, measure
 from harpy_pin.files import finite
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ class Study:
         timed: the same of what is measured afterwards, one after the other with nothing beside it.
         measure: gives the measures of one job; a function of a module.
         all_at_once: measures everything itself instead, from settings and progress.
-        tables: of the rows.
+        views: tables of the rows; or what makes tables of them.
         example: of the command's options.
         only: the setting that ``--only`` chooses from, if there is one.
         figure: draws the rows, for ``--figure``.
@@ -69,7 +70,7 @@ class Study:
     timed: Callable[[Any], Iterable[Job]] = _nothing
     measure: Callable[[Job], dict[str, Any]] = dict
     all_at_once: Callable[[Any, Progress | None], Rows] | None = None
-    tables: Callable[[Rows], list[Table]]
+    views: Sequence[View | Callable[[Rows], Iterable[Table]]]
     example: str = ""
     only: str = ""
     figure: Callable[[Rows], Figure] | None = None
@@ -123,9 +124,18 @@ class Study:
                     progress(done, len(keys))
             return [store.rows[key] for key in keys]
 
+    def tables(self, rows: Rows) -> list[Table]:
+        """Every table of the rows."""
+        return [table for view in self.views for table in (view.of(rows) if isinstance(view, View) else view(rows))]
+
 
 def _row(measure: Callable[[Job], dict[str, Any]], job: Job) -> dict[str, Any]:
     return job | measure(job)
+
+
+def grid(**axes: Iterable[Any]) -> Iterator[Job]:
+    """Every combination of these entries; the last one changes first."""
+    return (dict(zip(axes, case, strict=True)) for case in product(*axes.values()))
 
 
 def start_velocity(job: Job) -> tuple[float, ...]:
@@ -134,34 +144,81 @@ def start_velocity(job: Job) -> tuple[float, ...]:
     return (float(x), float(y), 0.0, 0.0, 0.0, 0.0)
 
 
+def commands(
+    rng: np.random.Generator,
+    duration: float,
+    draw: Callable[[np.random.Generator], tuple[float, float, float]],
+    *,
+    begin: float = 0.3,
+    least: float,
+    most: float,
+) -> Iterator[tuple[float, float, float, float]]:
+    """Drawn velocities with their times, from ``least`` to ``most`` seconds apart, until a second before the end."""
+    t = begin
+    while t < duration - 1.0:
+        yield (t, *draw(rng))
+        t += float(rng.uniform(least, most))
+
+
+def kept(run: Run, *names: str) -> dict[str, Any]:
+    """Whether a walk fell, and these of its measures."""
+    measures = measure(run)
+    return {"fell": run.ending != "completed", **{name: getattr(measures, name) for name in names}}
+
+
 Value = Callable[[Rows], Any]
 """What a table says of rows that belong together: a value, or a cell whose place is left open."""
-Words = Callable[[dict[str, Any]], str]
-"""A heading, from a row."""
+Shown = Value | tuple[Value, str]
+"""A value, or a value with its unit."""
+Words = str | Callable[[dict[str, Any]], str]
+"""A text of a row: its entries are put into a format string, or a function makes it."""
 
 
-def tabulated(
-    name: str, title: str, rows: Rows, place: Words, columns: Mapping[str, Value | tuple[Value, str]], note: str = ""
-) -> Table:
-    """A line for all rows of one place, and a column for each quantity: what it is of rows, with its unit."""
-    groups: dict[str, Rows] = {}
-    for row in rows:
-        groups.setdefault(place(row), []).append(row)
-    cells = [_cell(at, head, same, what) for at, same in groups.items() for head, what in columns.items()]
-    return Table(name, title, tuple(cells), note)
+@dataclass(frozen=True)
+class View:
+    """Tables of one kind: rows with the same name of a table stand in one.
+
+    Attributes:
+        name: of the table.
+        title: the same, of its first row.
+        row: heading of the line in which a row stands, with all others of this heading.
+        columns: what is shown of the rows of a line, by the heading of the column, where any line has a value.
+        across: heading of the column in which a row stands, where each column shows the same; what, ``columns`` says.
+        note: below every table.
+        only: which rows are shown.
+    """
+
+    name: Words
+    title: Words
+    row: Words
+    columns: Mapping[str, Shown] | Shown
+    across: Words = ""
+    note: str = ""
+    only: Callable[[dict[str, Any]], bool] = bool
+
+    def of(self, rows: Rows) -> list[Table]:
+        """The tables of these rows."""
+        groups: dict[str, Rows] = {}
+        for row in filter(self.only, rows):
+            groups.setdefault(_text(self.name, row), []).append(row)
+        return [Table(name, _text(self.title, same[0]), self._cells(same), self.note) for name, same in groups.items()]
+
+    def _cells(self, rows: Rows) -> tuple[Cell, ...]:
+        places: dict[tuple[str, str], tuple[Shown, Rows]] = {}
+        for row in rows:
+            columns = self.columns if isinstance(self.columns, Mapping) else {_text(self.across, row): self.columns}
+            for column, what in columns.items():
+                places.setdefault((_text(self.row, row), column), (what, []))[1].append(row)
+        cells = [_cell(*place, same, what) for place, (what, same) in places.items()]
+        known = {cell.column for cell in cells if cell.value is not None}
+        return tuple(cell for cell in cells if cell.column in known)
 
 
-def crossed(
-    name: str, title: str, rows: Rows, place: Words, across: Words, what: Value | tuple[Value, str], note: str = ""
-) -> Table:
-    """One quantity, of the rows that have both headings."""
-    groups: dict[tuple[str, str], Rows] = {}
-    for row in rows:
-        groups.setdefault((place(row), across(row)), []).append(row)
-    return Table(name, title, tuple(_cell(*at, same, what) for at, same in groups.items()), note)
+def _text(words: Words, row: dict[str, Any]) -> str:
+    return words.format(**row) if isinstance(words, str) else words(row)
 
 
-def _cell(row: str, column: str, rows: Rows, what: Value | tuple[Value, str]) -> Cell:
+def _cell(row: str, column: str, rows: Rows, what: Shown) -> Cell:
     of, unit = what if isinstance(what, tuple) else (what, "")
     value = of(rows)
     if isinstance(value, Cell):
@@ -169,9 +226,13 @@ def _cell(row: str, column: str, rows: Rows, what: Value | tuple[Value, str]) ->
     return Cell(row, column, value, unit)
 
 
-def fell(rows: Rows) -> str:
-    """How many of them fell."""
-    return f"{sum(row['fell'] for row in rows)} of {len(rows)}"
+def share(name: str, entry: Any = True) -> Value:
+    """How many of them have an entry."""
+    return lambda rows: f"{sum(row[name] == entry for row in rows)} of {len(rows)}"
+
+
+fell = share("fell")
+"""How many of them fell."""
 
 
 def shown(name: str, put: Callable[[list[Any]], Any] = lambda found: found[0]) -> Value:

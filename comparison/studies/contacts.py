@@ -9,19 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from itertools import product
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import BEST, controller_part, label
-from comparison.measure.walking import Rows, as_far_as_it_goes, grouped
-from comparison.studies import landing
-from comparison.study import STARTS, Job, Study, Value, crossed, start_velocity, tabulated
-from comparison.tables import Cell, Table, cell_text
-from harpy_pin import Disturbances, Ground, Mujoco, Scenario, Straight, build
+from comparison.measure.walking import Rows, as_far_as_it_goes
+from comparison.study import STARTS, Job, Study, Value, View, grid, shown, start_velocity
+from comparison.tables import Cell, cell_text
+from harpy_pin import Disturbances, Ground, Mujoco, Run, Scenario, Straight, Walking, build
 from harpy_pin.gaits import GaitParameters
-from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.state import Vector
 from harpy_pin.scenario import Compliant, PlantPart
@@ -39,32 +36,41 @@ CONTACTS: dict[str, PlantPart] = {
     "menagerie, 20 mm": Mujoco("menagerie", foot_radius=0.02),
 }
 """Contact models by name; lengths are the radius of the feet, which are points otherwise."""
+SOFT, MENAGERIE = "ours, as soft", "menagerie, 22 mm"
+LANDINGS: dict[str, PlantPart] = {
+    "ours": Compliant(),
+    SOFT: Compliant(),
+    "elliptic, 22 mm": Mujoco("elliptic", foot_radius=0.022),
+    MENAGERIE: Mujoco("menagerie", foot_radius=0.022),
+    "menagerie, points": Mujoco("menagerie"),
+}
+"""Those of Go2. MuJoCo's have the same cone, ``impratio`` and time constant, and another impedance."""
 CAREFUL = 0.4
 """Share of the ground's friction that :data:`GENTLE` assumes."""
 GENTLE = "condensed/gentle"
 WALKERS = ("governed/none", "governed/paper", BEST, "governed/filter", "condensed", "wbc", GENTLE)
+ON_FOUR = {"condensed": "condensed WBC", "wbc": "WBC QP"}
 SLIDING = 5e-3
 """Speed beyond the creep from which on a foot counts as sliding, m/s."""
+LANDING = 0.05
+"""First part of a stance, s."""
+STIFFNESS = 79e3
+"""Of our ground: two feet sink in by 1 mm under Go2, N/m."""
 HELD = 1e-9
-"""Forces below are none, N."""
-NOTE = (
-    "Median over the walks, with the least and the largest; a fall counts as more than any. Per step of the walk, both "
-    "feet: path; what of it is creep by the contact's own law, from the forces; net displacement. Sliding: share of "
-    "the feet's time on the ground in which they move faster than they creep by 5 mm/s. Gentle: the condensed WBC, "
-    "which assumes 0.4 of the friction."
-)
+"""Forces below do not count, N."""
 
 
 def _jobs(s: Any) -> Iterator[Job]:
     """Every controller on every contact that is installed."""
-    names = ("robot", "contact", "friction", "walker", "start")
-    landings = _installed(landing.LANDINGS, tuple(landing.LANDINGS)) if installed_data() is not None else []
+    landings = _installed(LANDINGS, tuple(LANDINGS)) if installed_data() is not None else []
+    contacts, starts = _installed(CONTACTS, s.contacts), range(s.starts)
     cases = {
-        "harpy": product(["harpy"], _installed(CONTACTS, s.contacts), s.frictions, s.walkers, range(s.starts)),
-        "go2": product(["go2"], landings, landing.FRICTIONS, landing.WALKERS, [0]),
+        "harpy": grid(contact=contacts, friction=s.frictions, walker=s.walkers, start=starts),
+        "go2": grid(contact=landings, friction=(0.6, 0.25), walker=ON_FOUR, start=[0]),
     }
-    for case in (case for robot in s.robots for case in cases[robot]):
-        yield dict(zip(names, case, strict=True)) | {"duration": s.duration, "jitter": s.jitter, "seed": s.seed}
+    for robot in s.robots:
+        for case in cases[robot]:
+            yield {"robot": robot, **case, "duration": s.duration, "jitter": s.jitter, "seed": s.seed}
 
 
 def _installed(plants: Mapping[str, PlantPart], contacts: tuple[str, ...]) -> list[str]:
@@ -75,13 +81,13 @@ def _measured(job: Job) -> dict[str, Any]:
     """How a walk ended, and per step of the walk ``path_mm``, ``creep_mm``.
 
     Of Harpy also ``end_time_s``, ``net_mm`` and ``sliding``, the share of the time on the ground; of Go2 see
-    :func:`comparison.studies.landing.landing_row`.
+    :func:`landing_row`.
     """
     friction, walker = job["friction"], job["walker"]
     if job["robot"] == "go2":
-        built = build(landing.landing_scenario(job["contact"], friction, walker, job["duration"]))
+        built = build(landing_scenario(job["contact"], friction, walker, job["duration"]))
         run = built.run()
-        return landing.landing_row(run, _creep_speed(run, built.simulator))
+        return landing_row(run, _creep_speed(run, built.simulator))
     scenario = Scenario(
         gait=Straight(stiffness=_stiffness(job["contact"], friction)),
         controller=controller_part(*(("condensed", CAREFUL * friction) if walker == GENTLE else (walker,))),
@@ -118,18 +124,51 @@ def _kept(run: Run, plant: Plant) -> dict[str, Any]:
     }
 
 
+def landing_scenario(contact: str, friction: float, walker: str, duration: float) -> Scenario:
+    """A walk of Go2."""
+    return Scenario(
+        robot="go2",
+        controller=walker,
+        plant=LANDINGS[contact],
+        gait=Walking(velocity=(0.3, 0.0, 0.0)),
+        ground=Ground(mu_s=friction, stiffness=_soft_stiffness() if contact == SOFT else STIFFNESS),
+        duration=duration,
+    )
+
+
+@cache
+def _soft_stiffness() -> float:
+    """Of Menagerie's contact under Go2's weight, N/m."""
+    plant = LANDINGS[MENAGERIE]
+    return build(Scenario(robot="go2", plant=plant, gait=Walking(), duration=0.1)).simulator.ground.stiffness
+
+
+def landing_row(run: Run, creep: Vector) -> dict[str, Any]:
+    """Where the slip of a walk is made; ``creep`` is the speed of creep, (ticks - 1, feet), m/s."""
+    period, steps = float(run.metadata["control_period"]), max(int(run["steps"].max()), 1)
+    stance, way = run["stance"][1:] > 0, np.diff(run["slip_path"], axis=0)
+    touching = run["foot_force"][1:, :, 2] > HELD
+    ticks = np.arange(1.0, len(stance) + 1.0)[:, None]
+    age = ticks - np.maximum.accumulate(np.where(stance, 0.0, ticks))
+    landing = stance & (age * period <= LANDING)
+    parts = {"air_mm": ~stance, "landing_mm": landing, "stance_mm": stance & ~landing}
+    return {
+        "ending": run.ending,
+        "sinks_mm": -1e3 * float(np.median(run["foot_position"][1:, :, 2][touching & stance])),
+        "path_mm": 1e3 * float(way.sum()) / steps,
+        **{name: 1e3 * float(way[part].sum()) / steps for name, part in parts.items()},
+        "creep_mm": 1e3 * period * float((creep * touching).sum()) / steps,
+    }
+
+
 def _creep_speed(run: Run, plant: Plant) -> Vector:
     """(ticks - 1, feet) speed at which feet creep under their forces, m/s."""
-    speed: Vector = np.linalg.norm(_creep(plant)(run["foot_force"][1:], -run["foot_position"][1:, :, 2]), axis=-1)
+    force, depth = run["foot_force"][1:], -run["foot_position"][1:, :, 2]
+    if not isinstance(plant, MujocoPlant) or plant.contact is None:
+        return np.zeros(depth.shape)
+    creep = plant.contact.creep(force, depth, inverse_mass=plant.inverse_mass, friction=plant.ground.mu_s)
+    speed: Vector = np.linalg.norm(creep, axis=-1)
     return speed
-
-
-def _creep(plant: Plant) -> Callable[[Vector, Vector], Vector]:
-    """Creep velocity of a plant's feet, from their forces and depths."""
-    if isinstance(plant, MujocoPlant) and plant.contact is not None:
-        contact, inverse = plant.contact, plant.inverse_mass
-        return lambda force, depth: contact.creep(force, depth, inverse_mass=inverse, friction=plant.ground.mu_s)
-    return lambda force, depth: np.zeros((*depth.shape, 2))
 
 
 def _name(walker: str) -> str:
@@ -154,37 +193,55 @@ def _pair(rows: Rows) -> str:
     return " / ".join(cell_text(Cell("", "", value)) for value in medians)
 
 
-COLUMNS: dict[str, Any] = {
-    "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
-    "path": (_spread("path_mm"), "mm"),
-    "creep": (_spread("creep_mm"), "mm"),
-    "net": (_spread("net_mm"), "mm"),
-    "sliding": (_spread("sliding", 1e2), "%"),
-}
+def _on(robot: str) -> Callable[[dict[str, Any]], bool]:
+    return lambda row: bool(row["robot"] == robot)
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """For each friction a table of falls, path, creep, net displacement and sliding; and one of Go2's landings."""
-    long: list[Table] = []
-    brief: list[Table] = []
-    landings = [row for row in rows if row["robot"] == "go2"]
-    frictions = grouped([row for row in rows if row["robot"] == "harpy"], "friction")
-    for (friction,), here in frictions.items():
-        note = NOTE if len(long) == len(frictions) - 1 else ""
-        long.append(
-            tabulated(
-                f"contacts_{friction:g}", f"Contact models, friction {friction:g}", here,
-                lambda row: f"{row['contact']}: {_name(row['walker'])}", COLUMNS, note,
-            )
-        )  # fmt: skip
-        brief.append(
-            crossed(
-                f"contacts_{friction:g}_brief", f"Median path / net displacement, mm, friction {friction:g}", here,
-                lambda row: str(row["contact"]), lambda row: _name(row["walker"]), _pair,
-            )
-        )  # fmt: skip
-    return [*long, *brief, *([landing.landing_table(landings)] if landings else [])]
-
+VIEWS = (
+    View(
+        "contacts_{friction:g}",
+        "Contact models, friction {friction:g}",
+        row=lambda row: f"{row['contact']}: {_name(row['walker'])}",
+        columns={
+            "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
+            "path": (_spread("path_mm"), "mm"),
+            "creep": (_spread("creep_mm"), "mm"),
+            "net": (_spread("net_mm"), "mm"),
+            "sliding": (_spread("sliding", 1e2), "%"),
+        },
+        note="Median over the walks, with the least and the largest; a fall counts as more than any. Per step of the "
+        "walk, both feet: path; what of it is creep by the contact's own law, from the forces; net displacement. "
+        "Sliding: share of the feet's time on the ground in which they move faster than they creep by 5 mm/s. Gentle: "
+        "the condensed WBC, which assumes 0.4 of the friction.",
+        only=_on("harpy"),
+    ),
+    View(
+        "contacts_{friction:g}_brief",
+        "Median path / net displacement, mm, friction {friction:g}",
+        row="{contact}",
+        across=lambda row: _name(row["walker"]),
+        columns=_pair,
+        only=_on("harpy"),
+    ),
+    View(
+        "contacts_landing",
+        "Go2: in which part of a stance its feet slip",
+        row=lambda row: f"{row['contact']}, friction {row['friction']:g}: {ON_FOUR[row['walker']]}",
+        columns={
+            "sinks": (shown("sinks_mm"), "mm"),
+            "path": (lambda rows: rows[0]["path_mm"] if rows[0]["ending"] == "completed" else "fell", "mm"),
+            "in the air": (shown("air_mm"), "mm"),
+            "landing": (shown("landing_mm"), "mm"),
+            "later": (shown("stance_mm"), "mm"),
+            "creep": (shown("creep_mm"), "mm"),
+        },
+        note="One walk of each controller at 0.3 m/s. Sinks: median of the feet in stance. Path per step of the walk, "
+        "all feet: while the gait has the foot in the air, in the first 50 ms of its stance, later; creep is the "
+        "contact's own, by its closed form. As soft: our ground with the stiffness that the weight finds in "
+        "Menagerie's contact.",
+        only=_on("go2"),
+    ),
+)
 
 STUDY = Study(
     name="contacts",
@@ -197,7 +254,7 @@ STUDY = Study(
     example="--out contacts.jsonl",
     defaults=STARTS
     | {
-        "robots": ("harpy", "go2"),  # Harpy walks on all contacts, Go2 on those of comparison.studies.landing
+        "robots": ("harpy", "go2"),  # Harpy walks on all contacts, Go2 on LANDINGS
         "contacts": tuple(CONTACTS),
         "walkers": WALKERS,
         "frictions": (0.25, 0.15),
@@ -211,6 +268,6 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=VIEWS,
     only="robots",
 )

@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import product
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Rows, as_far_as_it_goes
-from comparison.study import Job, Study, median, tabulated, where
-from comparison.tables import Table
+from comparison.measure.walking import as_far_as_it_goes
+from comparison.study import Job, Study, View, grid, kept, median, share, where
 from harpy_pin import (
     Condensed,
     Disturbances,
@@ -29,7 +27,6 @@ from harpy_pin import (
     load_harpy,
     load_robot,
     make_gait,
-    measure,
 )
 from harpy_pin.gaits import OnFeltGround, OnTerrain
 from harpy_pin.ground import Plane, Rough, Stairs, Terrain
@@ -103,20 +100,17 @@ CROSSINGS: dict[str, Crossing] = {
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    for name, plant in product(s.names, s.plants):
-        for seed in range(min(CROSSINGS[name].tries, s.most_tries)):
-            yield {"crossing": name, "plant": plant, "seed": seed}
+    for one in grid(crossing=s.names, plant=s.plants):
+        yield from (one | {"seed": k} for k in range(min(CROSSINGS[one["crossing"]].tries, s.most_tries)))
 
 
 def _measured(job: Job) -> dict[str, Any]:
     """Whether the robot came through, and its slip."""
     one = CROSSINGS[job["crossing"]]
     run = as_far_as_it_goes(partial(_run, one, job["plant"], job["seed"]))
-    x, y = run["q"][-1, :2]
-    return {
-        "through": run.ending == "completed" and float(np.hypot(x, y)) >= one.goal,
-        "slip_mm_per_step": float(measure(run).slip_mm_per_step),
-    }
+    found = kept(run, "slip_mm_per_step")
+    through = not found.pop("fell") and float(np.hypot(*run["q"][-1, :2])) >= one.goal
+    return found | {"through": through}
 
 
 def _run(one: Crossing, plant: str, seed: int) -> Run:
@@ -142,15 +136,18 @@ def _run(one: Crossing, plant: str, seed: int) -> Run:
     return made.run()
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """How many tries of each came through, in every engine, and their median slip."""
-    columns: dict[str, Any] = {}
-    for plant in dict.fromkeys(row["plant"] for row in rows):
-        columns[plant] = where(lambda rows: f"{sum(row['through'] for row in rows)} of {len(rows)}", plant=plant)
-        columns[f"slip, {plant}"] = where(median("slip_mm_per_step"), plant=plant, through=True), "mm"
-    note = f"Condensed controller, friction {FRICTION:g}. Slip is the median of those that came through, per step."
-    return [tabulated("crossings", "What robots cross", rows, lambda row: row["crossing"], columns, note)]
-
+PLANTS = ("compliant", "mujoco")
+COLUMNS: dict[str, Any] = {}
+for _plant in PLANTS:
+    COLUMNS[_plant] = where(share("through"), plant=_plant)
+    COLUMNS[f"slip, {_plant}"] = where(median("slip_mm_per_step"), plant=_plant, through=True), "mm"
+VIEW = View(
+    name="crossings",
+    title="What robots cross",
+    row="{crossing}",
+    columns=COLUMNS,
+    note=f"Condensed controller, friction {FRICTION:g}. Slip is the median of those that came through, per step.",
+)
 
 STUDY = Study(
     name="crossings",
@@ -163,12 +160,12 @@ STUDY = Study(
     example="--out crossings.jsonl",
     defaults={
         "names": tuple(CROSSINGS),
-        "plants": ("compliant", "mujoco"),
+        "plants": PLANTS,
         "most_tries": 20,  # of one kind of ground
     },
     quick={"names": ("Harpy, ±2 cm, blind", "Go2, 20° up"), "plants": ("compliant",), "most_tries": 1},
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=(VIEW,),
     only="names",
 )

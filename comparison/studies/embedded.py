@@ -17,11 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Progress, Rows, grouped, tracked
+from comparison.measure.walking import Progress, Rows, tracked
 from comparison.peers.daqp_c import daqp_count, daqp_source
 from comparison.studies.exchange_bound import search_bound
-from comparison.study import Study, shown, tabulated
-from comparison.tables import Table
+from comparison.study import Study, View, shown
 from harpy_pin import HarpyError, Push, Robot
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.tasks import task_terms
@@ -45,16 +44,6 @@ LABELS = {
 }
 FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
-_COUNT: dict[str, Any] = {"median": shown("median"), "worst": shown("worst"), "bound": shown("bound")}
-_MEMORY = {"flash": (shown("flash"), "B"), "RAM": (shown("ram"), "B")}
-_DIFFERENCE: dict[str, Any] = {
-    "median": (shown("median"), "N"),
-    "p99": (shown("p99"), "N"),
-    "p99.9": (shown("p999"), "N"),
-    "largest": (shown("worst"), "N"),
-    "of": (shown("largest_command"), "N"),
-    "other status": shown("other_status"),
-}
 WEAK = 0.2
 """Share of the motors' torque that the condensed controller has where the dearest tick is looked for."""
 Bound = Callable[[str, str], int | None]
@@ -243,45 +232,47 @@ def _many(robot: Robot, settings: Any) -> Recording:
     return Recording(target, inputs)
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """The answer, then a table for each robot and precision, and what single precision changes."""
-    counted = [row for row in rows if row["chip"] is not None]
-    differences = [row for row in rows if row["chip"] is None]
-    chip, level = counted[0]["chip"], counted[0]["level"]
-    first = [row for row in counted if (row["chip"], row["level"], row["precision"]) == (chip, level, "float")]
-    tables = [
-        tabulated(
-            "embedded", f"Instructions of a tick on a {CHIPS[chip].title}, float, {level}", first, _robot,
-            _COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
-            "Milliseconds are for one instruction in each cycle, the least there is.",
-        )
-    ]  # fmt: skip
-    for (robot, precision), here in grouped(counted, "robot", "precision").items():
-        own = [row for row in here if row["equal"] is not None]
-        others = sum(not row["equal"] for row in own)
-        equal = f"{others} of {len(own)} programs differ from this machine in some digit."
-        note = (
-            "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
-            "exchanges allowed times the dearest exchange, and the rest of the dearest tick. "
-            f"{equal if others else 'Every command is that of this machine, in every bit.'}"
-        )
-        title = f"Instructions of a tick of {robot}, {precision}, {here[0]['ticks']} states"
-        columns = _COUNT | _MEMORY | {"stack": (shown("stack"), "B")}
-        tables.append(tabulated(f"embedded_{robot}_{precision}", title, here, _program, columns, note))
-    if differences:
-        title = f"Float against double, {max(row['states'] for row in differences)} states"
-        note = "Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings."
-        tables.append(tabulated("embedded_precision", title, differences, _robot, _DIFFERENCE, note))
-    return tables
-
-
 def _robot(row: dict[str, Any]) -> str:
     return f"{row['robot']}, {LABELS[row['controller']]}"
 
 
-def _program(row: dict[str, Any]) -> str:
-    return f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}"
-
+_COUNT: dict[str, Any] = {"median": shown("median"), "worst": shown("worst"), "bound": shown("bound")}
+_MEMORY = {"flash": (shown("flash"), "B"), "RAM": (shown("ram"), "B")}
+VIEWS = (
+    View(
+        "embedded",
+        "Instructions of a tick on a Cortex-M4F, float, -O2",
+        row=_robot,
+        columns=_COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
+        note="Milliseconds are for one instruction in each cycle, the least there is.",
+        only=lambda row: (row["chip"], row.get("level"), row.get("precision")) == ("m4", "-O2", "float"),
+    ),
+    View(
+        "embedded_{robot}_{precision}",
+        "Instructions of a tick of {robot}, {precision}, {ticks} states",
+        row=lambda row: f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}",
+        columns=_COUNT | _MEMORY | {"stack": (shown("stack"), "B"), "equal": shown("equal")},
+        note="Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
+        "exchanges allowed times the dearest exchange, and the rest of the dearest tick. Equal: every command is that "
+        "of this machine, in every bit.",
+        only=lambda row: row["chip"] is not None,
+    ),
+    View(
+        "embedded_precision",
+        "Float against double, {states} states",
+        row=_robot,
+        columns={
+            "median": (shown("median"), "N"),
+            "p99": (shown("p99"), "N"),
+            "p99.9": (shown("p999"), "N"),
+            "largest": (shown("worst"), "N"),
+            "of": (shown("largest_command"), "N"),
+            "other status": shown("other_status"),
+        },
+        note="Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings.",
+        only=lambda row: row["chip"] is None,
+    ),
+)
 
 STUDY = Study(
     name="embedded",
@@ -302,6 +293,6 @@ STUDY = Study(
     },
     quick={"robots": ("harpy",), "chips": ("m4",), "levels": ("-O2",), "duration": 0.4, "states": 1000},
     all_at_once=_counted,
-    tables=_tables,
+    views=VIEWS,
     only="robots",
 )

@@ -9,16 +9,13 @@ import numpy as np
 
 from comparison.contenders import label
 from comparison.measure.controllers import scenario_of
-from comparison.measure.walking import Rows
-from comparison.study import Job, Study
-from comparison.tables import Cell, Table
+from comparison.study import Job, Study, Value, View, shown
 from harpy_pin import walk
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.simulation.mujoco import installed_version
 
 FRICTION = 0.25
-ENGINES = ("ours", "MuJoCo")
 NOTE = (
     "Our plant, then MuJoCo with the same stiffness and damping. Differences: the largest distance between the two "
     "bodies, and the root mean square over ticks and feet of the difference of the forces on a foot, normal and along "
@@ -53,18 +50,31 @@ def compared(ours: Run, theirs: Run) -> dict[str, Any]:
     }
 
 
-def _tables(rows: Rows) -> list[Table]:
-    cells = []
-    for row in rows:
-        walker = label(row["walker"])
-        for key, what in (("distance_m", "distance, m"), ("normal_n", "mean normal, N"), ("path_mm", "slip, mm")):
-            cells += [Cell(f"{what}, {name}", walker, value) for name, value in zip(ENGINES, row[key], strict=True)]
-        cells.append(Cell("bodies apart, mm", walker, row["apart_mm"]))
-        cells.append(Cell("normal force, RMS difference, N", walker, row["normal_rms_n"]))
-        cells.append(Cell("tangential force, RMS difference, N", walker, row["tangential_rms_n"]))
-        cells.append(Cell("ending", walker, " / ".join(dict.fromkeys(row["endings"]))))
-    return [Table("engines", "The same walk in both engines", tuple(cells), f"{NOTE} MuJoCo {installed_version()}.")]
+def _of(engine: int, name: str) -> Value:
+    return lambda rows: rows[0][name][engine]
 
+
+COLUMNS: dict[str, Any] = {}
+for _name, _what, _unit in (
+    ("distance_m", "distance", "m"),
+    ("normal_n", "mean normal", "N"),
+    ("path_mm", "slip", "mm"),
+):
+    COLUMNS[f"{_what}, ours"] = _of(0, _name), _unit
+    COLUMNS[f"{_what}, MuJoCo"] = _of(1, _name), _unit
+COLUMNS |= {
+    "bodies apart": (shown("apart_mm"), "mm"),
+    "normal force, RMS difference": (shown("normal_rms_n"), "N"),
+    "tangential force, RMS difference": (shown("tangential_rms_n"), "N"),
+    "ending": lambda rows: " / ".join(dict.fromkeys(rows[0]["endings"])),
+}
+VIEW = View(
+    name="engines",
+    title="The same walk in both engines",
+    row=lambda row: label(row["walker"]),
+    columns=COLUMNS,
+    note=NOTE,
+)
 
 STUDY = Study(
     name="engines",
@@ -79,5 +89,5 @@ STUDY = Study(
     quick={"duration": 1.5},
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=(VIEW,),
 )

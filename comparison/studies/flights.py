@@ -8,31 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
-from comparison.studies.flight_measures import flight_measures, walk_measures
-from comparison.study import Job, Study, Value, shown, tabulated
-from comparison.tables import Table, number_text
-from harpy_pin import (
-    Actuators,
-    Commanded,
-    Controller,
-    Disturbances,
-    Gait,
-    Ground,
-    Noise,
-    Run,
-    Scenario,
-    Thrusters,
-    make_controller,
-)
+import harpy_pin as hp
+from comparison.measure.walking import walk_as_far_as_it_goes
+from comparison.study import Job, Study, Value, View, grid, share, shown
+from comparison.tables import number_text
 from harpy_pin.contrib.flight import Fly, Flying, Jump
+from harpy_pin.contrib.flight.flying_gait import PHASES
 from harpy_pin.contrib.thrusters import ThrustWatch
-from harpy_pin.ground import Plane, Ramp, Terrain
+from harpy_pin.ground import Plane, Ramp
+from harpy_pin.log.power import PRESETS, Motors, power
 from harpy_pin.simulation.mujoco import installed_version
 
 FRICTION = 0.6
@@ -46,6 +34,10 @@ FIRST_SEED = 200
 """Of the tries; settings were chosen on lower ones."""
 NO_THRUST = 1e6
 """Weight of thrusts where there are none: the controller plans with little."""
+MOTORS = Motors(constant=0.6)
+"""Of Harpy's joints: assumed."""
+WALKED_ON, UPRIGHT, OVER = 0.3, 0.05, 0.03
+"""How far it walks after a landing, m; how upright and how near its height it must stand, rad and m."""
 
 
 @dataclass(frozen=True)
@@ -78,37 +70,24 @@ class Manoeuvre:
     known: bool = False
     thrust: bool = True
 
-    @property
-    def terrain(self) -> Terrain | None:
-        """The ground; None where it is flat."""
+    def scenario(self, controller: str, plant: str, seed: int) -> hp.Scenario:
+        """What is flown; the seed is that of the noise."""
         slope = float(np.radians(self.slope))
-        if not slope:
-            return None
-        return Ramp(slope=slope, start=1.2, length=4.0) if self.walks else Plane(slope=slope)
-
-    @property
-    def parameters(self) -> dict[str, Any]:
-        """Settings of the controller."""
-        known = {"thrust_lag": self.lag} if self.known else {}
-        return known if self.thrust else known | {"weights": {"thrust": NO_THRUST}}
-
-    def scenario(self, controller: str, plant: str, seed: int) -> Scenario:
-        """What is flown.
-
-        Args:
-            controller: its name.
-            plant: likewise.
-            seed: of the noise.
-        """
+        terrain: Plane | Ramp | None = None
+        if slope:
+            terrain = Ramp(slope=slope, start=1.2, length=4.0) if self.walks else Plane(slope=slope)
+        parameters: dict[str, Any] = {"thrust_lag": self.lag} if self.known else {}
+        if not self.thrust:
+            parameters["weights"] = {"thrust": NO_THRUST}
         after = ((0.0, SPEED if self.walks else 0.0, 0.0, 0.0),)
         failing, largest = FAILING if self.failing else None, None if self.thrust else 0.0
-        thrusters = Thrusters(lag=self.lag, failing=failing, largest=largest)
-        return Scenario(
-            gait=Commanded() if self.flight is None else Flying(flights=self.flight, velocity=after),
-            controller={"name": controller, "parameters": self.parameters},
+        fans = hp.Actuators(thrusters=hp.Thrusters(lag=self.lag, failing=failing, largest=largest))
+        return hp.Scenario(
+            gait=hp.Commanded() if self.flight is None else Flying(flights=self.flight, velocity=after),
+            controller={"name": controller, "parameters": parameters},
             plant=plant,
-            ground=Ground(mu_s=FRICTION, terrain=self.terrain),
-            disturbances=Disturbances(noise=Noise.typical(), seed=seed, actuators=Actuators(thrusters=thrusters)),
+            ground=hp.Ground(mu_s=FRICTION, terrain=terrain),
+            disturbances=hp.Disturbances(noise=hp.Noise.typical(), seed=seed, actuators=fans),
             duration=self.duration,
         )
 
@@ -149,36 +128,84 @@ FLIGHTS: dict[str, Manoeuvre] = {
 
 def _jobs(s: Any) -> Iterator[Job]:
     plants = [plant for plant in s.plants if plant != "mujoco" or installed_version() is not None]
-    for name, controller, plant in product(s.names, s.controllers, plants):
-        for seed in range(FIRST_SEED, FIRST_SEED + min(FLIGHTS[name].tries, s.most_tries)):
-            yield {"flight": name, "controller": controller, "plant": plant, "seed": seed}
+    for one in grid(flight=s.names, controller=s.controllers, plant=plants):
+        yield from (one | {"seed": FIRST_SEED + k} for k in range(min(FLIGHTS[one["flight"]].tries, s.most_tries)))
 
 
-def flown(
-    name: str, controller: str = "condensed", plant: str = "compliant", seed: int = FIRST_SEED
-) -> tuple[Run, dict[str, Any]]:
-    """One try of a manoeuvre, and its measures.
-
-    Args:
-        name: of :data:`FLIGHTS`.
-        controller: of :data:`CONTROLLERS`.
-        plant: of :data:`PLANTS`.
-        seed: of the noise.
-    """
-    one = FLIGHTS[name]
-    scenario, make = one.scenario(controller, plant, seed), None
+def flown(job: Job) -> tuple[hp.Run, dict[str, Any]]:
+    """One try of a manoeuvre, and its measures."""
+    one, make = FLIGHTS[job["flight"]], None
     if one.watched:
 
-        def make(gait: Gait) -> Controller:
-            return ThrustWatch(make_controller(controller, gait, mu=FRICTION), gait.robot)
+        def make(gait: hp.Gait) -> hp.Controller:
+            return ThrustWatch(hp.make_controller(job["controller"], gait, mu=FRICTION), gait.robot)
 
-    run = walk_as_far_as_it_goes(scenario, make)
+    run = walk_as_far_as_it_goes(one.scenario(job["controller"], job["plant"], job["seed"]), make)
     return run, walk_measures(run) if one.flight is None else flight_measures(run, one.flight, one.walks)
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """Measures of one try."""
-    return flown(job["flight"], job["controller"], job["plant"], job["seed"])[1]
+    return flown(job)[1]
+
+
+def walk_measures(run: hp.Run) -> dict[str, Any]:
+    """What a walk costs; nothing of one that fell."""
+    if run.ending != "completed":
+        return {"stands": False, "fell_s": float(run["t"][-1])}
+    way = float(run["q"][-1, 0] - run["q"][0, 0])
+    return {"stands": True, "distance_m": way, "peak": _peak(run, slice(None)), **_cost(run, slice(None))}
+
+
+def flight_measures(run: hp.Run, flight: Jump | Fly, walks: bool) -> dict[str, Any]:
+    """Where a flight landed, how hard, and what it cost; ``walks`` says whether it should walk on."""
+    phase = run["flight_phase"].ravel()
+    air, land = (np.flatnonzero(phase == PHASES.index(name)) for name in ("air", "land"))
+    if len(land) == 0:
+        return {"stands": False, "fell_s": float(run["t"][-1])}
+    q, feet, plan, slip = run["q"], run["foot_position"], run["body_plan"], run["slip_path"]
+    before, after = feet[air[0] - 1].mean(axis=0), feet[land[-1]].mean(axis=0)
+    rest = np.linalg.norm(np.diff(plan[air], axis=0), axis=1) < 1e-9
+    still = air[1:][rest][1000:]  # where the plan stays, but for the first second
+    flown = slice(int(np.flatnonzero(phase == PHASES.index("bend"))[0]), int(land[-1]) + 1)
+    return {
+        "stands": _stands(run, walks),
+        "height_m": float(q[air, 2].max() - q[air[0], 2]),
+        "distance_m": float(np.hypot(*(after - before)[:2])),
+        "place_mm": float(1e3 * np.hypot(*((after - before)[:2] - (flight.forward, flight.left)))),
+        "hover_mm": float(1e3 * np.linalg.norm(q[still, :3] - plan[still], axis=1).max()) if len(still) else None,
+        "peak": _peak(run, land),
+        "slip_mm": float(1e3 * (slip[land[-1]] - slip[land[0]]).sum()),
+        **_cost(run, flown, float(np.hypot(flight.forward, flight.left))),
+    }
+
+
+def _peak(run: hp.Run, ticks: Any) -> float:
+    """Largest force of both feet, per weight."""
+    force = np.linalg.norm(run["foot_force"][ticks], axis=2).sum(axis=1)
+    return float(force.max() / (float(run.metadata["mass"]) * 9.81))
+
+
+def _stands(run: hp.Run, walks: bool) -> bool:
+    """Whether it stands at the end, or walked on."""
+    if run.ending != "completed":
+        return False
+    end, q = run["q"][-1], run["q"]
+    if walks:
+        gait = np.flatnonzero(run["flight_phase"].ravel() == PHASES.index("gait"))
+        return len(gait) > 0 and float(end[0] - q[gait[0], 0]) >= WALKED_ON
+    tilt = 2.0 * float(np.hypot(end[3], end[4]))
+    height = float(end[2] - run["foot_position"][-1, :, 2].mean() - q[0, 2])
+    return tilt < UPRIGHT and abs(height) < OVER
+
+
+def _cost(run: hp.Run, ticks: slice, distance: float | None = None) -> dict[str, Any]:
+    """Energy, power, and cost of transport."""
+    found = power(run, motors=MOTORS, propulsion=PRESETS["fan"])
+    battery = found.battery[ticks]
+    energy = float(battery.sum() * found.period)
+    path = found.path if distance is None else distance
+    cost = energy / (found.weight * path) if path > 0.1 else None
+    return {"energy_j": energy, "power_w": float(battery.mean()), "cost": cost}
 
 
 def _of_all(name: str, together: Callable[[list[Any]], Any], digits: int) -> Value:
@@ -188,7 +215,7 @@ def _of_all(name: str, together: Callable[[list[Any]], Any], digits: int) -> Val
 
 
 COLUMNS: dict[str, Any] = {
-    "stands": lambda rows: f"{sum(row['stands'] for row in rows)} of {len(rows)}",
+    "stands": share("stands"),
     "height, m": _of_all("height_m", min, 3),
     "distance, m": _of_all("distance_m", min, 3),
     "place, mm": _of_all("place_mm", max, 2),
@@ -199,21 +226,15 @@ COLUMNS: dict[str, Any] = {
     "power, W": _of_all("power_w", np.median, 3),
     "J/(N·m)": _of_all("cost", np.median, 2),
 }
-NOTE = (
-    f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and least distance "
-    "of the feet, greatest error of the landing and of the hovering body, greatest force of both feet and greatest "
-    "slip in landing; medians of the energy. Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed."
+VIEW = View(
+    "flights",
+    "Flights of Harpy",
+    row=lambda row: f"{row['flight']}, {CONTROLLERS[row['controller']]}, {PLANTS[row['plant']]}",
+    columns=COLUMNS,
+    note=f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and least "
+    "distance of the feet, greatest error of the landing and of the hovering body, greatest force of both feet and "
+    "greatest slip in landing; medians of the energy. Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed.",
 )
-
-
-def _tables(rows: Rows) -> list[Table]:
-    """A row for each manoeuvre, controller and plant."""
-
-    def place(row: dict[str, Any]) -> str:
-        return f"{row['flight']}, {CONTROLLERS[row['controller']]}, {PLANTS[row['plant']]}"
-
-    return [tabulated("flights", "Flights of Harpy", rows, place, COLUMNS, NOTE)]
-
 
 STUDY = Study(
     name="flights",
@@ -235,6 +256,6 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=(VIEW,),
     only="names",
 )

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 from comparison.contenders import label
 from comparison.measure.controllers import scenario_of
-from comparison.measure.walking import Rows, grouped
-from comparison.study import Job, Study, Value, crossed
-from comparison.tables import Cell, Table
+from comparison.measure.walking import Rows
+from comparison.study import Job, Study, Value, View, grid, shown, where
 from harpy_pin import Ground, Mujoco, Scenario, walk
 from harpy_pin.gaits import GaitParameters
 from harpy_pin.simulation.mujoco import PRESETS, installed_version
@@ -20,12 +18,12 @@ STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)
 """N/m; the damping ratio is that of the default ground, 8 kN/m, whose MuJoCo presets are walked on, too."""
 STEPS = ("governed/paper", "condensed")
 """Walkers that also walk with half the physics step, on the highest friction."""
+DT = Scenario().dt
 NOTE = (
     "Per step of the walk, both feet together, mm. Friction and stiffness are known to controllers and gait. Where the "
     "path is much longer than the net displacement the feet go to and fro; where it is shorter they hop. Do not rank "
     "what differs by less than the effect of the physics step."
 )
-ABSENT = " MuJoCo is not installed: pip install 'harpy-pin[mujoco]'."
 
 
 def _grounds() -> dict[str, dict[str, Any]]:
@@ -37,11 +35,10 @@ def _grounds() -> dict[str, dict[str, Any]]:
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    dt = Scenario().dt
-    cases = [(*case, dt) for case in product(s.frictions, s.walkers)]
-    cases += [(s.frictions[0], walker, 0.5 * dt) for walker in STEPS if walker in s.walkers]
-    for ground, (friction, walker, step) in product(_grounds(), cases):
-        yield {"ground": ground, "friction": friction, "walker": walker, "dt_s": step, "duration": s.duration}
+    cases = [*grid(friction=s.frictions, walker=s.walkers, dt_s=[DT])]
+    cases += grid(friction=s.frictions[:1], walker=[who for who in STEPS if who in s.walkers], dt_s=[0.5 * DT])
+    for one in grid(ground=_grounds(), case=cases):
+        yield {"ground": one["ground"], **one["case"], "duration": s.duration}
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -63,37 +60,38 @@ def _measured(job: Job) -> dict[str, Any]:
 
 def _slip(name: str) -> Value:
     """Of a walk that came to its end."""
-    return lambda rows: (
-        rows[0][name] if rows[0]["ending"] == "completed" else f"{rows[0]['ending']} at {rows[0]['end_time_s']:.2f} s"
+
+    def value(rows: Rows) -> Any:
+        (row,) = rows
+        return row[name] if row["ending"] == "completed" else f"{row['ending']} at {row['end_time_s']:.2f} s"
+
+    return value
+
+
+def _slips(name: str, what: str) -> View:
+    return View(
+        name=f"grounds_{{friction:g}}_{what.split()[0]}",
+        title=f"Slip, {what}, mm per step, friction {{friction:g}}",
+        row=lambda row: label(row["walker"]),
+        across="{ground}",
+        columns=_slip(name),
+        only=lambda row: row["dt_s"] == DT,
     )
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """Path and net displacement at each friction; then both engines beside each other."""
-    coarse = max(row["dt_s"] for row in rows)
-    usual = [row for row in rows if row["dt_s"] == coarse]
-    tables = [
-        crossed(
-            f"grounds_{friction:g}_{what.split()[0]}", f"Slip, {what}, mm per step, friction {friction:g}", here,
-            lambda row: label(row["walker"]), lambda row: str(row["ground"]), _slip(name),
-        )
-        for (friction,), here in grouped(usual, "friction").items()
-        for name, what in (("path_mm", "path"), ("net_mm", "net displacement"))
-    ]  # fmt: skip
-    fine = {(row["ground"], row["walker"]): row for row in rows if row["dt_s"] < coarse}
-    cells = []
-    for row in usual:
-        other = fine.get((row["ground"], row["walker"]))
-        if other is not None and row["friction"] == other["friction"]:
-            name, ground = label(row["walker"]), row["ground"]
-            cells.append(Cell(f"{name}: distance, m", ground, row["distance_m"]))
-            cells.append(Cell(f"{name}: mean normal force, N", ground, row["normal_n"]))
-            cells.append(Cell(f"{name}: path, mm", ground, row["path_mm"]))
-            cells.append(Cell(f"{name}: path with half the step, mm", ground, other["path_mm"]))
-    note = NOTE + (ABSENT if installed_version() is None else f" MuJoCo {installed_version()}.")
-    title = f"The same walks in both engines, friction {usual[0]['friction']:g}, physics step {1e3 * coarse:g} ms"
-    return [*tables, Table("grounds_engines", title, tuple(cells), note)]
-
+ENGINES = View(
+    name="grounds_engines",
+    title="The same walks in both engines, and with half the physics step",
+    row=lambda row: f"{label(row['walker'])}, {row['friction']:g}, {row['ground']}",
+    columns={
+        "distance": (where(shown("distance_m"), dt_s=DT), "m"),
+        "mean normal force": (where(shown("normal_n"), dt_s=DT), "N"),
+        "path": (where(shown("path_mm"), dt_s=DT), "mm"),
+        "half the step": (where(shown("path_mm"), dt_s=0.5 * DT), "mm"),
+    },
+    note=NOTE,
+    only=lambda row: row["walker"] in STEPS,
+)
 
 STUDY = Study(
     name="grounds",
@@ -110,5 +108,5 @@ STUDY = Study(
     quick={"duration": 1.5},
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=(_slips("path_mm", "path"), _slips("net_mm", "net displacement"), ENGINES),
 )

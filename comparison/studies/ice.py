@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import label
-from comparison.measure.walking import Rows, grouped
-from comparison.study import Job, Study, Value, fell, shown, tabulated
-from comparison.tables import Table
+from comparison.study import Job, Study, Value, View, fell, grid, shown
 from harpy_pin import Disturbances, Ground, Noise, Scenario, walk
 from harpy_pin.log.run import Run
 
@@ -35,10 +32,8 @@ SENSORS = {"exact": Disturbances(), "noise, 2 ms": Disturbances(noise=Noise.typi
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    names = ("ice", "plant", "sensors", "walker", "seed", "estimate")
     seeds = range(s.seed, s.seed + s.walks)
-    for case in product(s.ice, s.plants, SENSORS, WALKERS, seeds, (False, True)):
-        job = dict(zip(names, case, strict=True))
+    for job in grid(ice=s.ice, plant=s.plants, sensors=SENSORS, walker=WALKERS, seed=seeds, estimate=(False, True)):
         begin = s.place + 0.3 * STEP * float(np.random.default_rng([job["seed"], 77]).random())
         strip = [begin, begin + s.length, job["ice"]]
         yield {**job, "friction": s.friction, "strip": strip, "duration": s.duration}
@@ -80,31 +75,25 @@ def _place(row: dict[str, Any]) -> str:
     return f"{name}, {row['sensors']}, estimate {'on' if row['estimate'] else 'off'}"
 
 
-def _of_all(name: str, put: Callable[[list[float]], float]) -> Value:
+def _of_all(name: str, put: Callable[[list[float]], float]) -> tuple[Value, str]:
     """Of the steps of all walks."""
-
-    def value(rows: Rows) -> float | None:
-        found = [slip for row in rows for slip in row[name]]
-        return put(found) if found else None
-
-    return value
+    value = shown(name, lambda lists: [slip for found in lists for slip in found])
+    return lambda rows: put(found) if (found := value(rows)) else None, "mm"
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """Falls and slip per step, for each plant."""
-    columns: dict[str, Any] = {
+VIEW = View(
+    name="ice_{plant}_{ice:g}",
+    title="A strip of {ice:g}, {plant} plant",
+    row=_place,
+    columns={
         "fell": fell,
-        "median on ice": (_of_all("ice_mm", lambda found: float(np.median(found))), "mm"),
-        "worst on ice": (_of_all("ice_mm", max), "mm"),
-        "worst after": (_of_all("after_mm", max), "mm"),
+        "median on ice": _of_all("ice_mm", lambda found: float(np.median(found))),
+        "worst on ice": _of_all("ice_mm", max),
+        "worst after": _of_all("after_mm", max),
         "lowest estimate": shown("lowest_estimate", min),
-    }
-    note = "Slip per step: path of both feet along the ground, over all steps of all walks, up to a fall."
-    return [
-        tabulated(f"ice_{plant}_{ice:g}", f"A strip of {ice:g}, {plant} plant", here, _place, columns, note)
-        for (ice, plant), here in grouped(rows, "ice", "plant").items()
-    ]
-
+    },
+    note="Slip per step: path of both feet along the ground, over all steps of all walks, up to a fall.",
+)
 
 STUDY = Study(
     name="ice",
@@ -126,5 +115,5 @@ STUDY = Study(
     quick={"plants": ("compliant",), "walks": 1, "place": 0.3, "length": 0.3, "duration": 3.0},
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=(VIEW,),
 )

@@ -9,22 +9,20 @@ begin with other velocities.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
 from typing import Any
 
 import numpy as np
 
 from comparison.campaign.settings import JOINT_DAMPING
 from comparison.campaign.walks import damped_harpy
-from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
-from comparison.study import STARTS, Job, Study, Value, crossed, fell, most, start_velocity, tabulated
-from comparison.tables import Table, number_text
-from harpy_pin import Actuators, Disturbances, Ground, Scenario, measure
+from comparison.contenders import LIMITED
+from comparison.measure.walking import Rows, walk_as_far_as_it_goes
+from comparison.study import STARTS, Job, Study, Value, View, fell, grid, kept, most, start_velocity, where
+from comparison.tables import number_text
+from harpy_pin import Actuators, Disturbances, Ground, Scenario
 
 WALKERS: dict[str, dict[str, Any]] = {
-    "none": {"name": "governed", "governor": "none", "limits": True},
-    "paper": {"name": "governed", "governor": "paper", "limits": True},
-    "filter": {"name": "governed", "governor": "filter", "limits": True},
+    **LIMITED,
     "rigid": {"name": "condensed", "parameters": {"limits": {"give_way": 1.0}}},
     "condensed": {"name": "condensed"},
     "QP": {"name": "wbc"},
@@ -42,12 +40,11 @@ ACTUATORS = {"bandwidth": "bandwidth", "viscous": "viscous_friction", "coulomb":
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    cases = [(kind, value) for kind in (*KNOWN, *UNKNOWN) for value in getattr(s, kind)]
-    for start, gait, friction, (kind, value), walker in product(range(s.starts), s.gaits, s.frictions, cases, WALKERS):
-        if gait == "commanded" and WALKERS[walker]["name"] == "governed":
-            continue  # it cannot turn
-        what = {"gait": gait, "friction": friction, "kind": kind, "value": value, "walker": walker}
-        yield {**what, "start": start, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
+    cases = [{"kind": kind, "value": value} for kind in (*KNOWN, *UNKNOWN) for value in getattr(s, kind)]
+    for one in grid(start=range(s.starts), gait=s.gaits, friction=s.frictions, case=cases, walker=WALKERS):
+        case, governed = one.pop("case"), WALKERS[one["walker"]]["name"] == "governed"
+        if one["gait"] == "straight" or not governed:  # which cannot turn
+            yield {**one, **case, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
 
 
 def scenario_of(job: Job) -> Scenario:
@@ -70,14 +67,7 @@ def scenario_of(job: Job) -> Scenario:
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    run = walk_as_far_as_it_goes(scenario_of(job))
-    measures = measure(run)
-    return {
-        "fell": run.ending != "completed",
-        "slip_mm_per_step": measures.slip_mm_per_step,
-        "tracking_rms_mm": measures.tracking_rms_mm,
-        "distance_m": measures.distance_m,
-    }
+    return kept(walk_as_far_as_it_goes(scenario_of(job)), "slip_mm_per_step", "tracking_rms_mm", "distance_m")
 
 
 def _place(row: dict[str, Any]) -> str:
@@ -93,32 +83,34 @@ def slip_or_falls(rows: Rows) -> str:
     return number_text(float(np.median([row["slip_mm_per_step"] for row in rows])), 2)
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """Falls and slip over all walks; then a table for each gait and friction."""
+def _of(kinds: dict[str, str], what: Value) -> Value:
+    return lambda rows: what([row for row in rows if row["kind"] in kinds])
 
-    def of(kinds: dict[str, str], what: Value, *, fallen: bool = True) -> Value:
-        return lambda rows: what([row for row in rows if row["kind"] in kinds and (fallen or not row["fell"])])
 
-    columns: dict[str, Any] = {}
-    for name, kinds in (("limits", KNOWN), ("joint friction", UNKNOWN)):
-        columns[f"{name}: fell"] = of(kinds, fell)
-        columns[f"{name}: worst slip"] = of(kinds, most("slip_mm_per_step"), fallen=False), "mm"
-    summary = tabulated(
-        "limits", "Falls, and the worst slip of the walks that did not fall", rows, lambda row: row["walker"], columns,
-        "Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model.",
-    )  # fmt: skip
-    note = (
-        "Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing gives way; "
-        "est.: the one in which tasks do, with joint friction estimated. All have the same torque limits."
-    )
-    return [summary] + [
-        crossed(
-            f"limits_{gait}_{friction:g}", f"Slip per step, mm, or falls: {gait} gait, friction {friction:g}", here,
-            _place, lambda row: row["walker"], slip_or_falls, note,
-        )
-        for (gait, friction), here in grouped(rows, "gait", "friction").items()
-    ]  # fmt: skip
-
+_WORST = where(most("slip_mm_per_step"), fell=False)
+VIEWS = (
+    View(
+        name="limits",
+        title="Falls, and the worst slip of the walks that did not fall",
+        row="{walker}",
+        columns={
+            "limits: fell": _of(KNOWN, fell),
+            "limits: worst slip": (_of(KNOWN, _WORST), "mm"),
+            "joint friction: fell": _of(UNKNOWN, fell),
+            "joint friction: worst slip": (_of(UNKNOWN, _WORST), "mm"),
+        },
+        note="Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model.",
+    ),
+    View(
+        name="limits_{gait}_{friction:g}",
+        title="Slip per step, mm, or falls: {gait} gait, friction {friction:g}",
+        row=_place,
+        across="{walker}",
+        columns=slip_or_falls,
+        note="Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing gives "
+        "way; est.: the one in which tasks do, with joint friction estimated. All have the same torque limits.",
+    ),
+)
 
 STUDY = Study(
     name="limits",
@@ -146,5 +138,5 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=VIEWS,
 )

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
-from itertools import product
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Rows, grouped
-from comparison.study import Job, Study, shown, tabulated
-from comparison.tables import Table
+from comparison.study import Job, Study, View, grid, shown
 from harpy_pin import Ground, load_robot, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.contrib.batch import CondensedBatch
@@ -107,13 +104,9 @@ def _optima(robot: Robot, dtype: Any, settings: Job) -> list[float]:
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    same = {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed}
-    kinds: list[Job] = [{"kind": "walk"}, {"kind": "tick"}, *({"kind": "terrain", "on": ground} for ground in GROUNDS)]
-    kinds.append({"kind": "environments"})
-    kinds += [
-        {"kind": "optima", "on": name, "dtype": dtype} for name, dtype in product(s.robots, ("float64", "float32"))
-    ]
-    yield from (kind | same for kind in kinds)
+    kinds = [*grid(kind=("walk", "tick")), *grid(kind=["terrain"], on=GROUNDS), {"kind": "environments"}]
+    kinds += grid(kind=["optima"], on=s.robots, dtype=("float64", "float32"))
+    yield from (kind | {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed} for kind in kinds)
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -135,17 +128,13 @@ def _measured(job: Job) -> dict[str, Any]:
     return {"what": what, "unit": unit, "median": float(np.median(values)), "best": best(values)}
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """The figures as a table for each unit."""
-    note = "Of several rounds; other work on the machine lowers the medians."
-    return [
-        tabulated(
-            "rates", f"Rates, {unit}", same, lambda row: row["what"],
-            {name: (shown(name), unit) for name in ("median", "best")}, note,
-        )
-        for (unit,), same in grouped(rows, "unit").items()
-    ]  # fmt: skip
-
+VIEW = View(
+    "rates, {unit}",
+    "Rates, {unit}",
+    row="{what}",
+    columns={name: shown(name) for name in ("median", "best")},
+    note="Of several rounds; other work on the machine lowers the medians.",
+)
 
 STUDY = Study(
     name="rates",
@@ -163,6 +152,6 @@ STUDY = Study(
     quick={"seconds": 10.0, "robots": ("harpy",), "size": 1024, "rounds": 3},
     timed=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=(VIEW,),
     only="robots",
 )

@@ -15,25 +15,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+import harpy_pin as hp
 from comparison.measure.thread_ticks import time_ticks
-from comparison.measure.walking import Rows
-from comparison.study import Job, Study
-from comparison.tables import Cell, Table, in_columns
-from harpy_pin import (
-    Disturbances,
-    Dynamics,
-    Ground,
-    HarpyError,
-    Push,
-    Robot,
-    Run,
-    Scenario,
-    Standing,
-    WalkingGait,
-    build,
-    load_robot,
-    measure,
-)
+from comparison.study import Job, Study, Value, View, grid, shown, where
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.state import Vector
 
@@ -46,50 +30,37 @@ LEAN_AT, PUSH_AT = 0.3, 0.5
 """Times of shift and push, s."""
 CONTROLLERS = {"QP": "wbc", "condensed": "condensed"}
 SIDES = {"sideways": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0)}
-_ROBOT = {"mass_kg": ("mass", "kg"), "dof": ("DoF", ""), "feet": ("feet", ""), "terms_error": ("terms' error", "")}
-_TICKS = {
-    "slip_mm": ("slip, shift", "mm"),
-    **{f"{side}_slip_mm": (f"slip, {side}", "mm") for side in SIDES},
-    "friction_used": ("friction used", ""),
-    "tick_us": ("tick", "µs"),
-    "worst_us": ("worst", "µs"),
-}
 LOADED = 0.05
 """Normal force of a foot, as a share of the weight, from which on its friction counts."""
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    for robot in s.robots:
-        yield {
-            "robot": robot, "friction": s.friction, "duration": s.duration, "pushes": list(s.pushes), "seed": s.seed
-        }  # fmt: skip
+    same = {"friction": s.friction, "duration": s.duration, "pushes": list(s.pushes), "seed": s.seed}
+    return (one | same for one in grid(robot=s.robots, controller=CONTROLLERS))
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """What a robot is, and what happened under each controller; with a reason where something did not."""
+    """What a robot is, and what happened under the controller; with a reason where something did not."""
     try:
-        robot = load_robot(job["robot"])
-    except HarpyError as error:
-        return {"loads": False, "reason": str(error).splitlines()[0], "controllers": {}}
+        robot = hp.load_robot(job["robot"])
+    except hp.HarpyError as error:
+        return {"loads": False, "reason": str(error).splitlines()[0]}
     row: dict[str, Any] = {
         "loads": True,
         "mass_kg": robot.mass,
         "dof": int(robot.model.nv),
         "feet": f"{len(robot.corners)} {'flat_feet' if robot.flat_feet else 'points'}",
         "terms_error": terms_error(robot, np.random.default_rng(job["seed"])),
-        "controllers": {},
     }
-    for label, controller in CONTROLLERS.items():
-        try:
-            row["controllers"][label] = _stand(robot, controller, job)
-        except HarpyError as error:
-            row["controllers"][label] = {"stands": None, "reason": str(error).splitlines()[0]}
-    return row
+    try:
+        return row | _stand(robot, CONTROLLERS[job["controller"]], job)
+    except hp.HarpyError as error:
+        return row | {"stands": None, "reason": str(error).splitlines()[0]}
 
 
-def terms_error(robot: Robot, rng: np.random.Generator, *, states: int = 10) -> float:
+def terms_error(robot: hp.Robot, rng: np.random.Generator, *, states: int = 10) -> float:
     """Largest difference of mass matrix and bias from Pinocchio's, relative to their largest entries."""
-    model, dynamics = robot.model, Dynamics(robot)
+    model, dynamics = robot.model, hp.Dynamics(robot)
     data, worst = model.createData(), 0.0
     for _ in range(states):
         q = pin.integrate(model, pin.neutral(model), rng.standard_normal(model.nv))
@@ -103,23 +74,18 @@ def terms_error(robot: Robot, rng: np.random.Generator, *, states: int = 10) -> 
 
 
 def run_standing(
-    robot: Robot,
+    robot: hp.Robot,
     controller: str,
     *,
     friction: float = 0.5,
     duration: float = 3.0,
     lean: float = 0.0,
     push: Sequence[float] = (0.0, 0.0, 0.0),
-) -> tuple[Run, Vector]:
+) -> tuple[hp.Run, Vector]:
     """Stand, or step in place on two points, on compliant ground, with the weight shifted or with a push.
 
-    Args:
-        robot: with a standing posture.
-        controller: ``wbc`` or ``condensed``.
-        friction: of the ground.
-        duration: s.
-        lean: share of the way over the first foot; a robot that steps does not shift its weight besides.
-        push: (3,) impulse over mass, m/s; zero for none.
+    ``lean`` is the share of the way over the first foot; a robot that steps does not shift its weight besides. ``push``
+    is the impulse over mass, m/s.
 
     Returns:
         The run, and the ticks' times, µs of this thread.
@@ -127,25 +93,23 @@ def run_standing(
     Raises:
         InputError: the controller does not take the robot.
     """
-    stays = robot.corners != (1, 1)
-    gait = Standing(robot) if stays else WalkingGait(robot, "step", (0.0, 0.0, 0.0))
+    gait = hp.Standing(robot) if robot.corners != (1, 1) else hp.WalkingGait(robot, "step", (0.0, 0.0, 0.0))
     mass = robot.mass
-    scenario = Scenario(
+    pushes = (hp.Push(PUSH_AT, (mass * push[0], mass * push[1], mass * push[2])),) if any(push) else ()
+    scenario = hp.Scenario(
         controller={"name": controller, "parameters": gait.parameters},
-        ground=Ground(mu_s=friction, stiffness=mass * GRAVITY / (len(robot.feet) * SINK)),
-        disturbances=Disturbances(
-            pushes=(Push(PUSH_AT, (mass * push[0], mass * push[1], mass * push[2])),) if any(push) else ()
-        ),
+        ground=hp.Ground(mu_s=friction, stiffness=mass * GRAVITY / (len(robot.feet) * SINK)),
+        disturbances=hp.Disturbances(pushes=pushes),
         duration=duration,
     )
-    built = build(scenario, gait=gait)
-    if lean and isinstance(gait, Standing):
+    built = hp.build(scenario, gait=gait)
+    if lean and isinstance(gait, hp.Standing):
         gait.move(lean * gait.over(0), t=LEAN_AT, duration=min(1.0, duration - LEAN_AT))
     run, times, _ = time_ticks(built)
     return run, times[:, 0]
 
 
-def _stand(robot: Robot, controller: str, job: Job) -> dict[str, Any]:
+def _stand(robot: hp.Robot, controller: str, job: Job) -> dict[str, Any]:
     """What one controller does with a robot."""
     result: dict[str, Any] = {}
     common: dict[str, Any] = {"friction": job["friction"], "duration": job["duration"]}
@@ -168,56 +132,68 @@ def _stand(robot: Robot, controller: str, job: Job) -> dict[str, Any]:
     return result
 
 
-def stood(run: Run) -> bool:
+def stood(run: hp.Run) -> bool:
     """Whether the robot came through: no fall, and never a tilt of more than 0.5 rad."""
-    return run.ending == "completed" and not measure(run).stumbled
+    return run.ending == "completed" and not hp.measure(run).stumbled
 
 
-def _slip(run: Run) -> float:
+def _slip(run: hp.Run) -> float:
     """Way along the ground in the whole run, mean of all contact points, mm."""
     return float(1e3 * run["slip_path"][-1].mean())
 
 
-def friction_used(run: Run, robot: Robot) -> float:
-    """Largest horizontal over normal force of a foot, all its corners together, while it carries."""
+def friction_used(run: hp.Run, robot: hp.Robot) -> float:
+    """Largest horizontal over normal force of a foot, all its corners together, in stance."""
     starts = np.cumsum((0, *robot.corners))[:-1]
     force = np.add.reduceat(run["foot_force"], starts, axis=1)
-    carries = force[..., 2] > LOADED * robot.mass * GRAVITY
-    ratio = np.linalg.norm(force[..., :2], axis=-1)[carries] / force[..., 2][carries]
+    loaded = force[..., 2] > LOADED * robot.mass * GRAVITY
+    ratio = np.linalg.norm(force[..., :2], axis=-1)[loaded] / force[..., 2][loaded]
     return float(ratio.max(initial=0.0))
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """What loads and stands; then slip and times."""
-    standing: list[Cell] = []
-    times: list[Cell] = []
-    for row in rows:
-        name = row["robot"]
-        standing.append(Cell(name, "loads", "yes" if row["loads"] else f"no: {row['reason']}"))
-        if not row["loads"]:
-            continue
-        standing += in_columns(name, row, _ROBOT)
-        for label, found in row["controllers"].items():
-            standing.append(Cell(name, f"stands, {label}", "yes" if found["stands"] else f"no: {found['reason']}"))
-            if found["stands"] is not None:
-                standing += [Cell(name, f"{side}, {label}", found[side], "m/s") for side in SIDES]
-                times += in_columns(f"{name}, {label}", found, _TICKS)
-    note = (
-        "Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, stepping "
-        "in place. Sideways and forward: "
-        "the largest push on the base that was stood, impulse over mass; 0 where the weakest was not. Terms' error: "
-        "mass matrix and bias beside Pinocchio's, relative."
-    )
-    slip = (
-        "Slip: mean way of the contact points along the ground in the run, with the weight shifted and with the "
-        "weakest push. Friction used: largest horizontal over normal force of a foot while the weight is shifted. "
-        "Ticks in time of the thread, over the same three runs."
-    )
-    return [
-        Table("robots", "Robots that stand and take pushes", tuple(standing), note),
-        Table("robots_ticks", "Their slip and their ticks", tuple(times), slip),
-    ]
+def _whether(entry: str) -> Value:
+    """Yes; or no, with the reason."""
+    return lambda rows: "yes" if rows[0].get(entry) else f"no: {rows[0]['reason']}"
 
+
+_OF_EACH: dict[str, Any] = {}
+for _name in CONTROLLERS:
+    _OF_EACH[f"stands, {_name}"] = where(_whether("stands"), controller=_name, loads=True)
+    _OF_EACH |= {f"{side}, {_name}": (where(shown(side), controller=_name), "m/s") for side in SIDES}
+VIEWS = (
+    View(
+        "robots",
+        "Robots that stand and take pushes",
+        row="{robot}",
+        columns={
+            "loads": _whether("loads"),
+            "mass": (shown("mass_kg"), "kg"),
+            "DoF": shown("dof"),
+            "feet": shown("feet"),
+            "terms' error": shown("terms_error"),
+            **_OF_EACH,
+        },
+        note="Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, "
+        "stepping in place. Sideways and forward: the largest push on the base that was stood, impulse over mass; 0 "
+        "where the weakest was not. Terms' error: mass matrix and bias beside Pinocchio's, relative.",
+    ),
+    View(
+        "robots_ticks",
+        "Their slip and their ticks",
+        row="{robot}, {controller}",
+        columns={
+            "slip, shift": (shown("slip_mm"), "mm"),
+            **{f"slip, {side}": (shown(f"{side}_slip_mm"), "mm") for side in SIDES},
+            "friction used": shown("friction_used"),
+            "tick": (shown("tick_us"), "µs"),
+            "worst": (shown("worst_us"), "µs"),
+        },
+        note="Slip: mean way of the contact points along the ground in the run, with the weight shifted and with the "
+        "weakest push. Friction used: largest horizontal over normal force of a foot while the weight is shifted. "
+        "Ticks in time of the thread, over the same three runs.",
+        only=lambda row: row.get("stands") is not None,
+    ),
+)
 
 STUDY = Study(
     name="robots",
@@ -237,6 +213,6 @@ STUDY = Study(
     quick={"robots": ("solo12", "g1"), "duration": 1.5, "pushes": (0.1,)},
     timed=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=VIEWS,
     only="robots",
 )

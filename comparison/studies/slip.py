@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import product
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from comparison.contenders import CONTENDERS, label
 from comparison.measure.controllers import scenario_of
 from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
-from comparison.study import Job, Study, crossed
-from comparison.tables import Table, number_text
+from comparison.study import Job, Study, View, grid
+from comparison.tables import number_text
 from harpy_pin import measure
 from harpy_pin.view.figures.style import styled
 
@@ -20,9 +19,8 @@ if TYPE_CHECKING:
 _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b", "#1b1b1e")
 
 
-def _jobs(s: Any) -> Iterator[Job]:
-    for friction, walker in product(s.frictions, s.walkers):
-        yield {"friction": friction, "walker": walker, "duration": s.duration}
+def _jobs(s: Any) -> Iterable[Job]:
+    return grid(friction=s.frictions, walker=s.walkers, duration=[s.duration])
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -35,9 +33,13 @@ def _slip(rows: Rows) -> str:
     return number_text(row["slip_mm"]) + (f" (fell {row['stood_s']:.1f} s)" if row["fell"] else "")
 
 
-def _tables(rows: Rows) -> list[Table]:
-    title = f"Slip per step in walks of {rows[0]['duration']:g} s, mm"
-    return [crossed("slip", title, rows, lambda row: label(row["walker"]), lambda row: f"{row['friction']:g}", _slip)]
+VIEW = View(
+    "slip",
+    "Slip per step in walks of {duration:g} s, mm",
+    row=lambda row: label(row["walker"]),
+    across="{friction:g}",
+    columns=_slip,
+)
 
 
 @styled
@@ -78,6 +80,6 @@ STUDY = Study(
     quick={"duration": 1.5},
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=(VIEW,),
     figure=_figure,
 )

@@ -7,18 +7,17 @@ that one, too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
+from comparison.contenders import LIMITED
+from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.statics import static_bound
-from comparison.study import Job, Study, crossed, mean, tabulated
-from comparison.tables import Table
-from harpy_pin import Ground, Scenario, Straight, load_robot, measure
+from comparison.study import Job, Study, View, grid, kept, mean
+from harpy_pin import Ground, Scenario, Straight, load_robot
 from harpy_pin.ground import Plane
 from harpy_pin.ground.ground import walking_stiffness
 from harpy_pin.scenario import Stand
@@ -46,15 +45,11 @@ class Walker:
     heading: float = 0.0
 
 
-def _governed(governor: str, **more: bool) -> dict[str, Any]:
-    return {"name": "governed", "governor": governor, "limits": True, **more}
-
-
 SPEED = 0.3
 WALKERS: dict[str, Walker] = {
-    "no_thrust": Walker("joint PID, no thrust", _governed("none", thrust=False)),
-    "paper": Walker("paper's governor", _governed("paper")),
-    "filter": Walker("contact-force filter", _governed("filter")),
+    "no_thrust": Walker("joint PID, no thrust", LIMITED["none"] | {"thrust": False}),
+    "paper": Walker("paper's governor", LIMITED["paper"]),
+    "filter": Walker("contact-force filter", LIMITED["filter"]),
     "condensed": Walker("condensed WBC"),
     "wbc": Walker("whole-body QP", {"name": "wbc"}),
     "up": Walker("walking uphill", speed=SPEED),
@@ -76,9 +71,8 @@ def _drawn(rows: Rows) -> Figure:
     return slopes_figure(rows)
 
 
-def _jobs(s: Any) -> Iterator[Job]:
-    for walker, degrees, friction in product(s.walkers, s.degrees, s.frictions):
-        yield {"walker": walker, "degrees": degrees, "friction": friction, "duration": s.duration}
+def _jobs(s: Any) -> Iterable[Job]:
+    return grid(walker=s.walkers, degrees=s.degrees, friction=s.frictions, duration=[s.duration])
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -95,9 +89,10 @@ def _measured(job: Job) -> dict[str, Any]:
     run = walk_as_far_as_it_goes(Scenario(**given, controller=who.controller, ground=ground, duration=job["duration"]))
     thrust = np.linalg.norm(run["thrust"], axis=2).sum(axis=1)
     slip = 1e3 * float(run["slip_path"][-1].sum()) / points  # of a sole the mean of its corners
+    found = kept(run, "slip_mm_per_step")
     return {
-        "fell": run.ending != "completed",
-        "slip_mm": float(measure(run).slip_mm_per_step) if who.speed else slip,
+        "fell": found["fell"],
+        "slip_mm": float(found["slip_mm_per_step"]) if who.speed else slip,
         "thrust_n": float(thrust[len(thrust) // 2 :].mean()) if who.robot == "harpy" else 0.0,
         "without_thrust": without_thrust,
         "least_thrust": least_thrust,
@@ -115,54 +110,47 @@ def _whole(value: float | None) -> str:
     return "–" if value is None else f"{value:.0f}"
 
 
-def _least_thrust(row: dict[str, Any]) -> str:
-    return _whole(row["least_thrust"])
+def _standing(rows: Rows, steepest: float = math.inf) -> Rows:
+    return [row for row in rows if how_it_stands(row) == "stands" and row["degrees"] <= steepest]
 
 
-def _slip(row: dict[str, Any]) -> str:
-    return "falls" if row["fell"] else _whole(row["slip_mm"])
+def _robot(row: dict[str, Any]) -> str:
+    return "Harpy" if (who := WALKERS[row["walker"]]).robot == "harpy" else who.name
 
 
-def _standing(rows: Rows) -> Rows:
-    return [row for row in rows if how_it_stands(row) == "stands"]
-
-
-def _usual(rows: Rows) -> Rows:
-    return [row for row in rows if row["degrees"] <= USUAL]
-
-
-def _map(name: str, title: str, rows: Rows, value: Callable[[dict[str, Any]], str], note: str) -> Table:
-    """Of each angle and friction."""
-    return crossed(
-        name, title, rows, lambda row: f"{row['degrees']:g}°", lambda row: f"{row['friction']:g}",
-        lambda rows: value(rows[0]), note,
-    )  # fmt: skip
-
-
-def _tables(rows: Rows) -> list[Table]:
-    """A map of each walker: its slip, mm, or that it fell; those of statics; and how many places each stands."""
-    tables = []
-    note = "Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient."
-    for robot in dict.fromkeys(WALKERS[row["walker"]].robot for row in rows):
-        own = [row for row in rows if WALKERS[row["walker"]].robot == robot]
-        title = f"What statics allows: {'Harpy' if robot == 'harpy' else WALKERS[robot].name}"
-        tables.append(_map(f"slopes_statics_{robot}", title, own, _least_thrust, note))
-    for (walker,), here in grouped(rows, "walker").items():
-        slip = "Slip in a step" if WALKERS[walker].speed else "Slip of all feet"
-        note = f"{slip}, mm, by angle and friction coefficient; up to {HELD:g} mm it stands."
-        tables.append(_map(f"slopes_{walker}", f"On slopes: {WALKERS[walker].name}", here, _slip, note))
-    thrust = mean("thrust_n")
-    columns: dict[str, Any] = {
-        "stands": lambda rows: f"{len(_standing(rows))} of {len(rows)}",
-        f"up to {USUAL:g}°": lambda rows: f"{len(_standing(_usual(rows)))} of {len(_usual(rows))}",
-        "statics allow": lambda rows: sum(row["least_thrust"] is not None for row in rows),
-        "without thrust": lambda rows: sum(row["without_thrust"] for row in rows),
-        "mean thrust": (lambda rows: thrust(_standing(rows)), "N"),
-    }
-    note = "Mean thrust is the sum of both thrusts in the last half, where it stands."
-    title = "Where robots stand on slopes"
-    return [*tables, tabulated("slopes", title, rows, lambda row: WALKERS[row["walker"]].name, columns, note)]
-
+VIEWS = (
+    View(
+        name=lambda row: f"slopes_statics_{WALKERS[row['walker']].robot}",
+        title=lambda row: f"What statics allows: {_robot(row)}",
+        row="{degrees:g}°",
+        across="{friction:g}",
+        columns=lambda rows: _whole(rows[0]["least_thrust"]),
+        note="Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient.",
+    ),
+    View(
+        name="slopes_{walker}",
+        title=lambda row: f"On slopes: {WALKERS[row['walker']].name}",
+        row="{degrees:g}°",
+        across="{friction:g}",
+        columns=lambda rows: "falls" if rows[0]["fell"] else _whole(rows[0]["slip_mm"]),
+        note=f"Slip of all feet, mm, of one that walks in a step; up to {HELD:g} mm it stands.",
+    ),
+    View(
+        name="slopes",
+        title="Where robots stand on slopes",
+        row=lambda row: WALKERS[row["walker"]].name,
+        columns={
+            "stands": lambda rows: f"{len(_standing(rows))} of {len(rows)}",
+            f"up to {USUAL:g}°": lambda rows: (
+                f"{len(_standing(rows, USUAL))} of {sum(row['degrees'] <= USUAL for row in rows)}"
+            ),
+            "statics allow": lambda rows: sum(row["least_thrust"] is not None for row in rows),
+            "without thrust": lambda rows: sum(row["without_thrust"] for row in rows),
+            "mean thrust": (lambda rows: mean("thrust_n")(_standing(rows)), "N"),
+        },
+        note="Mean thrust is the sum of both thrusts in the last half, where it stands.",
+    ),
+)
 
 STUDY = Study(
     name="slopes",
@@ -182,7 +170,7 @@ STUDY = Study(
     quick={"degrees": (0.0, 15.0, 30.0), "frictions": (0.2, 0.8), "walkers": ("paper", "condensed"), "duration": 1.0},
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=VIEWS,
     only="walkers",
     figure=_drawn,
 )

@@ -6,20 +6,16 @@ here by default has another seed. Nothing else was chosen on random commands.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from itertools import product
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import short_name
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
-from comparison.study import Job, Study, fell, mean, median, most, tabulated
-from comparison.tables import Table
-from harpy_pin import Commanded, Disturbances, Ground, Scenario, measure
-from harpy_pin.simulation.push import Push
+from comparison.measure.walking import walk_as_far_as_it_goes
+from comparison.study import Job, Study, View, commands, fell, grid, kept, mean, median, most
+from harpy_pin import Commanded, Disturbances, Ground, Push, Scenario
 
-CONTROLLERS = ("condensed", "wbc")
 Command = tuple[float, float, float]
 """Forward and lateral velocity, m/s, and yaw rate, rad/s."""
 
@@ -39,9 +35,7 @@ STIFF = (100.0, 20.0)
 
 def scenario_of(job: Job) -> Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
-    parameters: dict[str, Any] = {}
-    if job["controller"] == "wbc":
-        parameters["solver"] = "daqp"
+    parameters: dict[str, Any] = {"solver": "daqp"} if job["controller"] == "wbc" else {}
     if job["stiff"]:
         parameters["body"] = STIFF
     rng, what, impulse = np.random.default_rng([job["seed"], job["number"]]), job["what"], job["impulse"]
@@ -49,7 +43,8 @@ def scenario_of(job: Job) -> Scenario:
     pushes: tuple[Push, ...] = ()
     if what != "course":
         friction = float(rng.uniform(*FRICTIONS[what]))
-        rows = tuple(_sequence(rng, job["duration"], *DRAWS.get(what, (_mixed, 0.2, 3.0))))
+        draw, least, most = DRAWS.get(what, (_mixed, 0.2, 3.0))
+        rows = tuple(commands(rng, job["duration"], draw, least=least, most=most))
     if impulse > 0.0:
         angle, time = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(1.5, 4.0))
         pushes = (Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)
@@ -61,16 +56,6 @@ def scenario_of(job: Job) -> Scenario:
         disturbances=Disturbances(pushes=pushes),
         duration=job["duration"],
     )
-
-
-def _sequence(
-    rng: np.random.Generator, duration: float, draw: Callable[[np.random.Generator], Command], least: float, most: float
-) -> Iterator[tuple[float, float, float, float]]:
-    """Drawn commands with their times, from ``least`` to ``most`` seconds apart."""
-    t = 0.3
-    while t < duration - 1.0:
-        yield (t, *draw(rng))
-        t += float(rng.uniform(least, most))
 
 
 def _mixed(rng: np.random.Generator) -> Command:
@@ -100,34 +85,26 @@ DRAWS = {"slippery": (_fast, 0.4, 1.6), "absurd": (_absurd, 0.1, 0.6)}
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    for controller in CONTROLLERS:
-        walk: Job = {"what": "random", "controller": controller, "plant": "compliant", "number": 0, "impulse": 0.0}
-        walk |= {"stiff": False, "duration": s.duration, "seed": s.seed}
-        for plant in s.plants:
-            yield walk | {"what": "course", "plant": plant, "duration": s.course}
+    walk: Job = {"what": "random", "plant": "compliant", "number": 0, "impulse": 0.0, "stiff": False}
+    walk |= {"duration": s.duration, "seed": s.seed}
+    for controller in ("condensed", "wbc"):
+        walk["controller"] = controller
+        yield from (walk | one for one in grid(what=["course"], plant=s.plants, duration=[s.course]))
         for number in range(s.walks):
             yield walk | {"number": number}
-            for impulse, stiff in product(s.pushes, (False, True)):
-                yield walk | {"what": "pushed", "number": number, "impulse": impulse, "stiff": stiff}
-        for number in range(s.in_mujoco):
-            yield walk | {"number": number, "plant": "mujoco"}
-        for number in range(s.slippery):
-            yield walk | {"what": "slippery", "number": number}
-        for number in range(s.absurd):
-            yield walk | {"what": "absurd", "number": number}
+            pushed = grid(what=["pushed"], number=[number], impulse=s.pushes, stiff=(False, True))
+            yield from (walk | one for one in pushed)
+        yield from (walk | one for one in grid(number=range(s.in_mujoco), plant=["mujoco"]))
+        yield from (walk | one for one in grid(what=["slippery"], number=range(s.slippery)))
+        yield from (walk | one for one in grid(what=["absurd"], number=range(s.absurd)))
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """Measures of one walk; a controller that fails counts as a fall at that moment."""
     run = walk_as_far_as_it_goes(scenario_of(job))
-    measures = measure(run)
     error_m = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)
-    return {
-        "fell": run.ending != "completed",
-        "stumbled": measures.stumbled,
+    return kept(run, "stumbled", "slip_mm_per_step") | {
         "path_rms_mm": 1e3 * float(np.sqrt(np.mean(error_m**2))),
         "path_worst_mm": 1e3 * float(error_m.max()),
-        "slip_mm_per_step": measures.slip_mm_per_step,
         "speed_m_s": float(np.linalg.norm(run["applied_velocity"][:, :2], axis=1).mean()),
     }
 
@@ -141,34 +118,36 @@ COLUMNS: dict[str, Any] = {
 }
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """Falls, path and slip: the course, random and absurd commands, pushes, slippery ground."""
-    low, high = FRICTIONS["slippery"]
-    tables = [
-        tabulated(
-            "steering_commands", "Commands",
-            [row for row in rows if row["impulse"] == 0.0 and row["what"] != "slippery"],
-            lambda row: f"{row['what']}, {row['plant']}, {short_name(row['controller'])}", COLUMNS,
-            "Distance of the body from its target, and slip per step: medians over the walks, and the worst of all.",
-        ),
-        tabulated(
-            "steering_pushes", "Random commands, pushed", [row for row in rows if row["what"] == "pushed"],
-            lambda row: (
-                f"{row['impulse']:g} N·s, {'stiffer body' if row['stiff'] else 'default gains'}, "
-                f"{short_name(row['controller'])}"
-            ),
-            COLUMNS,
-            f"One push of 0.1 s in each walk. Stiffer: gains of the body {STIFF[0]:g} and {STIFF[1]:g}, not 25 and 10.",
-        ),
-        tabulated(
-            "steering_slippery", f"Commands as fast as the legs reach, friction {low:g} to {high:g}",
-            [row for row in rows if row["what"] == "slippery"],
-            lambda row: short_name(row["controller"]), COLUMNS | {"speed": (mean("speed_m_s"), "m/s")},
-            "Speed is the mean.",
-        ),
-    ]  # fmt: skip
-    return [table for table in tables if table.cells]
+def _who(row: dict[str, Any]) -> str:
+    return short_name(row["controller"])
 
+
+VIEWS = (
+    View(
+        name="steering_commands",
+        title="Commands",
+        row=lambda row: f"{row['what']}, {row['plant']}, {_who(row)}",
+        columns=COLUMNS,
+        note="Distance of the body from its target, and slip per step: medians over the walks, and the worst of all.",
+        only=lambda row: row["what"] not in ("slippery", "pushed"),
+    ),
+    View(
+        name="steering_pushes",
+        title="Random commands, pushed",
+        row=lambda row: f"{row['impulse']:g} N·s, {'stiffer body' if row['stiff'] else 'default gains'}, {_who(row)}",
+        columns=COLUMNS,
+        note="One push of 0.1 s in each walk. Stiffer: gains of the body 100 and 20, not 25 and 10.",
+        only=lambda row: row["what"] == "pushed",
+    ),
+    View(
+        name="steering_slippery",
+        title="Commands as fast as the legs reach, friction {:g} to {:g}".format(*FRICTIONS["slippery"]),
+        row=_who,
+        columns=COLUMNS | {"speed": (mean("speed_m_s"), "m/s")},
+        note="Speed is the mean.",
+        only=lambda row: row["what"] == "slippery",
+    ),
+)
 
 STUDY = Study(
     name="steering",
@@ -195,5 +174,5 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=VIEWS,
 )

@@ -7,27 +7,25 @@ same limits of torque and thrust.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import product
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
+from comparison.contenders import LIMITED
+from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.limits import slip_or_falls
 from comparison.studies.margins import pd_lag_margin
-from comparison.study import STARTS, Job, Study, Value, crossed, start_velocity
+from comparison.study import STARTS, Job, Study, Value, View, grid, kept, start_velocity
 from comparison.tables import Cell, Table, number_text
-from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters, measure
+from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.log.optional import given_thrust
 from harpy_pin.simulation.mujoco import installed_version
 
 WALKERS: dict[str, dict[str, Any]] = {
-    "none": {"name": "governed", "governor": "none", "limits": True},
-    "paper": {"name": "governed", "governor": "paper", "limits": True},
-    "filter": {"name": "governed", "governor": "filter", "limits": True},
+    **LIMITED,
     "condensed": {"name": "condensed"},
     "QP": {"name": "wbc"},
     "condensed, knows": {"name": "condensed"},
@@ -41,20 +39,15 @@ PLANTS = {"ours": {"name": "compliant"}, "MuJoCo": {"name": "mujoco", "preset": 
 
 def _jobs(s: Any) -> Iterator[Job]:
     plants = [plant for plant in s.plants if plant == "ours" or installed_version() is not None]
-    names = ("bandwidth", "lag", "turning_lag", "failing")
-    for plant, friction in product(plants, s.frictions):
-        cases: list[tuple[float | None, float, float, float | None]]
-        cases = [(bandwidth, lag, 0.0, None) for bandwidth, lag in product(s.bandwidths, s.lags)]
-        if friction == s.frictions[0]:
-            cases += [(None, 0.0, turning, None) for turning in s.turning_lags]
-            cases += [(None, 0.0, 0.0, failing) for failing in s.failing]
-        for case, walker, start in product(cases, WALKERS, range(s.starts)):
-            what = dict(zip(names, case, strict=True))
-            if "knows" in walker and what["lag"] == what["turning_lag"] == 0.0:
-                continue  # there is nothing to know
-            yield {"plant": plant, "friction": friction, **what, "walker": walker} | {
-                **{"start": start, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
-            }
+    none = {"bandwidth": None, "lag": 0.0, "turning_lag": 0.0, "failing": None}
+    for where in grid(plant=plants, friction=s.frictions):
+        cases = [none | one for one in grid(bandwidth=s.bandwidths, lag=s.lags)]
+        if where["friction"] == s.frictions[0]:
+            cases += [none | one for one in (*grid(turning_lag=s.turning_lags), *grid(failing=s.failing))]
+        for one in grid(case=cases, walker=WALKERS, start=range(s.starts)):
+            job = where | one.pop("case") | one
+            if "knows" not in job["walker"] or job["lag"] or job["turning_lag"]:  # else there is nothing to know
+                yield job | {"seed": s.seed, "duration": s.duration, "jitter": s.jitter}
 
 
 def scenario_of(job: Job) -> Scenario:
@@ -76,15 +69,11 @@ def scenario_of(job: Job) -> Scenario:
 
 def _measured(job: Job) -> dict[str, Any]:
     run = walk_as_far_as_it_goes(scenario_of(job))
-    measures = measure(run)
-    thrust = np.linalg.norm(given_thrust(run), axis=2)
-    return {
-        "fell": run.ending != "completed",
-        "slip_mm_per_step": measures.slip_mm_per_step,
-        "thrust_n": float(thrust.sum(axis=1).mean()),
-        "thrust_w": measures.thrust_power_w,
+    found = kept(run, "slip_mm_per_step", "distance_m", "thrust_power_w")
+    return found | {
+        "thrust_n": float(np.linalg.norm(given_thrust(run), axis=2).sum(axis=1).mean()),
+        "thrust_w": found.pop("thrust_power_w"),
         "upright_s": float(run["t"][-1]),
-        "distance_m": measures.distance_m,
     }
 
 
@@ -104,29 +93,18 @@ def _unless_fallen(name: str) -> Value:
     )
 
 
-QUANTITIES = (
-    ("slip", "Slip per step, mm, or falls", slip_or_falls,
-     "Median over the starts; where walks fell, how many. Two columns know the lags."),
-    ("thrust", "Thrust, N", _unless_fallen("thrust_n"),
-     "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty where a walk fell."),
-    ("power", "Power of the thrusters, W", _unless_fallen("thrust_w"),
-     "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a walk fell."),
-)  # fmt: skip
+def _view(name: str, title: str, what: Value, note: str) -> View:
+    return View(
+        name=lambda row: f"thrusters_{name}_{row['plant']}_{row['friction']:g}".lower(),
+        title=f"{title}: {{plant}}, friction {{friction:g}}",
+        row=_place,
+        across="{walker}",
+        columns=what,
+        note=note,
+    )
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """The margins, and slip or falls, thrust and power: tables for each engine and friction."""
-    return [_margins()] + [
-        crossed(
-            f"thrusters_{short}_{plant}_{friction:g}".lower(), f"{title}: {plant}, friction {friction:g}", here,
-            _place, lambda row: row["walker"], what, note,
-        )
-        for (plant, friction), here in grouped(rows, "plant", "friction").items()
-        for short, title, what, note in QUANTITIES
-    ]  # fmt: skip
-
-
-def _margins() -> Table:
+def _margins(rows: Rows) -> Iterable[Table]:
     """Lags that the linear argument allows where only thrusts act."""
     governed, p = GovernedParameters(), WholeBodyParameters()
     loops = {
@@ -141,8 +119,24 @@ def _margins() -> Table:
         if name.startswith("WBCs"):
             cells.append(Cell(name, "held over a tick", 1e3 * pd_lag_margin(k_p, k_d, period=p.period), "ms"))
     note = "Largest lag of thrusts with which the loop is stable, if nothing else gives the acceleration commanded."
-    return Table("thrusters_margins", "Lags that the linear argument allows", tuple(cells), note)
+    yield Table("thrusters_margins", "Lags that the linear argument allows", tuple(cells), note)
 
+
+VIEWS = (
+    _margins,
+    _view(
+        "slip", "Slip per step, mm, or falls", slip_or_falls,
+        "Median over the starts; where walks fell, how many. Two columns know the lags.",
+    ),
+    _view(
+        "thrust", "Thrust, N", _unless_fallen("thrust_n"),
+        "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty where a walk fell.",
+    ),
+    _view(
+        "power", "Power of the thrusters, W", _unless_fallen("thrust_w"),
+        "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a walk fell.",
+    ),
+)  # fmt: skip
 
 STUDY = Study(
     name="thrusters",
@@ -170,5 +164,5 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=VIEWS,
 )

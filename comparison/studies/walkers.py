@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,7 @@ import numpy as np
 from comparison.measure.walking import Rows, grouped
 from comparison.peers.environment import default_folder
 from comparison.studies.walking import DRAWN, SIDES, course, slip_and_falls
-from comparison.study import Job, Study, crossed, fell, median, tabulated, where
-from comparison.tables import Table
+from comparison.study import Job, Study, View, commands, fell, grid, median, where
 from comparison.walkers.policy import package_in
 from comparison.walkers.walk import PLANTS, WALKERS, walked
 
@@ -31,36 +29,31 @@ SLOW = 0.5
 def _jobs(s: Any) -> Iterator[Job]:
     """Go1's walks, the same for every walker in both plants."""
     package_in(default_folder())
-    for walk, plant, walker in product(_walks(s), PLANTS, WALKERS):
-        yield {"walker": walker, "plant": plant, "push": None, **walk}
+    for one in grid(walk=_walks(s), plant=PLANTS, walker=WALKERS):
+        yield {"walker": one["walker"], "plant": one["plant"], "push": None, **one["walk"]}
 
 
 def _walks(s: Any) -> Iterator[Job]:
-    forward = [[0.5, SLOW, 0.0, 0.0]]
-    for what, friction in (("course", 0.8), ("course, friction 0.3", 0.3)):
-        rows = [list(row) for row in course(RANGE[0])]
-        yield {"what": f"go1, {what}", "number": 0, "friction": friction, "commands": rows, "duration": s.course}
-    yield {"what": "go1, friction 0.1", "number": 0, "friction": 0.1, "commands": forward, "duration": s.duration}
+    forward: Job = {"number": 0, "commands": [[0.5, SLOW, 0.0, 0.0]], "duration": s.duration}
+    on_course = forward | {"commands": [list(row) for row in course(RANGE[0])], "duration": s.course}
+    yield on_course | {"what": "go1, course", "friction": 0.8}
+    yield on_course | {"what": "go1, course, friction 0.3", "friction": 0.3}
+    yield forward | {"what": "go1, friction 0.1", "friction": 0.1}
     for number in range(s.walks):
         rng = np.random.default_rng([s.seed, number])
-        friction, rows = float(rng.uniform(*DRAWN)), list(_sequence(rng, s.duration))
-        yield {"what": "go1, random", "number": number, "friction": friction, "commands": rows, "duration": s.duration}
+        drawn = {"friction": float(rng.uniform(*DRAWN)), "number": number, "what": "go1, random"}
+        rows = commands(rng, s.duration, _any_direction, begin=0.5, least=CHANGES[0], most=CHANGES[1])
+        yield forward | drawn | {"commands": [list(row) for row in rows]}
     for number in range(SIDES * s.pushes):
         angle = 2.0 * np.pi * number / SIDES
         time = float(np.random.default_rng([s.seed, number]).uniform(2.5, 3.5))
         push = [time, float(PUSHED * np.cos(angle)), float(PUSHED * np.sin(angle))]
-        yield {
-            "what": "go1, pushed", "number": number, "friction": 0.6, "commands": forward, "push": push,
-            "duration": s.duration,
-        }  # fmt: skip
+        yield forward | {"what": "go1, pushed", "number": number, "friction": 0.6, "push": push}
 
 
-def _sequence(rng: np.random.Generator, duration: float) -> Iterator[list[float]]:
-    t = 0.5
-    while t < duration - 1.0:
-        x, y, w = rng.uniform(-1.0, 1.0, 3) * RANGE
-        yield [t, float(x), float(y), float(w)]
-        t += float(rng.uniform(*CHANGES))
+def _any_direction(rng: np.random.Generator) -> tuple[float, float, float]:
+    x, y, w = rng.uniform(-1.0, 1.0, 3) * RANGE
+    return float(x), float(y), float(w)
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -77,20 +70,6 @@ UNITS = {
     "cost_of_transport": ("cost of transport", ""),
     "call_us": ("call", "µs"),
 }
-COLUMNS: dict[str, Any] = {"fell": fell} | {
-    column: (where(median(name), fell=False), unit) for name, (column, unit) in UNITS.items()
-}
-NOTE = (
-    "Medians over the walks that did not fall. Slip: path of what touches the ground, of all feet, per step. "
-    "Error: of the velocity, rms, against the "
-    "command as given; settled, and of turning: from 2 s after a new command on. Power without braking. Joint "
-    "friction: estimated, because the controller's model lacks it. Call: thread time of the network alone, "
-    "every 20 ms; of the controller with its gait, every step."
-)
-
-
-def _walker(row: dict[str, Any]) -> str:
-    return str(row["walker"])
 
 
 def _kind(row: dict[str, Any]) -> str:
@@ -102,15 +81,27 @@ def _slips(rows: Rows) -> str:
     return " / ".join(slip_and_falls(walks) for walks in grouped(rows, "plant").values())
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """Every walker's measures, a table for each kind of walk and plant; then slip and falls of all."""
-    tables = [
-        tabulated(re.sub(r"\W+", "_", f"walkers_{what}_{plant}"), f"{what}, {plant}", same, _walker, COLUMNS, NOTE)
-        for (what, plant), same in grouped(rows, "what", "plant").items()
-    ]
-    note = "Slip, mm per step, medians over the walks, and how many fall; of one plant after the other."
-    return [*tables, crossed("walkers_go1", "Walks of Go1", rows, _walker, _kind, _slips, note)]
-
+VIEWS = (
+    View(
+        lambda row: re.sub(r"\W+", "_", f"walkers_{row['what']}_{row['plant']}"),
+        "{what}, {plant}",
+        row="{walker}",
+        columns={"fell": fell, **{name: (where(median(key), fell=False), unit) for key, (name, unit) in UNITS.items()}},
+        note="Medians over the walks that did not fall. Slip: path of what touches the ground, of all feet, per step. "
+        "Error: of the velocity, rms, against the "
+        "command as given; settled, and of turning: from 2 s after a new command on. Power without braking. Joint "
+        "friction: estimated, because the controller's model lacks it. Call: thread time of the network alone, "
+        "every 20 ms; of the controller with its gait, every step.",
+    ),
+    View(
+        "walkers_go1",
+        "Walks of Go1",
+        row="{walker}",
+        across=_kind,
+        columns=_slips,
+        note="Slip, mm per step, medians over the walks, and how many fall; of one plant after the other.",
+    ),
+)
 
 STUDY = Study(
     name="walkers",
@@ -131,5 +122,5 @@ STUDY = Study(
     quick={"walks": 1, "pushes": 0, "course": 2.0, "duration": 3.0},
     jobs=_jobs,
     measure=_measured,
-    tables=_tables,
+    views=VIEWS,
 )

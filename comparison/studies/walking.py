@@ -13,26 +13,12 @@ from typing import Any
 
 import numpy as np
 
+import harpy_pin as hp
 from comparison.contenders import label
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.measure.thread_ticks import time_ticks
-from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
-from comparison.study import Job, Study, fell, median, most, shown, tabulated, where
-from comparison.tables import Table
-from harpy_pin import (
-    Condensed,
-    Disturbances,
-    Ground,
-    Noise,
-    Push,
-    Scenario,
-    Walking,
-    WalkingGait,
-    WholeBody,
-    build,
-    load_robot,
-    measure,
-)
+from comparison.measure.walking import Rows, walk_as_far_as_it_goes
+from comparison.study import Job, Study, View, commands, fell, grid, kept, median, most, shown, where
 from harpy_pin.model.state import Vector
 
 QUADRUPEDS = ("solo12", "a1", "b1", "go1", "go2", "laikago", "anymal_b", "anymal_c", "hyq")
@@ -71,24 +57,10 @@ DELAY = 3e-3
 """With noise, s."""
 LEG_SPEED = 0.99
 """Speed of the course forward, as a share of the gait's largest."""
-
-
 LATE = 2e3
 """Longest tick that is asked for, µs."""
 POSTURE = 1e-9
 """Weight of the QP's posture task, which the condensed WBC has not: the smaller, the nearer are the two."""
-COLUMNS: dict[str, Any] = {
-    "fell": fell,
-    "slip": (median("slip_mm_per_step"), "mm"),
-    "largest slip": (most("slip_mm_per_step"), "mm"),
-    "off path": (median("path_rms_mm"), "mm"),
-    "power": (median("joint_power_w"), "W"),
-    "speed": (most("speed_m_s"), "m/s"),
-}
-NOTE = (
-    "Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of the "
-    "joints, without braking. Medians over the walks."
-)
 COURSES = {"course": "course", "friction 0.3": "course, friction 0.3", "ten metres": "ten metres"}
 """Columns of courses, which are walked in both engines."""
 WALKS: dict[str, tuple[str, ...]] = {
@@ -99,21 +71,6 @@ WALKS: dict[str, tuple[str, ...]] = {
     "pushed": ("pushed",),
 }
 """Columns of what is walked in the compliant plant, and what each holds."""
-BRIEF = "Slip, mm per step, the median of the walks; of courses in the compliant plant and in MuJoCo. Off path: rms."
-TICKS: dict[str, Any] = {
-    "condensed": (shown("condensed_us"), "µs"),
-    "condensed, worst": (shown("condensed_worst_us"), "µs"),
-    "QP": (shown("qp_us"), "µs"),
-    "QP, worst": (shown("qp_worst_us"), "µs"),
-    "over 2 ms": shown("late"),
-    "apart": shown("apart"),
-    "apart, 99 %": shown("apart_99"),
-    "apart, largest": shown("apart_worst"),
-}
-TICKS_NOTE = (
-    "On the course at friction 0.8, every tick called from Python, in time of the thread: medians and worst. "
-    "Apart: largest difference of the condensed WBC's torques from the QP's, over the largest torque."
-)
 
 
 def job_of(robot: str, what: str, duration: float, seed: int, **options: Any) -> Job:
@@ -122,13 +79,13 @@ def job_of(robot: str, what: str, duration: float, seed: int, **options: Any) ->
     return job | {"duration": duration, "seed": seed, **options}
 
 
-def scenario_of(job: Job) -> Scenario:
+def scenario_of(job: Job) -> hp.Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
-    robot = load_robot(job["robot"])
-    fastest = float(WalkingGait(robot).describe()["max_speed"])
+    robot = hp.load_robot(job["robot"])
+    fastest = float(hp.WalkingGait(robot).describe()["max_speed"])
     rng = np.random.default_rng([job["seed"], job["number"]])
     friction, schedule = FRICTION.get(job["what"], 0.6), None
-    pushes: tuple[Push, ...] = ()
+    pushes: tuple[hp.Push, ...] = ()
     sensors: dict[str, Any] = {}
     rows = course(LEG_SPEED * fastest)
     if job["what"] in ("crawl", "pace", "bound"):
@@ -141,19 +98,19 @@ def scenario_of(job: Job) -> Scenario:
         rows = ((0.3, 0.4 * fastest, 0.0, 0.0),)
         angle, time = 2.0 * np.pi * job["number"] / SIDES, float(rng.uniform(1.5, 2.5))
         impulse = robot.mass * (SOLE_PUSH if robot.flat_feet else PUSH)
-        pushes = (Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)
+        pushes = (hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)
     elif job["what"].startswith("random"):
         friction = float(rng.uniform(*DRAWN))
-        rows = tuple(_sequence(rng, fastest, job["duration"]))
+        rows = tuple(commands(rng, job["duration"], partial(_any_direction, fastest), least=0.2, most=2.5))
         if job["what"].endswith("delay"):
-            sensors = {"noise": Noise.typical(), "delay": DELAY, "seed": job["number"]}
-    return Scenario(
+            sensors = {"noise": hp.Noise.typical(), "delay": DELAY, "seed": job["number"]}
+    return hp.Scenario(
         robot=job["robot"],
         controller="condensed" if job["controller"] == PD else job["controller"],
         plant=job["plant"],
-        gait=Walking(schedule=schedule, velocity=rows),
-        ground=Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK),
-        disturbances=Disturbances(pushes=pushes, **sensors),
+        gait=hp.Walking(schedule=schedule, velocity=rows),
+        ground=hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK),
+        disturbances=hp.Disturbances(pushes=pushes, **sensors),
         duration=job["duration"],
     )
 
@@ -170,18 +127,15 @@ def course(speed: float) -> tuple[tuple[float, float, float, float], ...]:
     )
 
 
-def _sequence(rng: np.random.Generator, fastest: float, duration: float) -> Iterator[tuple[float, float, float, float]]:
-    """Any direction up to the largest speed, turning too, anew every 0.2 to 2.5 s."""
-    t = 0.3
-    while t < duration - 1.0:
-        x, y, w = rng.uniform(-1.0, 1.0, 3)
-        yield (t, float(x * fastest), float(0.6 * y * fastest), float(1.5 * w))
-        t += float(rng.uniform(0.2, 2.5))
+def _any_direction(fastest: float, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Up to the largest speed, turning, too."""
+    x, y, w = rng.uniform(-1.0, 1.0, 3)
+    return float(x * fastest), float(0.6 * y * fastest), float(1.5 * w)
 
 
 def _jobs(s: Any) -> Iterator[Job]:
     for robot in s.robots:
-        walk = partial(job_of, robot, seed=s.seed)
+        walk, four = partial(job_of, robot, seed=s.seed), robot in QUADRUPEDS
         able = [one for one in s.controllers if one != PD or robot in PD_ROBOTS]
         for plant in s.plants:
             for controller, what in product(able, ("course", "course, friction 0.3")):
@@ -189,30 +143,20 @@ def _jobs(s: Any) -> Iterator[Job]:
             if robot in ON_SOLES:
                 yield walk("ten metres", STOPPED, plant=plant, controller=s.controllers[0])
         for controller in [one for one in able if one in (s.controllers[0], PD)]:
-            shorter = partial(walk, duration=s.duration, controller=controller)
-            for what in ("friction 0.1", *(("crawl", "pace", "bound") if robot in QUADRUPEDS else ())):
-                yield shorter(what)
-            plain = s.walks_on_four if robot in QUADRUPEDS and controller == s.controllers[0] else s.walks
-            for what, count in {
-                "random": plain,
-                "random, noise and delay": s.walks,
-                "pushed": SIDES * s.pushes,
-            }.items():
-                for number in range(count):
-                    yield shorter(what, number=number)
+            random = s.walks_on_four if four and controller == s.controllers[0] else s.walks
+            counts = {"friction 0.1": 1, **dict.fromkeys(("crawl", "pace", "bound"), 1 if four else 0)}
+            counts |= {"random": random, "random, noise and delay": s.walks, "pushed": SIDES * s.pushes}
+            for what, count in counts.items():
+                for one in grid(number=range(count)):
+                    yield walk(what, s.duration, controller=controller, **one)
 
 
 def _timed(s: Any) -> Iterator[Job]:
-    yield from (job_of(robot, "ticks", s.course, s.seed) for robot in s.robots)
+    return (job_of(robot, "ticks", s.course, s.seed) for robot in s.robots)
 
 
 def walked(job: Job, gains: JointPDGains | None = None) -> dict[str, Any]:
-    """Measures of one walk; a controller that fails counts as a fall at that moment.
-
-    Args:
-        job: the walk.
-        gains: of joint PD; those that were found by default.
-    """
+    """Measures of one walk; joint PD has the gains that were found by default."""
     scenario, own = scenario_of(job), None
     if job["what"] == "ticks":
         return ticks_of(scenario)
@@ -221,21 +165,19 @@ def walked(job: Job, gains: JointPDGains | None = None) -> dict[str, Any]:
         own = partial(JointPD, gains=chosen, mu=scenario.mu)
     run = walk_as_far_as_it_goes(scenario, own)
     error_m = np.linalg.norm(run["centre"][:, :2] - run["path"][:, :2], axis=1)
-    return {
-        "fell": run.ending != "completed",
+    return kept(run, "joint_power_w") | {
         "stood_s": float(run["t"][-1]),
         "path_rms_mm": 1e3 * float(np.sqrt(np.mean(error_m**2))),
         "slip_mm_per_step": 1e3 * float(run["slip_path"][-1].sum()) / max(int(run["steps"][-1]), 1),
-        "joint_power_w": measure(run).joint_power_w,
         "speed_m_s": float(np.linalg.norm(run["applied_velocity"][:, :2], axis=1).max()),
     }
 
 
-def ticks_of(scenario: Scenario) -> dict[str, Any]:
+def ticks_of(scenario: hp.Scenario) -> dict[str, Any]:
     """Times of a walk under the condensed WBC and of the QP at its states, and how far their torques are apart."""
-    qp = WholeBody(parameters={"weights": {"posture": POSTURE}})
-    condensed, other = replace(scenario, controller=Condensed()), replace(scenario, controller=qp)
-    _, times, apart = time_ticks(build(condensed), build(other).controller)
+    qp = hp.WholeBody(parameters={"weights": {"posture": POSTURE}})
+    condensed, other = replace(scenario, controller=hp.Condensed()), replace(scenario, controller=qp)
+    _, times, apart = time_ticks(hp.build(condensed), hp.build(other).controller)
     return {**_times("condensed", times[:, 0]), **_times("qp", times[:, 1]), "late": int((times > LATE).sum())} | {
         "apart": float(np.median(apart)),
         "apart_99": float(np.quantile(apart, 0.99)),
@@ -247,43 +189,14 @@ def _times(name: str, times: Vector) -> dict[str, float]:
     return {f"{name}_us": float(np.median(times)), f"{name}_worst_us": float(times.max())}
 
 
-def _tables(rows: Rows) -> list[Table]:
-    """Falls, path and slip of every robot, a table for each kind of walk; then a row for each robot, and its ticks."""
-    walks, tables = [row for row in rows if row["what"] != "ticks"], []
-    for (what, plant, controller), same in grouped(walks, "what", "plant", "controller").items():
-        name = f"walking_{what}_{plant}_{controller}".replace(",", "").replace(" ", "_")
-        title = f"{what}, {plant} plant, {label(controller)}"
-        tables.append(tabulated(name, title, same, _robot, COLUMNS, NOTE))
-    plants = list(dict.fromkeys(row["plant"] for row in walks))
-    for (controller,), same in grouped(walks, "controller").items():
-        columns = _summary(plants)
-        if not any(row["what"] == "ten metres" for row in same):
-            del columns["ten metres"]
-        tables.append(tabulated(f"walks_{controller}", f"Walks, {label(controller)}", same, _robot, columns, BRIEF))
-    ticks = [row for row in rows if row["what"] == "ticks"]
-    return [*tables, *([tabulated("walking_ticks", "Ticks", ticks, _robot, TICKS, TICKS_NOTE)] if ticks else [])]
-
-
-def _robot(row: dict[str, Any]) -> str:
-    return str(row["robot"])
-
-
-def _summary(plants: list[str]) -> dict[str, Any]:
-    """Columns of a table with a row for each robot."""
-    columns: dict[str, Any] = {"speed": (most("speed_m_s"), "m/s")}
-    for column, what in COURSES.items():
-        columns[column] = partial(_in_all, what, plants)
-    columns["off path"] = where(shown("path_rms_mm"), what="course", plant=plants[0]), "mm"
-    return columns | {column: partial(_of_kinds, kinds, plants[0]) for column, kinds in WALKS.items()}
-
-
-def _in_all(what: str, plants: list[str], rows: Rows) -> str | None:
-    told = [where(slip_and_falls, what=what, plant=plant)(rows) for plant in plants]
+def _in_both(what: str, rows: Rows) -> str | None:
+    """Of a course in one plant after the other; of ten metres only where they were walked."""
+    told = [where(slip_and_falls, what=what, plant=plant)(rows) for plant in dict.fromkeys(r["plant"] for r in rows)]
     return None if what == "ten metres" and told[0] is None else " / ".join(text or "–" for text in told)
 
 
-def _of_kinds(kinds: tuple[str, ...], plant: str, rows: Rows) -> str | None:
-    told = [where(slip_and_falls, what=what, plant=plant)(rows) for what in kinds]
+def _of_kinds(kinds: tuple[str, ...], rows: Rows) -> str | None:
+    told = [where(slip_and_falls, what=what, plant=rows[0]["plant"])(rows) for what in kinds]
     return ", ".join(text for text in told if text) or None
 
 
@@ -295,6 +208,61 @@ def slip_and_falls(rows: Rows) -> str:
     slip = f"{np.median([row['slip_mm_per_step'] for row in rows]):.2f}"
     return f"{slip}, {fell} of {len(rows)} fall{'s' if fell == 1 else ''}" if fell else slip
 
+
+def _is_walk(row: dict[str, Any]) -> bool:
+    return bool(row["what"] != "ticks")
+
+
+VIEWS = (
+    View(
+        lambda row: "walking_{what}_{plant}_{controller}".format(**row).replace(",", "").replace(" ", "_"),
+        lambda row: f"{row['what']}, {row['plant']} plant, {label(row['controller'])}",
+        row="{robot}",
+        columns={
+            "fell": fell,
+            "slip": (median("slip_mm_per_step"), "mm"),
+            "largest slip": (most("slip_mm_per_step"), "mm"),
+            "off path": (median("path_rms_mm"), "mm"),
+            "power": (median("joint_power_w"), "W"),
+            "speed": (most("speed_m_s"), "m/s"),
+        },
+        note="Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of the "
+        "joints, without braking. Medians over the walks.",
+        only=_is_walk,
+    ),
+    View(
+        "walks_{controller}",
+        lambda row: f"Walks, {label(row['controller'])}",
+        row="{robot}",
+        columns={
+            "speed": (most("speed_m_s"), "m/s"),
+            **{column: partial(_in_both, what) for column, what in COURSES.items()},
+            "off path": (where(shown("path_rms_mm"), what="course"), "mm"),
+            **{column: partial(_of_kinds, kinds) for column, kinds in WALKS.items()},
+        },
+        note="Slip, mm per step, the median of the walks; of courses in the compliant plant and in MuJoCo. Off path: "
+        "rms.",
+        only=_is_walk,
+    ),
+    View(
+        "walking_ticks",
+        "Ticks",
+        row="{robot}",
+        columns={
+            "condensed": (shown("condensed_us"), "µs"),
+            "condensed, worst": (shown("condensed_worst_us"), "µs"),
+            "QP": (shown("qp_us"), "µs"),
+            "QP, worst": (shown("qp_worst_us"), "µs"),
+            "over 2 ms": shown("late"),
+            "apart": shown("apart"),
+            "apart, 99 %": shown("apart_99"),
+            "apart, largest": shown("apart_worst"),
+        },
+        note="On the course at friction 0.8, every tick called from Python, in time of the thread: medians and worst. "
+        "Apart: largest difference of the condensed WBC's torques from the QP's, over the largest torque.",
+        only=lambda row: row["what"] == "ticks",
+    ),
+)
 
 STUDY = Study(
     name="walking",
@@ -323,6 +291,6 @@ STUDY = Study(
     jobs=_jobs,
     timed=_timed,
     measure=walked,
-    tables=_tables,
+    views=VIEWS,
     only="robots",
 )
