@@ -24,8 +24,8 @@ GROUNDS = {
     "up a slope of 10°": Ground(mu_s=0.6, slope=float(np.radians(10.0))),
     "up stairs": Ground(mu_s=0.6, terrain=Stairs(rise=0.05)),
 }
-TERRAIN_WALK = 10.0
-"""Duration of a walk on one of them, s."""
+SHORTER = 10.0
+"""Longest walk on one of them, and longest one whose states make a batch, s."""
 
 
 def _walk(seconds: float) -> Run:
@@ -50,12 +50,12 @@ def _ticks(walk: Run) -> list[float]:
 
 
 @cache
-def _ticks_on_terrain(rounds: int) -> dict[str, list[float]]:
-    """Likewise on each ground, one walk after the other in turn."""
+def _ticks_on_terrain(rounds: int, seconds: float) -> dict[str, list[float]]:
+    """The same on each ground, one walk after the other in turn."""
     found: dict[str, list[float]] = {name: [] for name in GROUNDS}
     for _ in range(rounds):
         for name, ground in GROUNDS.items():
-            found[name] += _ticks(build(Scenario(ground=ground, duration=TERRAIN_WALK)).run())
+            found[name] += _ticks(build(Scenario(ground=ground, duration=seconds)).run())
     return found
 
 
@@ -82,7 +82,7 @@ def _optima(robot: Robot, dtype: Any, settings: Job) -> list[float]:
     random, n = np.random.default_rng(settings["seed"]), settings["size"]
     batch = CondensedBatch(robot, n, dtype=dtype)
     if robot.name == "harpy":
-        walk, gait = _walk(10.0), make_gait(robot, speed=0.3)
+        walk, gait = _walk(min(settings["seconds"], SHORTER)), make_gait(robot, speed=0.3)
         chosen = random.integers(1000, len(walk), (n,))
         q, v, force = (walk[name][chosen].astype(dtype) for name in ("q", "v", "foot_force"))
         for i, row in enumerate(chosen):
@@ -117,7 +117,10 @@ def _measured(job: Job) -> dict[str, Any]:
     elif kind == "tick":
         what, values = "condensed controller's tick inside C, gait included", _ticks(_walk(job["seconds"]))
     elif kind == "terrain":
-        what, values = f"the same at friction 0.6, {job['on']}", _ticks_on_terrain(job["rounds"])[job["on"]]
+        what, values = (
+            f"the same at friction 0.6, {job['on']}",
+            _ticks_on_terrain(job["rounds"], min(job["seconds"], SHORTER))[job["on"]],
+        )
     elif kind == "environments":
         what, unit, values = "Gymnasium environments, all cores", "steps/s", _environments(job)
     else:

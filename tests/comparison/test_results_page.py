@@ -115,7 +115,7 @@ def test_only_what_the_folder_lacks_is_measured(tmp_path, monkeypatch):
 
     def measured(words, **_):
         run.append(words[1:-2])
-        row = {"ground": "8 kN/m", "friction": 0.25, "walker": "wbc", "dt_s": 1e-3, "ending": "completed"}
+        row = {"ground": "8 kN/m", "friction": 0.25, "walker": "wbc", "dt_s": 5e-4, "ending": "completed"}
         numbers = {"end_time_s": 6.0, "distance_m": 1.8, "normal_n": 60.0, "path_mm": 0.5, "net_mm": 0.25}
         with open(words[-1], "w") as file:
             json.dump({"walks": [{**row, **numbers}]}, file)

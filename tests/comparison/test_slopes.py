@@ -53,11 +53,3 @@ def test_the_map_is_drawn(tmp_path):
     assert happens["go2", 30.0, 0.1] in ("not possible", "stands")  # within 0.2 s it may slide little
     STUDIES["slopes"].figure(rows).savefig(tmp_path / "map.png")
     assert Image.open(tmp_path / "map.png").size[0] > 400
-
-
-def test_a_small_study():
-    rows = STUDIES["slopes"].run(degrees=(0.0, 15.0), frictions=(0.8,), walkers=("condensed",), duration=0.5)
-    assert [row["fell"] for row in rows] == [False, False]
-    assert max(row["slip_mm"] for row in rows) < 1.0
-    names = [table.name for table in STUDIES["slopes"].tables(rows)]
-    assert names == ["slopes_statics_harpy", "slopes_condensed", "slopes"]

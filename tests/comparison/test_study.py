@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from comparison.cli.studies import STUDIES, command_of
-from comparison.study import Job, Study, crossed, fell, mean, median, most, shown, tabulated, where
-from comparison.tables import Cell, Table
+from comparison.study import Job, Study, View, fell, mean, median, most, shown, where
+from comparison.tables import Cell
 from harpy_pin.errors import InputError
 
 ROWS = [
@@ -27,10 +27,6 @@ def _measure(job: Job) -> dict[str, Any]:
     return {"twice": 2 * job["number"], "none": float("nan")}
 
 
-def _tables(rows: list[dict[str, Any]]) -> list[Table]:
-    return [tabulated("sums", "Sums", rows, lambda row: row["kind"], {"most": (most("twice"), "mm")})]
-
-
 STUDY = Study(
     name="sums",
     help="Add.\n\nNumbers.",
@@ -39,7 +35,7 @@ STUDY = Study(
     jobs=lambda s: ({"kind": kind, "number": k} for kind in s.kinds for k in range(s.count)),
     timed=lambda s: [{"kind": "timed", "number": 10}],
     measure=_measure,
-    tables=_tables,
+    views=[View("sums", "Sums", "{kind}", {"most": (most("twice"), "mm")})],
     only="kinds",
 )
 
@@ -111,7 +107,7 @@ def test_columns_say_what_rows_say():
         "least": shown("slip", min),
         "spread": (lambda rows: Cell("", "", 1.0, "", 0.5, 2.0), "s"),
     }
-    table = tabulated("t", "T", ROWS, lambda row: row["robot"], columns, "Note.")
+    (table,) = View("t", "T", "{robot}", columns, note="Note.").of(ROWS)
     assert [table.get("go2", name).value for name in columns] == ["1 of 2", 3.0, 6.0, 9.0, 3.0, 1.0]
     assert [table.get("g1", name).value for name in columns] == ["0 of 1", None, None, None, None, 1.0]
     assert table.get("go2", "spread") == Cell("go2", "spread", 1.0, "s", 0.5, 2.0)
@@ -119,5 +115,8 @@ def test_columns_say_what_rows_say():
 
 
 def test_one_quantity_by_two_headings():
-    table = crossed("t", "T", ROWS, lambda row: row["robot"], lambda row: row["ground"], (median("slip"), "mm"))
-    assert table.cells == (Cell("go2", "ice", 6.0, "mm"), Cell("g1", "wood", None, "mm"))
+    """Rows stand in the table that their entries name; a column without a value is left out."""
+    view = View("t_{robot}", "On {ground}", "{robot}", (median("slip"), "mm"), across=lambda row: row["ground"])
+    known, unknown = view.of(ROWS)
+    assert (known.name, known.title, known.cells) == ("t_go2", "On ice", (Cell("go2", "ice", 6.0, "mm"),))
+    assert (unknown.name, unknown.cells) == ("t_g1", ())

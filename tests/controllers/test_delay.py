@@ -1,4 +1,4 @@
-"""Delay and noise: the leg law with feedforward, forces by errors of the state, and the command that walks them."""
+"""Delay and noise: the leg law with feedforward."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from comparison.studies.delay import _erring, cone_margins, force_gain, memoryless
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
@@ -109,35 +108,3 @@ def test_unknown_laws_and_bad_gains():
         FeedforwardGains(swing_p=(-1.0, 0.0, 0.0))
     with pytest.raises(hp.InputError, match="legs"):
         hp.Scenario(controller=hp.Condensed(parameters={"legs": "pid"}))
-
-
-@pytest.mark.parametrize("who", ["PID, none", "feedforward, none", "condensed WBC"])
-def test_margins_cover_the_errors_they_are_made_for(robot, who):
-    """The force that sticking demands at the true state, under commands made from 150 wrong ones: no face of the
-    pyramid is approached by more than the margin, and some by a good part of it."""
-    mu = 0.25
-    step, state = memoryless(who, mu)
-    touching = state.foot_force[:, 2] > 1.0
-    assert list(touching) == [True, False]
-    gain = force_gain(step, state, touching=touching)[:3]
-    bound = 1e-2 * np.repeat((2e-3, 2e-3, 5e-4, 1e-2, 5e-3, 2e-2), (3, 3, 6, 3, 3, 6))
-    margins = cone_margins(gain, bound, mu)
-    d, contact = Dynamics(robot), ContactForceMap(robot)
-    d.update(state.q, state.v)
-
-    def force(error):
-        command = step(_erring(state, error))
-        return contact.update(d, state.v, torque=command.torque, thrust=command.thrust, touching=touching)[0].copy()
-
-    faces = np.array([[-1.0, 0.0, mu], [1.0, 0.0, mu], [0.0, -1.0, mu], [0.0, 1.0, mu]])
-    exact, rng = force(np.zeros(24)), np.random.default_rng(4)
-    lost = np.array([faces @ (exact - force(bound * rng.choice((-1.0, 1.0), 24))) for _ in range(150)])
-    assert (lost <= 1.01 * margins).all()
-    assert (lost.max(axis=0) > 0.3 * margins).all()
-    # The corner of the box that is worst for a face reaches its margin.
-    for face, margin in zip(faces, margins, strict=True):
-        worst = -np.sign(face @ gain) * bound
-        assert face @ (exact - force(worst)) == pytest.approx(margin, rel=2e-2)
-    gaussian = cone_margins(gain, bound, mu, deviations=3.0)
-    drawn = np.array([faces @ (exact - force(bound * rng.standard_normal(24))) for _ in range(250)])
-    np.testing.assert_allclose(drawn.std(axis=0), gaussian / 3.0, rtol=0.15)
