@@ -31,13 +31,9 @@ __all__ = ["CondensedTasksRecord", "CondensedTickRecord", "LaggedTickRecord"]
 
 
 class CondensedTasksRecord(TasksRecord):
-    """Tasks, and the optimum in contact forces.
+    """Tasks, and the optimum in contact forces."""
 
-    Attributes:
-        condensed: what that knows and works in.
-    """
-
-    condensed: CondensedRecord
+    condensed: CondensedRecord  # what that knows and works in
 
 
 class CondensedTickRecord(CondensedTasksRecord, TickRecord):
@@ -45,13 +41,9 @@ class CondensedTickRecord(CondensedTasksRecord, TickRecord):
 
 
 class LaggedTickRecord(CondensedTickRecord):
-    """The same, of thrusts that lag.
+    """The same, of thrusts that lag."""
 
-    Attributes:
-        lag: what is known of them.
-    """
-
-    lag: ThrustLagRecord
+    lag: ThrustLagRecord  # what is known of them
 
 
 @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")

@@ -15,6 +15,8 @@ be as low as a delay needs, separately in stance and swing.
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import numpy as np
 
 from harpy_pin.compiled import kernel
@@ -30,41 +32,21 @@ from harpy_pin.model.state import Vector
 __all__ = ["FORWARD_STEPS", "ForwardTickRecord", "forward_record"]
 
 
-class ForwardRecord(RecordOf):
-    """Settings and work space of this control law, for kernels.
+class ForwardRecord(RecordOf, FeedforwardGains):
+    """Gains and work space of this control law, for kernels."""
 
-    Attributes:
-        stance_p, stance_d, swing_p, swing_d: (3,) gains, N·m/rad and N·m·s/rad.
-        contact_threshold: N.
-        double_support: share of a step with both feet on the ground.
-        mass: of the robot, kg.
-        gravity: (3,) m/s².
-        force: (feet, 3) f_t, world axes, N.
-        acceleration: (nv,) a_t.
-        dynamics: terms, see :class:`~harpy_pin.model.dynamics.Dynamics`.
-    """
-
-    stance_p: Vector
-    stance_d: Vector
-    swing_p: Vector
-    swing_d: Vector
-    contact_threshold: float
-    double_support: float
-    mass: float
-    gravity: Vector
-    force: Vector = sized("feet", 3)
-    acceleration: Vector = sized("nv")
-    dynamics: DynamicsRecord
+    double_support: float  # share of a step with both feet on the ground
+    mass: float  # of the robot, kg
+    gravity: Vector  # (3,) m/s²
+    force: Vector = sized("feet", 3)  # (feet, 3) f_t, world axes, N
+    acceleration: Vector = sized("nv")  # (nv,) a_t
+    dynamics: DynamicsRecord  # terms, see :class:`~harpy_pin.model.dynamics.Dynamics`
 
 
 class ForwardTickRecord(ControlRecord):
-    """The governed controller with this control law.
+    """The governed controller with this control law."""
 
-    Attributes:
-        forward: its settings and work space.
-    """
-
-    forward: ForwardRecord
+    forward: ForwardRecord  # its settings and work space
 
 
 def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRecord]:
@@ -73,11 +55,7 @@ def forward_record(gait: FullGait, gains: FeedforwardGains) -> Records[ForwardRe
     return make_record(
         ForwardRecord,
         robot.sizes,
-        stance_p=gains.stance_p,
-        stance_d=gains.stance_d,
-        swing_p=gains.swing_p,
-        swing_d=gains.swing_d,
-        contact_threshold=gains.contact_threshold,
+        **asdict(gains),
         double_support=gait.double_support,
         mass=robot.mass,
         gravity=robot.model.gravity.linear,

@@ -113,41 +113,23 @@ class FrictionEstimator(KeepsViews):
 
 
 class FrictionRecord(RecordOf):
-    """Memory of :class:`FrictionEstimator`.
+    """Memory of :class:`FrictionEstimator`."""
 
-    Attributes:
-        on: whether there is an estimate at all.
-        assumed: as given.
-        weight: of a new sample in the low-pass.
-        keep: share of the proven ratio that is left after a tick.
-        rise: of the estimate of a foot that sticks, per tick.
-        lowest: estimate that there may be.
-        least: lowest estimate of the feet that carried load when one last did.
-        estimate: (feet,) μ̂.
-        proven: (feet,) ratio proven on the present foothold, with the margin taken off.
-        loaded: (feet,) 1 while a foot is looked at.
-        samples: (feet,) how many there were since it began.
-        velocity: (feet, 2) low-passed, m/s.
-        force: (feet, 3) low-passed, N.
-        sweep: (feet, 2) low-passed f_z v, N·m/s.
-        loss: (feet,) low-passed power that friction takes, −f_t·v, W.
-    """
-
-    on: int
-    assumed: float
-    weight: float
-    keep: float
-    rise: float
-    lowest: float
-    least: float
-    estimate: Vector
-    proven: Vector = sized("feet")
-    loaded: Vector = sized("feet")
-    samples: Vector = sized("feet")
-    velocity: Vector = sized("feet", 2)
-    force: Vector = sized("feet", 3)
-    sweep: Vector = sized("feet", 2)
-    loss: Vector = sized("feet")
+    on: int  # whether there is an estimate at all
+    assumed: float  # as given
+    weight: float  # of a new sample in the low-pass
+    keep: float  # share of the proven ratio that is left after a tick
+    rise: float  # of the estimate of a foot that sticks, per tick
+    lowest: float  # estimate that there may be
+    least: float  # lowest estimate of the feet that carried load when one last did
+    estimate: Vector  # (feet,) μ̂
+    proven: Vector = sized("feet")  # (feet,) ratio proven on the present foothold, with the margin taken off
+    loaded: Vector = sized("feet")  # (feet,) 1 while a foot is looked at
+    samples: Vector = sized("feet")  # (feet,) how many there were since it began
+    velocity: Vector = sized("feet", 2)  # (feet, 2) low-passed, m/s
+    force: Vector = sized("feet", 3)  # (feet, 3) low-passed, N
+    sweep: Vector = sized("feet", 2)  # (feet, 2) low-passed f_z v, N·m/s
+    loss: Vector = sized("feet")  # (feet,) low-passed power that friction takes, −f_t·v, W
 
 
 def friction_record(*, assumed: float, feet: int, period: float, on: bool = True) -> Records[FrictionRecord]:

@@ -35,80 +35,46 @@ FULL = int(Law.FULL)
 
 
 class ControlRecord(CentreGainsRecord, TickRecord):
-    """Settings, state and command of :class:`~harpy_pin.controllers.governed.GovernedController`, for kernels.
+    """Settings, state and command of :class:`~harpy_pin.controllers.governed.GovernedController`, for kernels."""
 
-    Attributes:
-        period: between ticks, s.
-        reference_velocity: whether x_r has the velocity ċ_t.
-        attitude_p, attitude_d: of each thruster, N/rad and N·s/rad.
-        joint_p, joint_i, joint_d: (6,) N·m/rad, N·m/(rad·s), N·m·s/rad.
-        integral_limit: N·m.
-        torque_limit: (6,) N·m, infinite where there is none.
-        thrust_limit: of each thruster, N, likewise.
-        measured: (9,) [c; ċ; u].
-        rotation: (3, 3) body to world.
-        reference: (6,) x_r.
-        bent: (6,) x_w after the contact-force filter.
-        joint_target: (6,) rad.
-        integral: (6,) N·m.
-        out_of_reach: (2,) m.
-        tilted: 1 where the ground at a foot is not level.
-        started: 1 after the first good sample, at which the applied reference begins.
-        left: geometry of the left leg.
-        right: of the right one.
-    """
-
-    period: float
-    reference_velocity: int
-    attitude_p: float
-    attitude_d: float
-    joint_p: Vector
-    joint_i: Vector
-    joint_d: Vector
-    integral_limit: float
-    torque_limit: Vector
-    thrust_limit: float
-    measured: Vector = sized(9)
-    rotation: Vector = sized(3, 3)
-    reference: Vector = sized(6)
-    bent: Vector = sized(6)
-    joint_target: Vector = sized(6)
-    integral: Vector = sized(6)
-    out_of_reach: Vector = sized(2)
-    tilted: int = ZERO
-    started: int = ZERO
-    left: LegRecord
-    right: LegRecord
+    period: float  # between ticks, s
+    reference_velocity: int  # whether x_r has the velocity ċ_t
+    attitude_p: float  # of each thruster, N/rad
+    attitude_d: float  # of each thruster, N·s/rad
+    joint_p: Vector  # (6,) N·m/rad
+    joint_i: Vector  # (6,) N·m/(rad·s)
+    joint_d: Vector  # (6,) N·m·s/rad
+    integral_limit: float  # N·m
+    torque_limit: Vector  # (6,) N·m, infinite where there is none
+    thrust_limit: float  # of each thruster, N; infinite where there is none
+    measured: Vector = sized(9)  # (9,) [c; ċ; u]
+    rotation: Vector = sized(3, 3)  # (3, 3) body to world
+    reference: Vector = sized(6)  # (6,) x_r
+    bent: Vector = sized(6)  # (6,) x_w after the contact-force filter
+    joint_target: Vector = sized(6)  # (6,) rad
+    integral: Vector = sized(6)  # (6,) N·m
+    out_of_reach: Vector = sized(2)  # (2,) m
+    tilted: int = ZERO  # 1 where the ground at a foot is not level
+    started: int = ZERO  # 1 after the first good sample, at which the applied reference begins
+    left: LegRecord  # geometry of the left leg
+    right: LegRecord  # of the right one
 
 
 class PaperTickRecord(RecordOf):
-    """The controller with the paper's reference governor, in one record.
+    """The controller with the paper's reference governor, in one record."""
 
-    Attributes:
-        control: gains, references and the command.
-        governor: of the reference.
-        rows: its constraints.
-    """
-
-    control: ControlRecord
-    governor: ErgRecord
-    rows: ForceRowsRecord
+    control: ControlRecord  # gains, references and the command
+    governor: ErgRecord  # of the reference
+    rows: ForceRowsRecord  # its constraints
 
 
 class FilterTickRecord(RecordOf):
-    """The controller in front of the contact-force filter, in one record.
+    """The controller in front of the contact-force filter, in one record."""
 
-    Attributes:
-        control: gains, references and the command.
-        dynamics: terms of the equations of motion.
-        terms: how thrusts and torques change the contact forces.
-        governor: the filter.
-    """
-
-    control: ControlRecord
-    dynamics: DynamicsRecord
-    terms: ContactMapRecord
-    governor: ContactForceFilterRecord
+    control: ControlRecord  # gains, references and the command
+    dynamics: DynamicsRecord  # terms of the equations of motion
+    terms: ContactMapRecord  # how thrusts and torques change the contact forces
+    governor: ContactForceFilterRecord  # the filter
 
 
 def control_record(

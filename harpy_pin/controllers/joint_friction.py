@@ -37,29 +37,18 @@ IMPACT = 20.0
 
 
 class JointFrictionEstimateRecord(RecordOf):
-    """The estimate of :mod:`harpy_pin.controllers.joint_friction`.
+    """The estimate of :mod:`harpy_pin.controllers.joint_friction`."""
 
-    Attributes:
-        on: 1 where there is an estimate.
-        period: between ticks, s.
-        known: 1 where the last tick is known.
-        velocity: (nv,) of the last tick.
-        force: (feet, 3) of the last tick, N.
-        inputs: (thrust variables + joints,) [u; τ] of the last tick, N and N·m.
-        sums: (joints, 5) of squares and products: v v, v s, s s, v φ and s φ, with s = tanh(v / KNEE).
-        viscous: (joints,) b, N·m·s/rad.
-        coulomb: (joints,) c, N·m.
-    """
-
-    on: int
-    period: float
-    known: int = ZERO
-    velocity: Vector = sized("nv")
-    force: Vector = sized("feet", 3)
-    inputs: Vector = sized("thrusts + joints")
+    on: int  # 1 where there is an estimate
+    period: float  # between ticks, s
+    known: int = ZERO  # 1 where the last tick is known
+    velocity: Vector = sized("nv")  # (nv,) of the last tick
+    force: Vector = sized("feet", 3)  # (feet, 3) of the last tick, N
+    inputs: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] of the last tick, N and N·m
+    # (joints, 5) of squares and products: v v, v s, s s, v φ and s φ, with s = tanh(v / KNEE)
     sums: Vector = sized("joints", 5)
-    viscous: Vector = sized("joints")
-    coulomb: Vector = sized("joints")
+    viscous: Vector = sized("joints")  # (joints,) b, N·m·s/rad
+    coulomb: Vector = sized("joints")  # (joints,) c, N·m
 
 
 def joint_friction_estimate(robot: Robot, *, period: float, on: bool) -> Records[JointFrictionEstimateRecord]:

@@ -39,14 +39,6 @@ class TaskSettingsRecord(RecordOf):
     """Gains, ranges and posture of the tasks.
 
     Gains and ranges have the names of :class:`~harpy_pin.controllers.parameters.WholeBodyParameters`.
-
-    Attributes:
-        double_support: share of a step with both feet on the ground.
-        rest: (joints,) posture, rad.
-        flat_feet: indices of the feet that are corners of flat ones.
-        flies: 1 for a robot with rotors and no feet.
-        leans: 1 where thrust has one direction in the body.
-        lift: (3,) that direction, body axes; zero where there is none.
     """
 
     body: Vector
@@ -57,30 +49,22 @@ class TaskSettingsRecord(RecordOf):
     min_normal_force: float
     max_normal_force: float
     contact_threshold: float
-    double_support: float
-    rest: Vector
-    flat_feet: NDArray[np.int64]
-    flies: int
-    leans: int
-    lift: Vector
+    double_support: float  # share of a step with both feet on the ground
+    rest: Vector  # (joints,) posture, rad
+    flat_feet: NDArray[np.int64]  # indices of the feet that are corners of flat ones
+    flies: int  # 1 for a robot with rotors and no feet
+    leans: int  # 1 where thrust has one direction in the body
+    lift: Vector  # (3,) that direction, body axes; zero where there is none
 
 
 class TasksRecord(RecordOf):
-    """Terms, settings and tasks of a whole-body controller.
+    """Terms, settings and tasks of a whole-body controller."""
 
-    Attributes:
-        dynamics: terms of the equations of motion at the last state.
-        tasks: gains and ranges.
-        targets: tasks of the last state.
-        friction: the estimate of the friction.
-        joint_friction: the estimate of the joints' friction.
-    """
-
-    dynamics: DynamicsRecord
-    tasks: TaskSettingsRecord
-    targets: TargetsRecord
-    friction: FrictionRecord
-    joint_friction: JointFrictionEstimateRecord
+    dynamics: DynamicsRecord  # terms of the equations of motion at the last state
+    tasks: TaskSettingsRecord  # gains and ranges
+    targets: TargetsRecord  # tasks of the last state
+    friction: FrictionRecord  # the estimate of the friction
+    joint_friction: JointFrictionEstimateRecord  # the estimate of the joints' friction
 
 
 def tasks_record(

@@ -51,39 +51,22 @@ CHANGE_SHARE = 0.8
 
 
 class ThrustLagRecord(RecordOf):
-    """What is known of the thrusts.
+    """What is known of the thrusts."""
 
-    Attributes:
-        remaining: share of the distance to the command that a tick leaves.
-        mean_share: m, that share in the mean of the tick.
-        lead: (1 − ρ_f)/(1 − ρ); 1 where the lag is shorter than T_f.
-        turn_lead: likewise of directions.
-        most: largest magnitude of a thruster, N.
-        least: (thrust variables,) of a program without lag, N.
-        largest: (thrust variables,) likewise.
-        goal: (thrusters,) of the last command: a magnitude, of a rotor its thrust, N.
-        level: (thrusters,) at the beginning of the tick, N.
-        turn_remaining: share of the angle to the command's direction that a tick leaves.
-        direction: (thrusters, 3) at the end of the last tick, body axes; not of rotors.
-        kept: (thrust variables,) s ρ ℓ d, what the program's variables are counted from, N.
-        present: (thrust variables,) in the mean of the tick, N.
-        settled: 0 before the first command.
-    """
-
-    remaining: float
-    mean_share: float
-    lead: float
-    turn_lead: float
-    most: float
-    turn_remaining: float
-    least: Vector
-    largest: Vector
-    goal: Vector = sized("thrusters")
-    level: Vector = sized("thrusters")
-    direction: Vector = sized("thrusters", 3)
-    kept: Vector = sized("thrusts")
-    present: Vector = sized("thrusts")
-    settled: int = ZERO
+    remaining: float  # share of the distance to the command that a tick leaves
+    mean_share: float  # m, that share in the mean of the tick
+    lead: float  # (1 − ρ_f)/(1 − ρ); 1 where the lag is shorter than T_f
+    turn_lead: float  # the same of directions
+    most: float  # largest magnitude of a thruster, N
+    turn_remaining: float  # share of the angle to the command's direction that a tick leaves
+    least: Vector  # (thrust variables,) least ones of a program without lag, N
+    largest: Vector  # (thrust variables,) the largest ones, N
+    goal: Vector = sized("thrusters")  # (thrusters,) of the last command: a magnitude, of a rotor its thrust, N
+    level: Vector = sized("thrusters")  # (thrusters,) at the beginning of the tick, N
+    direction: Vector = sized("thrusters", 3)  # (thrusters, 3) at the end of the last tick, body axes; not of rotors
+    kept: Vector = sized("thrusts")  # (thrust variables,) s ρ ℓ d, what the program's variables are counted from, N
+    present: Vector = sized("thrusts")  # (thrust variables,) in the mean of the tick, N
+    settled: int = ZERO  # 0 before the first command
 
 
 def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[ThrustLagRecord] | None:

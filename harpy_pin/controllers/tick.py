@@ -23,21 +23,13 @@ VIOLATED = 1
 
 
 class TickRecord(RecordOf):
-    """What every tick keeps.
+    """What every tick keeps."""
 
-    Attributes:
-        verdict: what the last sample was, see :mod:`harpy_pin.model.entry`.
-        bad_samples: how many were bad since the last reset.
-        bad_in_a_row: how many of the last samples were bad.
-        torque: (joints,) of the command, N·m.
-        thrust: (thrusters, 3) of the command, world axes, N.
-    """
-
-    verdict: int = ZERO
-    bad_samples: int = ZERO
-    bad_in_a_row: int = ZERO
-    torque: Vector = sized("joints")
-    thrust: Vector = sized("thrusters", 3)
+    verdict: int = ZERO  # what the last sample was, see :mod:`harpy_pin.model.entry`
+    bad_samples: int = ZERO  # how many were bad since the last reset
+    bad_in_a_row: int = ZERO  # how many of the last samples were bad
+    torque: Vector = sized("joints")  # (joints,) of the command, N·m
+    thrust: Vector = sized("thrusters", 3)  # (thrusters, 3) of the command, world axes, N
 
 
 @kernel

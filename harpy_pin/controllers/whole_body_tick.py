@@ -45,59 +45,34 @@ STIFFNESS, DAMPING = 50.0, 1.0
 
 
 class WholeBodyTickRecord(TasksRecord, TickRecord):
-    """The whole-body QP.
+    """The whole-body QP."""
 
-    Attributes:
-        inputs: (thrust variables + joints,) [u; τ] of the command, N and N·m.
-        wanted: (thrust variables + joints,) [u; τ] without limits, N and N·m.
-        kept: (size,) a solution with limits, while one without is looked for.
-        outcome: of the program, a :class:`~harpy_pin.wbc.QPStatus`.
-        iterations: of the solver.
-        violation: of the solution.
-        posture: (joints,) that the spring pulls to where there is no solution for long, rad.
-        torque_limit: (joints,) of the motors, N·m.
-        hold_ticks: ticks in a row for which the last inputs are held in the place of failed ones.
-        held_for: ticks in a row in which there was no solution.
-        failures: ticks in which there was none, since the last reset.
-        lagging: 1 where thrusts lag, so that the command's are not those of the inputs.
-    """
-
-    inputs: Vector = sized("thrusts + joints")
-    wanted: Vector = sized("thrusts + joints")
-    kept: Vector
-    outcome: int = ZERO
-    iterations: int = ZERO
-    violation: float = 0.0
-    posture: Vector
-    torque_limit: Vector
-    hold_ticks: int
-    held_for: int = ZERO
-    failures: int = ZERO
-    lagging: int = ZERO
+    inputs: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] of the command, N and N·m
+    wanted: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] without limits, N and N·m
+    kept: Vector  # (size,) a solution with limits, while one without is looked for
+    outcome: int = ZERO  # of the program, a :class:`~harpy_pin.wbc.QPStatus`
+    iterations: int = ZERO  # of the solver
+    violation: float = 0.0  # of the solution
+    posture: Vector  # (joints,) that the spring pulls to where there is no solution for long, rad
+    torque_limit: Vector  # (joints,) of the motors, N·m
+    hold_ticks: int  # ticks in a row for which the last inputs are held in the place of failed ones
+    held_for: int = ZERO  # ticks in a row in which there was no solution
+    failures: int = ZERO  # ticks in which there was none, since the last reset
+    lagging: int = ZERO  # 1 where thrusts lag, so that the command's are not those of the inputs
 
 
 class ProgramTickRecord(RecordOf):
-    """The whole-body QP with its program and solver, in one record.
+    """The whole-body QP with its program and solver, in one record."""
 
-    Attributes:
-        control: tasks, inputs and command.
-        problem: what the formulation knows.
-        terms: what it keeps of the last state: formulation ``input_space``, or ``contact_force``.
-        program: the quadratic program.
-        search: the last active set and its exchange.
-        dual: the dual method, which starts without active constraints.
-        z: solution.
-        found: work space for that of the dual method.
-    """
-
-    control: WholeBodyTickRecord
-    problem: FormulationRecord
+    control: WholeBodyTickRecord  # tasks, inputs and command
+    problem: FormulationRecord  # what the formulation knows
+    # what it keeps of the last state: formulation ``input_space``, or ``contact_force``
     terms: ContactMapRecord | ContactForceRecord
-    program: ProgramRecord
-    search: ActiveSetRecord
-    dual: DualRecord
-    z: Vector = sized("size")
-    found: Vector = sized("size")
+    program: ProgramRecord  # the quadratic program
+    search: ActiveSetRecord  # the last active set and its exchange
+    dual: DualRecord  # the dual method, which starts without active constraints
+    z: Vector = sized("size")  # solution
+    found: Vector = sized("size")  # work space for that of the dual method
 
 
 @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.governor import StatusRecord
 from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, to_world, turn_feet
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
@@ -25,57 +26,26 @@ BAD_STATE, MISFIT_SIZES = -2.0, -3.0
 """What :func:`filter_forces` says of a state, and of arrays that do not fit; −1 is of forces and commands."""
 
 
-class ContactForceFilterRecord(StatusRecord):
-    """What the kernels of the filter know and work in.
+class ContactForceFilterRecord(StatusRecord, ContactForceFilterParameters):
+    """What the kernels of the filter know and work in, besides its parameters."""
 
-    It has the fields of :class:`~harpy_pin.governors.ContactForceFilterParameters`, and further ones.
-
-    Attributes:
-        bad_in_a_row: how many of the last states or commands were bad.
-        bend_share: share of the way to the target bend in one update.
-        friction: (feet,) friction coefficient of each foot: that of the parameters, until it is overwritten.
-        normal: (feet, 3) normals of the ground at the feet, upwards, of length one: vertical until overwritten.
-        frame: (feet, 3, 3) of the contacts where the ground is not level.
-        bend: (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m.
-        force: (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air.
-        h_r: (2 feet,) rows at the command as given, N.
-        h_w: (2 feet,) rows at the command as bent, N.
-        target: (n_y,) the bend that the lag follows.
-        desired: (3 feet,) change of the force on the feet that touch, packed to the front, N.
-        lift: (n_y, 3 feet) L⁻ᵀ Aᵀ with the gain A and the factor L of the Hessian.
-        hessian: (n_y, n_y) of the cost of a bend; then its factor L.
-        schur: (3 feet, 3 feet) matrix of the multipliers' equations.
-    """
-
-    mu: float
-    friction_share: float
-    margin: float
-    min_normal_force: float
-    contact_threshold: float
-    contact_damping: float
-    linear: Vector
-    angular: Vector
-    swing: float
-    thrust: float
-    torque: float
-    thrust_authority: float
-    torque_authority: float
-    lag: float
-    sliding_speed: float
-    bad_in_a_row: int = ZERO
-    bend_share: float
-    friction: Vector
-    normal: Vector
-    frame: Vector = sized("feet", 3, 3)
-    bend: Vector = sized("thrusts + joints")
+    bad_in_a_row: int = ZERO  # how many of the last states or commands were bad
+    bend_share: float  # share of the way to the target bend in one update
+    friction: Vector  # (feet,) friction coefficient of each foot: that of the parameters, until it is overwritten
+    normal: Vector  # (feet, 3) normals of the ground at the feet, upwards, of length one: vertical until overwritten
+    frame: Vector = sized("feet", 3, 3)  # (feet, 3, 3) of the contacts where the ground is not level
+    bend: Vector = sized("thrusts + joints")  # (3 thrusters + joints,) δy = [δu; δτ] of the last update, N and N·m
+    # (feet, 3) force that sticking demands under the bent command, world axes, N; zero in the air
     force: Vector = sized("feet", 3)
-    h_r: Vector = sized("2 feet")
-    h_w: Vector = sized("2 feet")
-    target: Vector = sized("thrusts + joints")
-    desired: Vector = sized("3 feet")
+    h_r: Vector = sized("2 feet")  # (2 feet,) rows at the command as given, N
+    h_w: Vector = sized("2 feet")  # (2 feet,) rows at the command as bent, N
+    target: Vector = sized("thrusts + joints")  # (n_y,) the bend that the lag follows
+    desired: Vector = sized("3 feet")  # (3 feet,) change of the force on the feet that touch, packed to the front, N
+    # (n_y, 3 feet) L⁻ᵀ Aᵀ with the gain A and the factor L of the Hessian
     lift: Vector = sized("thrusts + joints", "3 feet")
+    # (n_y, n_y) of the cost of a bend; then its factor L
     hessian: Vector = sized("thrusts + joints", "thrusts + joints")
-    schur: Vector = sized("3 feet", "3 feet")
+    schur: Vector = sized("3 feet", "3 feet")  # (3 feet, 3 feet) matrix of the multipliers' equations
 
 
 @kernel

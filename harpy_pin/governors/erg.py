@@ -149,33 +149,21 @@ class ExplicitReferenceGovernor(KeepsViews):
 
 
 class ErgRecord(StatusRecord):
-    """What :func:`explicit_update` knows, is given and works in.
+    """What :func:`explicit_update` knows, is given and works in."""
 
-    Attributes:
-        alpha_r, alpha_t, alpha_n: 1/s.
-        literal: use the conditions of the equations instead of those of the algorithm.
-        own: (rows,) 1 for a user's row, 0 for one of the paper's; all 0 by default.
-        h_r, h_w: (rows,) constraints at x_r and x_w.
-        jacobian_r, jacobian_w: (rows, size) ∂h/∂w there.
-        applied: (size,) x_w.
-        rate: (size,) ẋ_w out.
-        repairing: for how long both references have violated a row without a break, s.
-        basis: (rows, size) work space: an orthonormal basis of the violated rows.
-    """
-
-    alpha_r: float
-    alpha_t: float
-    alpha_n: float
-    literal: int
-    own: NDArray[np.int64]
-    h_r: Vector = sized("rows")
-    h_w: Vector = sized("rows")
-    jacobian_r: Vector = sized("rows", "size")
-    jacobian_w: Vector = sized("rows", "size")
-    applied: Vector = sized("size")
-    rate: Vector = sized("size")
-    repairing: float = 0.0
-    basis: Vector = sized("rows", "size")
+    alpha_r: float  # 1/s
+    alpha_t: float  # 1/s
+    alpha_n: float  # 1/s
+    literal: int  # use the conditions of the equations instead of those of the algorithm
+    own: NDArray[np.int64]  # (rows,) 1 for a user's row, 0 for one of the paper's; all 0 by default
+    h_r: Vector = sized("rows")  # (rows,) constraints at x_r
+    h_w: Vector = sized("rows")  # (rows,) constraints at x_w
+    jacobian_r: Vector = sized("rows", "size")  # (rows, size) ∂h/∂w at x_r
+    jacobian_w: Vector = sized("rows", "size")  # (rows, size) ∂h/∂w at x_w
+    applied: Vector = sized("size")  # (size,) x_w
+    rate: Vector = sized("size")  # (size,) ẋ_w out
+    repairing: float = 0.0  # for how long both references have violated a row without a break, s
+    basis: Vector = sized("rows", "size")  # (rows, size) work space: an orthonormal basis of the violated rows
 
 
 def erg_record(

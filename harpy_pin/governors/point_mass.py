@@ -29,17 +29,11 @@ class Law(IntEnum):
 
 
 class PointMassRecord(CentreGainsRecord):
-    """The model and the control law that closes its loop.
+    """The model and the control law that closes its loop."""
 
-    Attributes:
-        mass: m, kg.
-        g: magnitude of gravity, m/s².
-        law: :class:`Law`.
-    """
-
-    mass: float
-    g: float
-    law: int
+    mass: float  # m, kg
+    g: float  # magnitude of gravity, m/s²
+    law: int  # :class:`Law`
 
 
 def model_record(*, mass: float, g: float, gains: CentreGains | None, law: Law) -> Records[PointMassRecord]:

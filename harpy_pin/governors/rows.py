@@ -51,17 +51,11 @@ class ConstraintRows(Protocol):
 
 
 class ForceRowsRecord(PointMassRecord):
-    """The numbers of :class:`ForceRows`.
+    """The numbers of :class:`ForceRows`."""
 
-    Attributes:
-        mu: friction coefficient μ_s.
-        min_normal_force: u_min, N.
-        tracked: 1 where h(w, w) is taken, the paper's reading, 0 for h(x, w).
-    """
-
-    mu: float
-    min_normal_force: float
-    tracked: int
+    mu: float  # friction coefficient μ_s
+    min_normal_force: float  # u_min, N
+    tracked: int  # 1 where h(w, w) is taken, the paper's reading, 0 for h(x, w)
 
 
 @fixed_arrays("friction", "record")

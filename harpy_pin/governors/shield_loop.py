@@ -65,15 +65,10 @@ class ShieldAnswer:
 
 
 class LimitsRecord(RecordOf):
-    """Limits of a command.
+    """Limits of a command."""
 
-    Attributes:
-        torque_limit: (joints,) N·m.
-        thrust_limit: of each thruster, N.
-    """
-
-    torque_limit: Vector
-    thrust_limit: float
+    torque_limit: Vector  # (joints,) N·m
+    thrust_limit: float  # of each thruster, N
 
 
 @fixed_arrays("bend")
