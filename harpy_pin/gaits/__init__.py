@@ -5,7 +5,7 @@ from harpy_pin.gaits.gait import Gait, GaitTarget
 from harpy_pin.gaits.on_felt_ground import OnFeltGround
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.standing import Hovering, Standing
-from harpy_pin.gaits.straight import GaitParameters, StraightGait, make_gait
+from harpy_pin.gaits.straight import GaitParameters, StepParameters, StraightGait, make_gait
 from harpy_pin.gaits.walking import WalkingGait
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "OnFeltGround",
     "OnTerrain",
     "Standing",
+    "StepParameters",
     "StraightGait",
     "WalkingGait",
     "make_commanded_gait",

@@ -25,7 +25,7 @@ from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["GaitParameters", "StraightGait", "make_gait", "penetration_offset_on"]
+__all__ = ["GaitParameters", "StepParameters", "StraightGait", "make_gait", "penetration_offset_on"]
 
 TUNED_OFFSET, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
 """Penetration offset of the tuned walk, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
@@ -71,7 +71,7 @@ class StepParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class GaitParameters(StepParameters):
-    """A straight walk, by default at the paper's speed.
+    """A straight walk, by default at the paper's speed; its steps are those of :class:`StepParameters`.
 
     Attributes:
         speed: along x, m/s; zero is standing on both feet.

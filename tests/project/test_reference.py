@@ -67,7 +67,8 @@ def test_parameters_are_described(name):
         docstring = inspect.cleandoc(value.__doc__ or "")
         assert docstring
         if not (issubclass(value, BaseException | enum.Enum) or getattr(value, "_is_protocol", False)):
-            assert parameters(value) <= described(docstring, "Args", "Attributes")
+            bases = (inspect.cleandoc(one.__doc__ or "") for one in value.__mro__ if one in PUBLIC.values())
+            assert parameters(value) <= set().union(*(described(text, "Args", "Attributes") for text in bases))
         for method, function in functions_of(value):
             text = inspect.getdoc(function) or ""
             assert text, method
