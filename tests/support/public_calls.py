@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
     *("", ".controllers", ".export", ".gaits", ".governors", ".log", ".model", ".scenario", ".simulation"),
     *(".simulation.mujoco", ".view", ".wbc", ".wbc.condensed"),
-    *(f".contrib.{name}" for name in ("batch", "flight", "gym", "shield_batch", "thrust_watch")),
+    *(f".contrib.{name}" for name in ("batch", "flight", "gym", "shield_batch")),
 )
 OPERATORS = ("__call__", "__getitem__")
 """Methods with a name of Python's that users call."""
