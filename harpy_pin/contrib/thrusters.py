@@ -153,10 +153,10 @@ class ThrustWatch(KeepsViews):
 
     def telemetry(self) -> Mapping[str, ArrayLike]:
         """The controller's signals, and the estimates."""
-        told: Mapping[str, ArrayLike] = getattr(self._inner, "telemetry", dict)()
-        return {**told, "thrust_effectiveness": self.effectiveness}
+        signals: Mapping[str, ArrayLike] = getattr(self._inner, "telemetry", dict)()
+        return {**signals, "thrust_effectiveness": self.effectiveness}
 
     def describe(self) -> Mapping[str, Any]:
         """The controller's parameters."""
-        told: Mapping[str, Any] = getattr(self._inner, "describe", dict)()
-        return told
+        described: Mapping[str, Any] = getattr(self._inner, "describe", dict)()
+        return described

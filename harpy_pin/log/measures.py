@@ -91,7 +91,7 @@ class Measures:
         tilt_max_rad: largest angle between the body's z axis and the vertical.
         stumbled: whether the body tilted by more than 0.5 rad (29°), whether it fell or not: what comes through such a
             tilt is not a walk that went well, even where it ends upright.
-        bad_samples: ticks whose measurements were no numbers, where the controller counts them.
+        bad_samples: ticks whose measurements were not finite, where the controller counts them.
         cost_of_transport: positive work of the joints over weight times path; NaN for a path under 0.1 m.
         joint_power_w: mean of the joints' positive power.
         thrust_power_w: mean electrical power of the thrusters, were each a fan of 18 N from 1 kW, an assumption

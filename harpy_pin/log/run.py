@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import platform
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.compiler import version as compiler_version
 from harpy_pin.errors import InputError, RunFileError, RunFileWarning, shown
-from harpy_pin.files import check_writable, journal_path
-from harpy_pin.log.exports import columns, write_csv
+from harpy_pin.files import check_writable, journal_path, replacing
 from harpy_pin.log.journal import is_journal, read_journal
 from harpy_pin.log.run_file import check_log, read_run, write_run
 
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Run", "describe_versions"]
+__all__ = ["Run", "columns", "describe_versions"]
+
+AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,7 +136,8 @@ class Run:
     def to_pandas(self) -> pandas.DataFrame:
         """All signals as a ``pandas.DataFrame``, with the time, s, as its index and one column for each number.
 
-        Columns are named ``foot_force/left_foot/z``: the signal, and what of it; see :mod:`harpy_pin.log.exports`.
+        Columns are named ``foot_force/left_foot/z``, ``q/7``: the signal, and which of its numbers; programs such as
+        PlotJuggler show the names as a tree.
 
         Raises:
             InputError: pandas is not installed.
@@ -151,7 +158,15 @@ class Run:
         Raises:
             RunFileError: the file cannot be written.
         """
-        write_csv(self, checks.path("path", path), every=checks.whole("every", every, low=1))
+        target, every = checks.path("path", path), checks.whole("every", every, low=1)
+        names, values = zip(*columns(self), strict=True)
+        rows = zip(*(column[::every].tolist() for column in values), strict=True)
+        with replacing(target) as file:
+            text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+            writer = csv.writer(text)
+            writer.writerow(names)
+            writer.writerows(rows)
+            text.detach()
 
 
 def describe_versions() -> dict[str, str]:
@@ -170,3 +185,39 @@ def _versions() -> dict[str, str]:
             versions[name] = "not installed"
     versions["kernels"] = f"C, {compiler_version()}" if BACKEND == "c" else BACKEND
     return versions
+
+
+def _column_names(run: Run, signal: str) -> list[str]:
+    """Names of the numbers in a row of a signal, in their order in memory, without that of the signal.
+
+    Args:
+        run: gives the names of feet and thrusters.
+        signal: its name.
+    """
+    shape = run[signal].shape[1:]
+    names = []
+    for axis, size in enumerate(shape):
+        last = axis == len(shape) - 1
+        owner = "thrusters" if signal.startswith("thrust") else "feet"
+        known = run.metadata.get(owner)
+        if axis == 0 and _is_of_parts(signal, len(shape)) and isinstance(known, list | tuple) and len(known) == size:
+            names.append([str(name) for name in known])
+        else:
+            names.append(list(AXES) if last and size == 3 and axis > 0 else [str(k) for k in range(size)])
+    return ["/".join(parts) for parts in product(*names)]
+
+
+def _is_of_parts(signal: str, axes: int) -> bool:
+    """Whether the rows of a signal are of feet or thrusters."""
+    return signal.startswith(("foot_", "slip_", "thrust", "stance", "friction_estimate")) or axes == 2
+
+
+def columns(run: Run) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Name and values of every column, the time first."""
+    yield "t", np.asarray(run["t"])
+    for signal in run.signals:
+        if signal == "t":
+            continue
+        values = np.asarray(run[signal]).reshape(len(run), -1)
+        for number, name in enumerate(_column_names(run, signal)):
+            yield (f"{signal}/{name}" if name else signal), values[:, number]

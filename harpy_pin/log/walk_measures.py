@@ -21,7 +21,7 @@ SHORTEST = 0.1
 """Path below which a walk has no cost of transport, m."""
 CORNERS = 4
 """Of a flat foot: front left, front right, rear left, rear right."""
-CARRIES = 0.2
+LOADED = 0.2
 """Share of the weight from which on the centre of pressure of a sole counts."""
 QUANTILE = 0.05
 """Share of the time in which it may be nearer to the edge than the margin says."""
@@ -79,7 +79,7 @@ def _pressure_margin(run: Run, weight: float) -> float:
     """Distance to its edge that the centre of pressure of a loaded sole keeps 95 % of the time, m."""
     counts = np.zeros(BINS, dtype=np.int64)
     for corners in _soles(run):
-        margin = _margins(run["foot_position"][:, corners], run["foot_force"][:, corners, 2], CARRIES * weight)
+        margin = _margins(run["foot_position"][:, corners], run["foot_force"][:, corners, 2], LOADED * weight)
         counts += np.bincount(np.clip(margin / BIN, 0, BINS - 1).astype(np.int64), minlength=BINS)
     total = int(counts.sum())
     if not total:
@@ -120,7 +120,7 @@ def _world_velocity(q: Vector, v: Vector) -> Vector:
 
 
 def _margins(position: Vector, normal: Vector, least: float) -> Vector:
-    """Distances of the centre of pressure to the edge of a sole, in the rows in which it carries, m.
+    """Distances of the centre of pressure to the edge of a sole, in the rows in which it is loaded, m.
 
     Args:
         position: (n, 4, 3) of the corners, m.

@@ -143,7 +143,7 @@ class FlyingGait(KeepsViews):
 
         Args:
             terrain: of the ground.
-            normal_error: angle by which its normals are told wrong, about y, rad.
+            normal_error: angle by which its normals are wrong, about y, rad.
         """
         return FlyingGait(self.gait, self.flights, start=self.start, terrain=terrain, normal_error=normal_error)
 
@@ -299,7 +299,7 @@ class FlyingGait(KeepsViews):
 
 @dataclass(frozen=True, kw_only=True)
 class Flying(GaitPart):
-    """Harpy jumps or flies, lands, and goes on where it is told, see :class:`~harpy_pin.contrib.flight.FlyingGait`.
+    """Harpy jumps or flies, lands, and then follows a velocity, see :class:`~harpy_pin.contrib.flight.FlyingGait`.
 
     Attributes:
         flights: jumps (:class:`~harpy_pin.contrib.flight.Jump`) and flights (:class:`~harpy_pin.contrib.flight.Fly`),

@@ -37,7 +37,7 @@ TRIES, CLOSE, SLOPE = 8, 5e-3, 1.5
 
 
 @dataclass(frozen=True)
-class Throw:
+class PlannedJump:
     """A jump that lands where it should.
 
     Attributes:
@@ -53,7 +53,7 @@ class Throw:
     speed: float
 
 
-def plan_jump(flyer: Flyer, jump: Jump) -> Throw:
+def plan_jump(flyer: Flyer, jump: Jump) -> PlannedJump:
     """The jump of which the feet land where they should.
 
     Args:
@@ -72,14 +72,14 @@ def plan_jump(flyer: Flyer, jump: Jump) -> Throw:
     last = before = None
     for _ in range(TRIES):
         try:
-            throw = _throw(flyer, jump, aim)
+            plan = _aimed(flyer, jump, aim)
         except InputError:  # the legs do not reach the ground where they would let go of it
             break
-        place = _landing(flyer, throw)
+        place = _landing(flyer, plan)
         if not np.isfinite(place).all():
             break
         if float(np.linalg.norm(place - goal)) < CLOSE:
-            return throw
+            return plan
         if last is not None and before is not None:
             moved = aim - last
             far = np.abs(moved) > 1e-3
@@ -90,15 +90,15 @@ def plan_jump(flyer: Flyer, jump: Jump) -> Throw:
     raise InputError(f"a jump of {what} is too far: no push brings the feet there", name="flights", value=jump)
 
 
-def _throw(flyer: Flyer, jump: Jump, aim: Vector) -> Throw:
+def _aimed(flyer: Flyer, jump: Jump, aim: Vector) -> PlannedJump:
     """The jump with an aim."""
     speed = sqrt(2.0 * (1.0 - jump.carried) * GRAVITY * jump.height)
     time = _fall(flyer, jump, _release(flyer), speed, 0.0).free + 0.5 * _push(flyer)
-    wanted = np.append(aim + (flyer.over - flyer.feet)[:2], 0.0) / time
-    across = wanted
+    desired = np.append(aim + (flyer.over - flyer.feet)[:2], 0.0) / time
+    across = desired
     for _ in range(3):
-        across = wanted - RECOIL * flyer.postures.recoil(*_leaving(flyer, across, speed))
-    return Throw(jump, aim, across, speed)
+        across = desired - RECOIL * flyer.postures.recoil(*_leaving(flyer, across, speed))
+    return PlannedJump(jump, aim, across, speed)
 
 
 def _push(flyer: Flyer) -> float:
@@ -120,11 +120,11 @@ def _leaving(flyer: Flyer, across: Vector, speed: float) -> tuple[Vector, Vector
     return q, v
 
 
-def _landing(flyer: Flyer, throw: Throw) -> Vector:
+def _landing(flyer: Flyer, plan: PlannedJump) -> Vector:
     """(2,) where the middle of the feet comes to the ground, from where it left it; not finite where it does not."""
-    q, v = _leaving(flyer, throw.across, throw.speed)
+    q, v = _leaving(flyer, plan.across, plan.speed)
     body, joints = np.vstack((q[:3], v[:3])), np.vstack((q[7:], v[6:]))
-    airway = fly_jump(flyer, throw, body, joints, np.zeros(3), 0.0)
+    airway = fly_jump(flyer, plan, body, joints, np.zeros(3), 0.0)
     places = flyer.balance.dynamics.foot_position
     t = 0.0
     while t < LONGEST and np.abs(v).max() < 100.0:
@@ -136,41 +136,41 @@ def _landing(flyer: Flyer, throw: Throw) -> Vector:
     return np.full(2, np.nan)
 
 
-def crouch_and_push(flyer: Flyer, throw: Throw, feet: Vector) -> tuple[Quintic, Quintic | None]:
+def crouch_and_push(flyer: Flyer, plan: PlannedJump, feet: Vector) -> tuple[Quintic, Quintic | None]:
     """From standing to the release: into the crouch, then the push.
 
     Args:
         flyer: who jumps.
-        throw: the jump.
+        plan: the jump.
         feet: (3,) middle of the feet on the ground, m.
     """
     duration = _push(flyer)
     above = feet - flyer.over
-    low = above - 0.5 * duration * throw.across
-    high = above + 0.5 * duration * throw.across
+    low = above - 0.5 * duration * plan.across
+    high = above + 0.5 * duration * plan.across
     low[2] -= CROUCH * flyer.height
     high[2] += RELEASE * flyer.height
-    fall = (0.0, 0.0, (throw.jump.carried - 1.0) * GRAVITY)
-    release = np.vstack((high, np.append(throw.across[:2], throw.speed), fall))
+    fall = (0.0, 0.0, (plan.jump.carried - 1.0) * GRAVITY)
+    release = np.vstack((high, np.append(plan.across[:2], plan.speed), fall))
     bend = Quintic(rest(feet - flyer.stand), rest(low), BEND * flyer.scale)
     return bend, Quintic(rest(low), release, duration)
 
 
-def fly_jump(flyer: Flyer, throw: Throw, body: Vector, joints: Vector, feet: Vector, ground: float) -> Airway:
+def fly_jump(flyer: Flyer, plan: PlannedJump, body: Vector, joints: Vector, feet: Vector, ground: float) -> Airway:
     """From the release to touchdown.
 
     Args:
         flyer: who jumps.
-        throw: the jump.
+        plan: the jump.
         body: (2, 3) place and velocity of the body at the release.
         joints: (2, n) angles and rates of the joints there.
         feet: (3,) middle of the feet on the ground before, m.
         ground: height where they land, m.
     """
-    fall = _fall(flyer, throw.jump, float(body[0, 2]), float(body[1, 2]), ground)
-    end = (feet - flyer.feet)[:2] + throw.aim
+    fall = _fall(flyer, plan.jump, float(body[0, 2]), float(body[1, 2]), ground)
+    end = (feet - flyer.feet)[:2] + plan.aim
     over = Quintic(np.vstack((body[:, :2], np.zeros(2))), rest(end), fall.free + fall.braked)
-    loads = ((fall.free, throw.jump.carried), (fall.free + fall.braked, 1.0 + flyer.brake / GRAVITY), (inf, 1.0))
+    loads = ((fall.free, plan.jump.carried), (fall.free + fall.braked, 1.0 + flyer.brake / GRAVITY), (inf, 1.0))
     gains = tuple((until, flyer.gain(weight)) for until, weight in loads)
     return Airway((over,), fall, flyer.legs(joints, min(LEGS, fall.free)), gains, fall.free)
 

@@ -321,7 +321,7 @@ def _command(
 
 @kernel
 def _reward(d: DynamicsRecord, p: SettingsRecord, v: Vector, a: Vector) -> float:
-    """The reward; zero where the velocity is no number."""
+    """The reward; zero where the velocity is not finite."""
     r, cost = d.tree.rotation, 0.0
     ahead = r[0, 0] * v[0] + r[0, 1] * v[1] + r[0, 2] * v[2] - p.speed
     aside = r[1, 0] * v[0] + r[1, 1] * v[1] + r[1, 2] * v[2]

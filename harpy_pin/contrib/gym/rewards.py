@@ -120,7 +120,7 @@ def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str
         reward: a function of the step; or scales by name, of :data:`REWARDS` by default.
 
     Raises:
-        InputError: neither of both, an unknown name, or a scale that is no number.
+        InputError: neither of both, an unknown name, or a scale that is not finite.
     """
     if callable(reward):
         return lambda step: (checks.number("the reward that the function returned", reward(step)), {})
@@ -140,5 +140,5 @@ def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str
 
 
 def _finite(value: float) -> float:
-    """Zero where a robot that flew away has no number."""
+    """The value, or zero where that of a robot that flew away is not finite."""
     return value if np.isfinite(value) else 0.0
