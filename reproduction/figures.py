@@ -9,7 +9,7 @@ import numpy as np
 from harpy_pin.log.measures import Chattering
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
-from harpy_pin.view.figures.style import grid, legend_above, styled
+from harpy_pin.view.figures import grid, legend_above, styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, TARGET
 from reproduction.reduced_order import model_force, model_rows
 from reproduction.vlip_claims import polar_of

@@ -13,7 +13,7 @@ import numpy as np
 from comparison.sections.growth import KINDS, PARTS
 from comparison.tables import Table
 from harpy_pin.errors import InputError
-from harpy_pin.view.figures.style import styled
+from harpy_pin.view.figures import styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, SLIDING, TARGET, THRUST
 
 if TYPE_CHECKING:

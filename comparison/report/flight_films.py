@@ -17,8 +17,7 @@ from comparison.studies.flights import FIRST_SEED, FLIGHTS, FRICTION, flown
 from comparison.tables import number_text
 from harpy_pin.files import check_writable, replacing
 from harpy_pin.log.run import Run
-from harpy_pin.view.page.film import GIF_RATE, Film
-from harpy_pin.view.robot_of import robot_of
+from harpy_pin.view.page.film import KINDS, Film
 
 FILMS = {
     "walk without thrust": "Walk without thrust",
@@ -93,11 +92,11 @@ def caption(name: str, measures: Mapping[str, Any]) -> list[str]:
 
 def _filmed(run: Run) -> str:
     """The film of a run, as an address that holds it: WebP takes a seventh of GIF."""
-    with tempfile.TemporaryDirectory() as folder, Film([(run, robot_of(run))], words=False) as film:
-        path = film.gif(Path(folder) / "film.gif", end=float(run["t"][0]) + LONGEST, size=SIZE)
+    with tempfile.TemporaryDirectory() as folder, Film(run, words=False) as film:
+        path = film.save(Path(folder) / "film.gif", end=float(run["t"][0]) + LONGEST, size=SIZE)
         packed = io.BytesIO()
         with Image.open(path) as frames:
             images = [image.copy() for image in ImageSequence.Iterator(frames)]
-            times = [round(1e3 / GIF_RATE)] * (len(images) - 1) + [LAST]
+            times = [round(1e3 / KINDS[".gif"].rate)] * (len(images) - 1) + [LAST]
         images[0].save(packed, "WEBP", save_all=True, append_images=images[1:], quality=QUALITY, duration=times, loop=0)
     return f"data:image/webp;base64,{base64.b64encode(packed.getvalue()).decode()}"

@@ -8,7 +8,7 @@ import numpy as np
 
 from comparison.measure.walking import Rows, grouped
 from comparison.studies.slopes import WALKERS, how_it_stands
-from harpy_pin.view.figures.style import styled
+from harpy_pin.view.figures import styled
 from harpy_pin.view.palette import CONTACT, SLIDING, THRUST
 
 if TYPE_CHECKING:

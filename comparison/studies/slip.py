@@ -11,7 +11,7 @@ from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, grid
 from comparison.tables import number_text
 from harpy_pin import measure
-from harpy_pin.view.figures.style import styled
+from harpy_pin.view.figures import styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

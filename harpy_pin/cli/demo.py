@@ -33,10 +33,10 @@ def demo(
     check_outputs({"--html": html})
     from harpy_pin.ground.ground import Ground
     from harpy_pin.log.run import Run
-    from harpy_pin.model.robot import load_harpy
     from harpy_pin.scenario import Scenario, build
-    from harpy_pin.view.page.replay import write_replays
-    from harpy_pin.view.page.shown import name_of, scoreboard
+    from harpy_pin.view.identity import name_of
+    from harpy_pin.view.page.replay import write_html
+    from harpy_pin.view.page.shown import scoreboard
 
     runs: list[Run] = []
     for controller in CONTROLLERS:
@@ -49,8 +49,7 @@ def demo(
         console.print(
             f"{name_of(run):<{NAME_WIDTH}} {ending:<16} slip {slip:>6} mm per step   tick {tick:>3} µs", highlight=False
         )
-    robot = load_harpy()
-    write_replays([(run, robot) for run in runs], html)
+    write_html(runs, html)
     console.print(f"wrote {html}", highlight=False)
     if not no_open:
         webbrowser.open(html.resolve().as_uri())

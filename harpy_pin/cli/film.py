@@ -43,19 +43,17 @@ def film(
         raise InputError(f"a film's name must end in {' or '.join(KINDS)}, got '{path}'", name="path", value=path)
     check_outputs({"FILE": path})
     checks.number("duration", duration, low=BEGIN, strict=True)
-    from harpy_pin.cli.view import read_pair
+    from harpy_pin.cli.view import read_pixels
     from harpy_pin.scenario import build
     from harpy_pin.view.page.film import Film
-    from harpy_pin.view.robot_of import robot_of
 
-    width, height = read_pair("--size", size, "x")
+    pixels = read_pixels(size)
     scenario = read_scenario(
         settings or (), robot=robot, friction=friction, speed=speed, push=push or (), duration=duration
     )
     with walking_bar(duration) as on_piece:
         run = build(scenario).run(on_piece=on_piece)
-    with Film([(run, robot_of(run))], words=False) as shot:
-        save = shot.gif if path.suffix.lower() == ".gif" else shot.mp4
-        console.print(f"wrote {save(path, begin=BEGIN, size=(int(width), int(height)))}", highlight=False)
+    with Film(run, words=False) as shot:
+        console.print(f"wrote {shot.save(path, begin=BEGIN, size=pixels)}", highlight=False)
     if run.fell:
         raise typer.Exit(FELL)

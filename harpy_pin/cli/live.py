@@ -54,7 +54,7 @@ def live(
     """Drive a robot in the browser, in real time.
 
     The page has its speed, turns, friction, ice, slope, controllers and pushes; --set takes them by the names of
-    harpy_pin.view.live.LiveSettings. It is served to this machine only.
+    harpy_pin.view.live.settings.LiveSettings. It is served to this machine only.
     Ctrl-C ends it (exit code 130; 143 on SIGTERM). With --save the log is written to disk while it is driven; if the
     process dies, harpy view reads FILE.npz.part.
 
@@ -77,8 +77,7 @@ def live(
         raise HarpyError("driving needs viser, which is not installed: pip install 'harpy-pin[live]'")
     from harpy_pin.model.robot import load_harpy, load_robot
     from harpy_pin.view.live.drive import Drive, listen
-    from harpy_pin.view.live.drive_settings import LiveSettings
-    from harpy_pin.view.live.driven_walk import DriveRanges, usual_settings
+    from harpy_pin.view.live.settings import DriveRanges, LiveSettings, usual_settings
 
     driven_robot = load_harpy(urdf) if robot == "harpy" else load_robot(robot)
     ranges = DriveRanges.of(driven_robot)

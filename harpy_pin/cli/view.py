@@ -14,8 +14,9 @@ from harpy_pin.files import check_outputs, replacing
 
 if TYPE_CHECKING:
     from harpy_pin.log.run import Run
+    from harpy_pin.model.robot import Robot
 
-__all__ = ["read_pair", "view"]
+__all__ = ["read_pixels", "view"]
 
 MAX_RUNS = 4
 
@@ -43,7 +44,7 @@ def view(
     figures: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Figures of forces, references and thrusts (.png, .pdf, .svg); their kind in the name."
+            metavar="FILE", help="The page's charts as figures (.png, .pdf, .svg); feet, body or effort in the name."
         ),
     ] = None,
     csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Export all signals as a table.")] = None,
@@ -86,11 +87,11 @@ def view(
     if times is not None and png is None:
         raise InputError("--times says when to take pictures: give --png", name="times", value=times)
     moments = None if times is None else [_number("--times", text) for text in times.split(",")]
-    begin, end = (None, None) if span is None else read_pair("--span", span, ":")
-    width, height = (None, None) if size is None else read_pair("--size", size, "x")
+    begin, end = (None, None) if span is None else _pair("--span", span, ":")
+    pixels = None if size is None else read_pixels(size)
     from harpy_pin.log.run import Run
-    from harpy_pin.view.page.replay import replays_html, serve, write_replays
-    from harpy_pin.view.robot_of import robot_of
+    from harpy_pin.view.identity import robot_of
+    from harpy_pin.view.page.replay import show, write_html
 
     logs = [Run.load(path) for path in runs]
     if csv is not None:
@@ -100,38 +101,32 @@ def view(
             return
     pairs = [(log, robot_of(log, urdf)) for log in logs]
     if html is not None:
-        write_replays(pairs, html)
+        write_html(pairs, html)
         console.print(f"wrote {html}", highlight=False)
     if figures is not None:
-        _draw_figures(logs[0], figures)
+        _draw_figures(*pairs[0], figures)
     if pictured:
         from harpy_pin.view.page.film import Film
 
-        large = (int(width or 1200), int(height or 675))
-        small = (int(width or 640), int(height or 400))
         with Film(pairs, charts=charts) as film:
-            made = [] if png is None else film.pictures(png, moments, size=large)
-            made += [] if gif is None else [film.gif(gif, begin=begin, end=end, size=small)]
-            made += [] if mp4 is None else [film.mp4(mp4, begin=begin, end=end, size=large)]
+            made = [] if png is None else film.pictures(png, moments, size=pixels or (1200, 675))
+            made += [film.save(path, begin=begin, end=end, size=pixels) for path in (gif, mp4) if path is not None]
             for path in made:
                 console.print(f"wrote {path}", highlight=False)
     elif html is None and figures is None:
-        serve(replays_html(pairs), f"replay of {pairs[0][1].name}", port=port).wait()
+        show(pairs, port=port).wait()
 
 
-def _draw_figures(run: Run, path: Path) -> None:
-    """Save the figures that there are of a run."""
-    from harpy_pin.view.figures.walk_figures import forces_figure, reference_figure, thrust_figure
+def _draw_figures(run: Run, robot: Robot, path: Path) -> None:
+    """Save the figures of a run."""
+    from harpy_pin.view.figures import figures_of
 
-    draws = {"forces": forces_figure, "references": reference_figure}
-    if run["thrust"].shape[1]:
-        draws["thrusts"] = thrust_figure
-    targets = {name: path.with_stem(f"{path.stem}-{name}") for name in draws}
-    check_outputs({f"--figures ({name})": target for name, target in targets.items()})
-    for name, draw in draws.items():
-        with replacing(targets[name]) as file:
-            draw(run).savefig(file, format=path.suffix[1:].lower())
-        console.print(f"wrote {targets[name]}", highlight=False)
+    drawn = {path.with_stem(f"{path.stem}-{group}"): figure for group, figure in figures_of(run, robot).items()}
+    check_outputs({f"--figures ({target.stem})": target for target in drawn})
+    for target, figure in drawn.items():
+        with replacing(target) as file:
+            figure.savefig(file, format=path.suffix[1:].lower())
+        console.print(f"wrote {target}", highlight=False)
 
 
 def _number(option: str, text: str) -> float:
@@ -142,7 +137,17 @@ def _number(option: str, text: str) -> float:
         raise InputError(f"{option} takes numbers, got '{text}'", name=option, value=text) from None
 
 
-def read_pair(option: str, text: str, between: str) -> tuple[float, float]:
+def read_pixels(text: str) -> tuple[int, int]:
+    """Width and height of the option ``--size``.
+
+    Raises:
+        InputError: it holds no two numbers.
+    """
+    width, height = _pair("--size", text, "x")
+    return int(width), int(height)
+
+
+def _pair(option: str, text: str, between: str) -> tuple[float, float]:
     """Two numbers of an option, with a sign between them."""
     parts = text.lower().split(between)
     if len(parts) != 2:

@@ -265,7 +265,7 @@ def test_view_draws_figures(command, tmp_path):
     log = tmp_path / "a.npz"
     hp.walk(hp.Scenario(controller="condensed", duration=0.05), save=log)
     assert command("view", log, "--figures", tmp_path / "a.svg")[0] == 0
-    for name in ("forces", "references", "thrusts"):
+    for name in ("feet", "body", "effort"):
         assert (tmp_path / f"a-{name}.svg").stat().st_size > 5000
 
 

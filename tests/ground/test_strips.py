@@ -14,7 +14,7 @@ from harpy_pin import Command, Ground, InputError, Scenario, Simulator
 from harpy_pin.ground.ground import MAX_STRIPS
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.mujoco import MujocoPlant
-from harpy_pin.view.scene.frames import local_friction
+from harpy_pin.view.scene.contacts import Contacts, ground_of
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = 9.81
@@ -128,8 +128,9 @@ def test_friction_under_the_feet_of_a_log():
     ground = Ground(mu_s=0.8, friction_strips=((0.05, 0.4, 0.1),))
     run = hp.walk(Scenario(ground=ground, duration=0.8))
     place = run["foot_position"]
-    np.testing.assert_array_equal(local_friction(run, place), ground.friction(place[..., 0]))
-    assert len(np.unique(local_friction(run, place))) == 2
+    mu = Contacts.of(run, ground_of(run)).mu
+    np.testing.assert_array_equal(mu, ground.friction(place[..., 0]))
+    assert len(np.unique(mu)) == 2
 
 
 SOFT = Ground(mu_s=0.5, stiffness_strips=((0.5, 1.0, 2000.0), (1.0, 2.0, 32000.0)))

@@ -12,7 +12,7 @@ from hostile import outcome, spoil_mapping, spoil_signals, write_log
 
 import harpy_pin as hp
 from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario
-from harpy_pin.view.robot_of import robot_of
+from harpy_pin.view.identity import robot_of
 
 FILES = 60
 ICE = hp.Ground(mu_s=0.3, friction_strips=((0.01, 0.1, 0.05),))
@@ -56,7 +56,7 @@ def test_an_endless_ending_makes_no_endless_message(runs, tmp_path):
     run = hp.Run.load(write_log(tmp_path / "run.npz", none, {**metadata, "ending": "a" * 5000}))
     assert len(repr(run)) < 400
     with pytest.raises(hp.InputError, match="holds no tick") as caught:
-        hp.view.Frames.from_run(run, hp.load_harpy())
+        hp.view.replay_html([(run, hp.load_harpy())])
     assert len(str(caught.value)) < 400
 
 

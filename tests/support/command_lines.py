@@ -23,7 +23,7 @@ WORK = (
     "harpy_pin.simulation.simulator.Simulator.run",
     "reproduction.gait.planar_walk.PlanarWalk.run",
     "harpy_pin.view.page.film.Film.__enter__",
-    "harpy_pin.view.page.replay.serve",
+    "harpy_pin.view.page.replay.show",
     "harpy_pin.view.live.drive.listen",
     "harpy_pin.compiled.compiler.clear",
     "harpy_pin.cli.compile._scenarios",

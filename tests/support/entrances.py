@@ -16,9 +16,9 @@ from hostile_lines import run_line
 
 import harpy_pin as hp
 from harpy_pin.scenario import Scenario, build
-from harpy_pin.view.figures.walk_figures import command_figure, forces_figure, reference_figure, thrust_figure
-from harpy_pin.view.page.replay import replays_html
-from harpy_pin.view.robot_of import robot_of
+from harpy_pin.view.figures import figures_of
+from harpy_pin.view.identity import robot_of
+from harpy_pin.view.page.replay import replay_html
 
 CONTROLLERS = ("condensed", "wbc", "governed")
 
@@ -55,13 +55,12 @@ def use_figure(path: Path) -> None:
     """Draw the figures of a log."""
     run, _ = outcome(hp.Run.load, path)
     if run is not None:
-        for draw in (forces_figure, reference_figure, thrust_figure, command_figure):
-            outcome(draw, run)
+        outcome(figures_of, run)
 
 
 def page(run: hp.Run, robot: hp.Robot) -> bytes:
     """The replay as a file."""
-    return replays_html([(run, robot)]).encode("utf-8", errors="xmlcharrefreplace")
+    return replay_html([(run, robot)]).encode("utf-8", errors="xmlcharrefreplace")
 
 
 def again(run: hp.Run) -> hp.Run:

@@ -89,7 +89,7 @@ def values() -> dict[str, Any]:
         **{"targets": controller.targets, "rotation": np.eye(3), "z": np.zeros(program.shape[0]), "held": np.ones(2)},
         **{"foot": "left_foot", "joints": ("left_knee",), "frame": "left_foot", "name": "wbc", "stiffness": 8000.0},
         **{"rows": rows, "touching": np.ones(2), "runs": [(run, robot)], "target": controller.target},
-        **{"frames": hp.view.Frames.from_run(run, robot), "feet": robot.feet, "generalised_force": np.zeros(12)},
+        **{"feet": robot.feet, "generalised_force": np.zeros(12)},
         **{"action": np.zeros(12), "actions": np.zeros((1, 12)), "step_duration": 0.75, "begin": 0.0, "end": 1.0},
         **{"size": 4, "equalities": 1, "inequalities": 3, "bounded": 2, "offset": (0.0, 0.0, 0.01)},
         **{"stance": np.ones(2), "data": hp.Scenario().to_dict(), "error": np.zeros(3), "velocity": np.zeros(3)},
@@ -168,7 +168,7 @@ def values() -> dict[str, Any]:
 @cache
 def objects() -> dict[str, Any]:
     """Objects that are not made by their class alone, by its name."""
-    run, robot = values()["run"], values()["robot"]
+    robot = values()["robot"]
     simulator = copy.deepcopy(values()["simulator"])
     return {
         "contrib.batch.BatchTargets": CondensedBatch(robot, 2).targets,
@@ -178,7 +178,6 @@ def objects() -> dict[str, Any]:
         "wbc.WholeBodyProblem": values()["problem"],
         "wbc.AddedTask": values()["controller"].add(Yaw(), weight=0.1),
         "wbc.QuadraticProgram": values()["program"],
-        "Frames": hp.view.Frames.from_run(run, robot),
     }
 
 
@@ -194,7 +193,7 @@ MADE_BY_THE_LIBRARY = (
     ),
     *("log.Power",),
     *("governors.GovernorStatus", "governors.ShieldAnswer", "model.IKResult", "Robot"),
-    *("wbc.QPSolution", "scenario.Walk", "view.Frames", "Interrupted"),
+    *("wbc.QPSolution", "scenario.Walk", "Interrupted"),
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions", "wbc.BuiltInTask"),
 )
 """Classes whose objects users get and do not make."""

@@ -22,7 +22,7 @@ from harpy_pin.errors import HarpyError
 from harpy_pin.files import journal_path
 from harpy_pin.log.run import Run
 from harpy_pin.view.live.drive import Drive, listen
-from harpy_pin.view.live.drive_settings import LiveSettings
+from harpy_pin.view.live.settings import LiveSettings
 from harpy_pin.view.page.chromium import find_chromium
 
 viser = pytest.importorskip("viser", reason="viser is an extra")
@@ -234,10 +234,10 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     pushed = list[float]()
     keep, session.on_tick = session.on_tick, None
 
-    def note(session: Any, tick: Any) -> None:
+    def note(tick: Any) -> None:
         pushed.append(float(tick.push[1]))
         assert keep is not None
-        keep(session, tick)
+        keep(tick)
 
     session.on_tick = note
     page.get_by_role("tab", name="Push").click()

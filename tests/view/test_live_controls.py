@@ -14,7 +14,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.view.live.camera import EYE, MIDDLE, followed
 from harpy_pin.view.live.drive import listen
-from harpy_pin.view.live.drive_settings import LiveSettings
+from harpy_pin.view.live.live_session import LiveSession
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 
 viser = pytest.importorskip("viser", reason="viser is an extra")
@@ -29,11 +29,12 @@ class Page:
         context = multiprocessing.get_context("spawn")
         listener = listen("127.0.0.1", 0)
         self.pipe, other = context.Pipe()
-        board = SharedSnapshots(context, robot)
-        self.page = _Page(other, listener, board, robot, asdict(LiveSettings()))
+        session = LiveSession(robot=robot)
+        board = SharedSnapshots(context, session)
+        self.page = _Page(other, listener, board, robot, asdict(session.settings))
         self.url = f"ws://127.0.0.1:{listener.getsockname()[1]}/"
         self.panel = self.page._panel
-        self.controls = dict(self.page._server.gui._gui_input_handle_from_uuid)
+        self.controls = dict(self.page.server.gui._gui_input_handle_from_uuid)
 
     def said(self) -> list[Any]:
         """What it has said to the session since the last time."""
@@ -47,7 +48,7 @@ class Page:
 def page(robot: hp.Robot) -> Iterator[Page]:
     page = Page(robot)
     yield page
-    page.page.stop()
+    page.page.server.stop()
 
 
 CAMERA = {
@@ -105,12 +106,11 @@ def test_values_that_are_no_option_are_refused(page: Page, capfd: pytest.Capture
         def fits(value: Any, low: float = low, high: float = high, whole: bool = whole) -> bool:
             return isinstance(value, int | float) and low <= value <= high and (not whole or value == int(value))
 
-        page.panel._note, page.panel._refused = "", False
+        page.panel._standing |= {"note": "", "refused": False}
         send(page, [update(uuid, value) for value in odd if not fits(value)])
-        wait_until(lambda: page.panel._refused)
+        wait_until(lambda: page.panel.note)
         assert handle.value == before[uuid], handle.label
-        assert page.panel._refused, handle.label
-        assert page.panel._note, handle.label
+        assert page.panel.note, handle.label
         said = [word for word in page.said() if word[0] != "viewers"]
         assert said == [], handle.label
     printed = capfd.readouterr()
@@ -146,11 +146,11 @@ def test_drags_that_are_none_are_refused(page: Page, capfd: pytest.CaptureFixtur
         "modifier": None,
     }
     for place in ([], [1.0], [float("nan")] * 3):
-        page.panel._note, page.panel._refused = "", False
+        page.panel._standing |= {"note": "", "refused": False}
         send(page, [{**drag, "start_position": place, "end_position": place}])
-        wait_until(lambda: page.panel._refused)
+        wait_until(lambda: page.panel.note)
         assert page.page._grip is None
-        assert page.panel._refused, place
+        assert page.panel.note, place
     assert "Traceback" not in capfd.readouterr().err
 
 
@@ -186,15 +186,15 @@ def test_a_page_whose_keys_move_the_camera_gets_it_back(page: Page, follows: boo
     page.panel._follows.value = follows
     with connect(page.url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:  # type: ignore[list-item]
         browser.send(msgspec.msgpack.encode(CAMERA))
-        wait_until(page.page._server.get_clients)
-        (client,) = page.page._server.get_clients().values()
+        wait_until(page.page.server.get_clients)
+        (client,) = page.page.server.get_clients().values()
         wait_until(lambda: client.camera._state.camera_cb)
         browser.send(msgspec.msgpack.encode(moved))
         expected = middle + twice + (not follows) * away
         wait_until(lambda: np.allclose(client.camera.position, expected))
         np.testing.assert_allclose(client.camera.position, expected)
     page.panel._follows.value = True
-    wait_until(lambda: not page.page._server.get_clients())
+    wait_until(lambda: not page.page.server.get_clients())
 
 
 ODD_CAMERAS: list[dict[str, Any]] = [

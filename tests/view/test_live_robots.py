@@ -11,12 +11,11 @@ from needs import needs_robots
 import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
-from harpy_pin.view.live.drive_settings import LiveSettings
-from harpy_pin.view.live.driven_walk import DriveRanges, usual_settings
+from harpy_pin.view.identity import robot_of
 from harpy_pin.view.live.live_charts import WholeFeet
 from harpy_pin.view.live.live_log import LiveLog
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
-from harpy_pin.view.robot_of import robot_of
+from harpy_pin.view.live.settings import DriveRanges, LiveSettings, usual_settings
 
 pytestmark = needs_robots
 
@@ -117,7 +116,7 @@ def test_what_a_robot_does_not_have_is_refused(robot: hp.Robot, go2: hp.Robot) -
 def test_a_drive_is_logged_and_replayed(go2: hp.Robot, tmp_path: Any) -> None:
     session = make(go2, forward=0.4)
     log = LiveLog(session, tmp_path / "drive.npz")
-    session.on_tick = lambda session, tick: log.append(session, tick)
+    session.on_tick = lambda tick: log.append()
     walk(session, 0.5)
     session.change({"schedule": "crawl"})
     walk(session, 2.0)

@@ -16,13 +16,16 @@ from pages import ATTACKS, commands_of, content_of, make_run, unpack
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_robot
-from harpy_pin.view import Frames, ReplayServer, replay_html, replays_html, robot_of, write_html
+from harpy_pin.view import ReplayServer, replay_html, robot_of, write_html
+from harpy_pin.view.identity import name_of
 from harpy_pin.view.page.build_page import pack
-from harpy_pin.view.page.charts import Clock
+from harpy_pin.view.page.clock import Clock
 from harpy_pin.view.page.moment import telling_moment
-from harpy_pin.view.page.shown import name_of, scoreboard
+from harpy_pin.view.page.shown import scoreboard
 from harpy_pin.view.palette import ground_colour
-from harpy_pin.view.scene.forces import ROUNDING, friction_used
+from harpy_pin.view.scene.contacts import Contacts
+from harpy_pin.view.scene.forces import ROUNDING
+from harpy_pin.view.scene.frames import Frames
 from harpy_pin.view.scene.ground import centre_of_pressure, footholds, slip_steps
 
 # --- thinning ---------------------------------------------------------------------------------------------------------
@@ -71,11 +74,11 @@ def test_page_opens_where_a_loaded_foot_slides_most(robot: Robot) -> None:
     force[:, 0] = (3.0, 0.0, 39.0)
     force[850:860, 0] = (6.0, 0.0, 39.0)
     run = make_run(robot, foot_velocity=velocity, foot_force=force)
-    moment = telling_moment(run)
+    moment = telling_moment(Frames.from_run(run, robot, fps=1e3))
     assert 0.85 <= moment.time < 0.86
     assert moment.power == pytest.approx(0.3 * 6.0)
     assert moment.reason == "left foot slides at 300 mm/s under 39 N"
-    content = content_of(replay_html(run, robot))
+    content = content_of(replay_html([(run, robot)]))
     assert 0.8 <= content["moment"]["time"] < 0.9
 
 
@@ -87,7 +90,8 @@ def test_page_opens_where_most_friction_is_used_if_nothing_slides(robot: Robot) 
     force[500:510, 1] = (3.0, 0.0, 38.0)
     velocity = np.zeros((1001, 2, 3))
     velocity[700, 0, 0] = 3.0  # one row: a touchdown
-    moment = telling_moment(make_run(robot, foot_velocity=velocity, foot_force=force))
+    run = make_run(robot, foot_velocity=velocity, foot_force=force)
+    moment = telling_moment(Frames.from_run(run, robot, fps=1e3))
     assert 0.3 <= moment.time < 0.31
     assert f"{100 * 9.0 / (0.25 * 39.0):.0f} %" in moment.reason
     assert moment.power == 0.0
@@ -99,7 +103,7 @@ def test_what_happens_in_a_fall_is_not_the_moment(robot: Robot) -> None:
     velocity[300:400, 0, 0], velocity[900:, 0, 0] = 0.1, 5.0
     run = make_run(robot, foot_velocity=velocity, foot_force=force)
     run["q"][800:, 3:7] = (np.sin(0.4), 0.0, 0.0, np.cos(0.4))
-    assert 0.3 <= telling_moment(run).time < 0.4
+    assert 0.3 <= telling_moment(Frames.from_run(run, robot, fps=1e3)).time < 0.4
 
 
 # --- several runs -----------------------------------------------------------------------------------------------------
@@ -116,7 +120,7 @@ def test_runs_are_named_and_told_apart(robot: Robot) -> None:
     paper, explicit = walked(robot, controller="governed"), walked(robot)
     assert (name_of(paper), name_of(explicit)) == ("Paper's governor", "Condensed controller")
     assert name_of(walked(robot, metadata={"own": ["controller"]})) == "Test"
-    content = content_of(replays_html([(paper, robot), (explicit, robot), (explicit, robot)]))
+    content = content_of(replay_html([(paper, robot), (explicit, robot), (explicit, robot)]))
     names = [run["name"] for run in content["runs"]]
     assert names[0].startswith("Paper's governor")
     assert len(set(names)) == 3
@@ -126,9 +130,9 @@ def test_runs_are_named_and_told_apart(robot: Robot) -> None:
         assert all(len(line["values"]) == len(content["charts"]["time"]) for line in chart["lines"])
     for wrong in ([], [(paper, robot)] * 5):
         with pytest.raises(InputError, match="1 to 4 runs"):
-            replays_html(wrong)
+            replay_html(wrong)
     with pytest.raises(InputError, match="as many names"):
-        replays_html([(paper, robot)], names=["a", "b"])
+        replay_html([(paper, robot)], names=["a", "b"])
 
 
 def test_scoreboard_marks_the_best_that_walked(robot: Robot) -> None:
@@ -175,7 +179,7 @@ def test_the_robot_of_a_log_is_found(robot: Robot) -> None:
 @pytest.mark.parametrize("name", ["solo12", "anymal_c", "talos"])
 def test_other_robots_fit_in_the_picture(name: str) -> None:
     """The camera sees a height of ``size``; the robot's is most of it, and never more."""
-    from harpy_pin.view.scene.scene import Scales
+    from harpy_pin.view.scene.scene import picture_size
 
     other = load_robot(name)
     run = make_run(other, 3)
@@ -183,8 +187,8 @@ def test_other_robots_fit_in_the_picture(name: str) -> None:
     lowest = {"solo12": 0.24, "anymal_c": 0.55, "talos": 1.02}[name]
     run["q"][:, 2] = lowest
     frames = Frames.from_run(run, other)
-    points = np.concatenate((frames.joints[0, 1:, :3, 3], frames.foot_position[0]))
-    size = Scales.of(other, frames).size
+    points = np.concatenate((frames.joints[0, 1:, :3, 3], frames["foot_position"][0]))
+    size = picture_size(frames)
     reach = max(np.ptp(points[:, 2]), np.ptp(points[:, 0]), np.ptp(points[:, 1]))
     assert 1.1 * reach < size < 3.0 * reach
 
@@ -217,16 +221,17 @@ def test_centre_of_pressure_is_between_the_feet(robot: Robot) -> None:
     frames = Frames.from_run(standing, robot, fps=1e3)
     point = centre_of_pressure(frames)
     assert np.all(np.isnan(point[0]))
-    np.testing.assert_allclose(point[1:], [[0.1, 0.05, 0.0], [0.4, -0.1, 0.0]])
+    np.testing.assert_allclose(point[1:], [[0.1, 0.05], [0.4, -0.1]])
 
 
 def test_forces_outside_their_cone() -> None:
     force = np.array([[3.0, 4.0, 10.0], [3.0, 4.0, 9.9], [0.0, 0.0, 0.0], [1.0, 0.0, -1.0], [0.0, 0.0, 5.0]])
-    mu = np.full(5, 0.5)
-    np.testing.assert_allclose(friction_used(force, mu), [1.0, 5.0 / 4.95, 0.0, 0.0, 0.0])
-    assert (friction_used(force, mu) > ROUNDING).tolist() == [False, True, False, False, False]
-    assert not (friction_used(force, mu, per_axis=True) > ROUNDING).any()
-    assert np.isinf(friction_used(np.array([[0.1, 0.0, 5.0]]), np.zeros(1))).all()
+    mu, still = np.full(5, 0.5), np.zeros_like(force)
+    used = Contacts(still, force, still, mu).used
+    np.testing.assert_allclose(used, [1.0, 5.0 / 4.95, 0.0, 0.0, 0.0])
+    assert (used > ROUNDING).tolist() == [False, True, False, False, False]
+    assert not (Contacts(still, force, still, mu, per_axis=True).used > ROUNDING).any()
+    assert np.isinf(Contacts(still, force, still, np.zeros(5)).used[:2]).all()
 
 
 def test_ground_is_coloured_by_its_friction() -> None:
@@ -238,7 +243,7 @@ def test_ground_is_coloured_by_its_friction() -> None:
 
 def test_ice_is_drawn_where_it_is(robot: Robot) -> None:
     ground = {"mu_s": 0.6, "cone": "circular", "friction_strips": [[0.2, 0.5, 0.1], [1.0, 1.5, 0.05]]}
-    commands = commands_of(replay_html(make_run(robot, 50, metadata={"ground": ground}), robot))
+    commands = commands_of(replay_html([(make_run(robot, 50, metadata={"ground": ground}), robot)]))
     for number, (begin, end, mu) in enumerate(ground["friction_strips"]):
         path = f"/meshcat/walk/ground/strip/{number + 1}"
         (drawn,) = (c["object"] for c in commands if c["type"] == "set_object" and c["path"] == path)
@@ -252,18 +257,18 @@ def test_power_of_a_battery_is_the_slope_of_its_energies(robot: Robot) -> None:
     time = 0.001 * np.arange(1001)
     watts = np.array([100.0, 0.0, 5.0, 40.0, 20.0, 10.0, 25.0])
     run = make_run(robot, battery_energy=time[:, None] * watts)
-    chart = next(c for c in content_of(replay_html(run, robot))["charts"]["charts"] if c["title"] == "power")
+    chart = next(c for c in content_of(replay_html([(run, robot)]))["charts"]["charts"] if c["title"] == "power")
     for line, expected in zip(chart["lines"], (100.0, 60.0, 35.0), strict=True):
         np.testing.assert_allclose([v for v in line["values"] if v is not None], expected, rtol=1e-3)
     with pytest.raises(InputError, match="battery_energy"):
-        replay_html(make_run(robot, battery_energy=time), robot)
+        replay_html([(make_run(robot, battery_energy=time), robot)])
 
 
 def test_power_without_a_battery_is_that_of_joints_and_of_fans(robot: Robot) -> None:
     thrust, torque, v = np.zeros((1001, 2, 3)), np.zeros((1001, 6)), np.zeros((1001, 12))
     thrust[:, :, 2], torque[:, 4], v[:, 10] = 18.0, -3.0, 2.0
     run = make_run(robot, thrust=thrust, torque=torque, v=v)
-    chart = next(c for c in content_of(replay_html(run, robot))["charts"]["charts"] if c["title"] == "power")
+    chart = next(c for c in content_of(replay_html([(run, robot)]))["charts"]["charts"] if c["title"] == "power")
     for line, expected in zip(chart["lines"], (2000.0, -6.0), strict=True):
         np.testing.assert_allclose([value for value in line["values"] if value is not None], expected, rtol=1e-3)
 
@@ -273,7 +278,7 @@ def test_friction_that_changes_is_that_of_the_moment(robot: Robot) -> None:
     force = np.zeros((1001, 2, 3))
     force[:, 0] = (4.0, 0.0, 40.0)
     friction = np.where(np.arange(1001)[:, None] < 500, 0.8, 0.2) * np.ones((1, 2))
-    content = content_of(replay_html(make_run(robot, foot_force=force, foot_friction=friction), robot))
+    content = content_of(replay_html([(make_run(robot, foot_force=force, foot_friction=friction), robot)]))
     shares = [row.split(" · ")[0] for row in content["runs"][0]["values"]["friction"]]
     assert (shares[0], shares[-1]) == ("12 %", "50 %")
     assert content["moment"]["time"] >= 0.5
@@ -288,7 +293,7 @@ def run(robot: Robot) -> Run:
 
 
 def test_no_text_of_a_log_becomes_markup(robot: Robot, run: Run, tmp_path: Path) -> None:
-    harmless = replay_html(make_run(robot, 20), robot)
+    harmless = replay_html([(make_run(robot, 20), robot)])
     for attack in ATTACKS:
         metadata = {
             "ending": attack,
@@ -299,7 +304,7 @@ def test_no_text_of_a_log_becomes_markup(robot: Robot, run: Run, tmp_path: Path)
             attack: attack,
         }
         bad = make_run(robot, 20, metadata=metadata, **{attack: np.zeros(20)})
-        text = write_html(bad, robot, tmp_path / "page.html").read_text(encoding="utf-8")
+        text = write_html([(bad, robot)], tmp_path / "page.html").read_text(encoding="utf-8")
         for piece in ("<script", "</script", "<img", "onerror=attack"):
             escaped = text.count("&#x27;&gt;&lt;img src=x onerror=attack") if piece.startswith("onerror") else 0
             assert text.count(piece) - escaped == harmless.count(piece)
@@ -314,7 +319,7 @@ def test_signals_of_other_kinds_are_refused(robot: Robot, name: str) -> None:
     for strange in (np.full(signal.shape, "x"), signal.astype(complex), np.zeros((20, 2, 2, 2))):
         strange_run = make_run(robot, 20, **{name: strange})
         with pytest.raises(InputError):
-            replay_html(strange_run, robot)
+            replay_html([(strange_run, robot)])
 
 
 def test_metadata_and_times_of_other_kinds_are_refused(robot: Robot) -> None:
@@ -326,9 +331,9 @@ def test_metadata_and_times_of_other_kinds_are_refused(robot: Robot) -> None:
         {"control_period": "x"},
     ):
         with pytest.raises(InputError, match="metadata"):
-            replay_html(make_run(robot, 20, metadata=metadata), robot)
+            replay_html([(make_run(robot, 20, metadata=metadata), robot)])
     with pytest.raises(InputError, match="times"):
-        replay_html(make_run(robot, 20, t=np.linspace(0.0, 1e8, 20)), robot)
+        replay_html([(make_run(robot, 20, t=np.linspace(0.0, 1e8, 20)), robot)])
 
 
 def ask(server: ReplayServer, request: bytes) -> bytes:

@@ -16,7 +16,7 @@ from PIL import Image
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
-from harpy_pin.view import write_html, write_replays
+from harpy_pin.view import write_html
 from harpy_pin.view.page.chromium import Chromium, find_chromium
 from harpy_pin.view.page.film import Film
 
@@ -43,7 +43,7 @@ def browser() -> Iterator[Chromium]:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory, run: Run, robot: Robot) -> str:
-    return write_html(run, robot, tmp_path_factory.mktemp("page") / "walk.html", fps=50.0).as_uri()
+    return write_html([(run, robot)], tmp_path_factory.mktemp("page") / "walk.html", fps=50.0).as_uri()
 
 
 @pytest.fixture
@@ -238,7 +238,7 @@ LAYOUT = """(() => {
 def test_nothing_overlaps(
     browser: Chromium, run: Run, robot: Robot, tmp_path: Path, size: tuple[int, int], runs: int
 ) -> None:
-    path = write_replays([(run, robot)] * runs, tmp_path / "walk.html")
+    path = write_html([(run, robot)] * runs, tmp_path / "walk.html")
     browser.resize(*size, mobile=size[0] < 500)
     browser.open_replay(path.as_uri())
     found = browser.run(LAYOUT)
@@ -268,7 +268,7 @@ def test_nothing_overlaps(
 
 def test_runs_side_by_side_play_in_step(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None:
     short = Run({name: signal[:501] for name, signal in run.signals.items()}, run.metadata | {"ending": "fell"})
-    path = write_replays([(run, robot), (short, robot)], tmp_path / "two.html", names=["long", "short"])
+    path = write_html([(run, robot), (short, robot)], tmp_path / "two.html", names=["long", "short"])
     browser.resize(1280, 800)
     browser.open_replay(path.as_uri())
     go(browser, 0.8)
@@ -291,10 +291,10 @@ def test_text_of_a_log_stays_text(browser: Chromium, robot: Robot, tmp_path: Pat
     scenario = {"controller": attack, "governor": attack}
     metadata = {"ending": attack, "robot": attack, "controller": attack, "scenario": scenario, attack: attack}
     bad = make_run(robot, 100, metadata=metadata)
-    path = write_replays([(bad, robot)] * 2, tmp_path / "page.html", names=[attack, attack + "2"])
+    path = write_html([(bad, robot)] * 2, tmp_path / "page.html", names=[attack, attack + "2"])
     browser.open_replay(path.as_uri())
     assert attack in browser.run("document.querySelector('figcaption').textContent")
-    path = write_html(bad, robot, tmp_path / "page.html")
+    path = write_html([(bad, robot)], tmp_path / "page.html")
     browser.open_replay(path.as_uri())
     assert attack in browser.run("document.getElementById('facts').textContent")
     assert browser.run("document.querySelectorAll('img, header b b').length") == 0
@@ -325,17 +325,17 @@ def test_pictures_and_gif(browser: Chromium, run: Run, robot: Robot, tmp_path: P
         assert np.abs(images[0] - images[1]).mean() > 0.5
         (alone,) = film.pictures(tmp_path / "moment.png", size=(300, 200))
         assert alone == tmp_path / "moment.png"
-        with Image.open(film.gif(tmp_path / "walk.gif", begin=0.2, end=0.6, size=(400, 400))) as gif:
+        with Image.open(film.save(tmp_path / "walk.gif", begin=0.2, end=0.6, size=(400, 400))) as gif:
             assert (gif.size, gif.n_frames, gif.info["duration"], gif.info["loop"]) == ((400, 400), 6, 80, 0)
         with pytest.raises(InputError, match="end after its beginning"):
-            film.gif(tmp_path / "none.gif", begin=0.5, end=0.5)
+            film.save(tmp_path / "none.gif", begin=0.5, end=0.5)
         assert not (tmp_path / "none.gif").exists()
 
 
 def test_film(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None:
     encoder = pytest.importorskip("imageio_ffmpeg")
     with Film([(run, robot)]) as film:
-        path = film.mp4(tmp_path / "walk.mp4", begin=0.0, end=0.2, size=(201, 161))
+        path = film.save(tmp_path / "walk.mp4", begin=0.0, end=0.2, size=(201, 161))
     about = next(encoder.read_frames(str(path)))
     assert (about["codec"], about["size"], about["fps"]) == ("h264", (200, 160), 25.0)
 
@@ -372,7 +372,7 @@ def test_no_encoder_is_a_clear_error(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with Film([(run, robot)]) as film, pytest.raises(HarpyError, match=r"harpy-pin\[film\]"):
-        film.mp4(tmp_path / "walk.mp4")
+        film.save(tmp_path / "walk.mp4")
 
 
 def test_long_walk_is_a_small_page(robot: Robot, tmp_path: Path) -> None:
@@ -383,4 +383,4 @@ def test_long_walk_is_a_small_page(robot: Robot, tmp_path: Path) -> None:
         "tick_ns": rng.integers(5_000, 20_000, rows),
     }
     run = make_run(robot, rows, **noise, desired_force=rng.normal(size=(rows, 2, 3)))
-    assert write_html(run, robot, tmp_path / "walk.html", fps=50.0).stat().st_size < 6e6
+    assert write_html([(run, robot)], tmp_path / "walk.html", fps=50.0).stat().st_size < 6e6

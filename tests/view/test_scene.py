@@ -14,9 +14,8 @@ from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.view.page.charts import charts_of
 from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.scene import meshes
-from harpy_pin.view.scene.forces import friction_used
+from harpy_pin.view.scene.contacts import about_normals, ground_of, surface_of
 from harpy_pin.view.scene.frames import Frames
-from harpy_pin.view.scene.ground import about_normals, surface_of
 from harpy_pin.view.scene.meshes import mesh_parts, thin_out
 from harpy_pin.view.scene.robot_nodes import load_visuals
 from harpy_pin.view.scene.scene import scene_of
@@ -118,7 +117,7 @@ def test_every_corner_of_a_file_of_several_parts_is_drawn(name):
 def test_logs_of_flat_feet_and_of_old_names_lead_to_their_robot():
     from pages import make_run
 
-    from harpy_pin.view.robot_of import robot_of
+    from harpy_pin.view.identity import robot_of
 
     for name in ("g1", "talos", "solo12", "go2"):
         robot = hp.load_robot(name)
@@ -133,7 +132,7 @@ def test_logs_of_flat_feet_and_of_old_names_lead_to_their_robot():
 def test_a_run_under_a_gait_of_ones_own_is_viewed(tmp_path):
     """The example of the page on gaits, through its file."""
     from harpy_pin.view import write_html
-    from harpy_pin.view.robot_of import robot_of
+    from harpy_pin.view.identity import robot_of
 
     class Slower:
         def __init__(self, inner):
@@ -147,7 +146,7 @@ def test_a_run_under_a_gait_of_ones_own_is_viewed(tmp_path):
     run = hp.walk(hp.Scenario(controller="condensed", duration=0.1), gait=gait)
     run.save(tmp_path / "slower.npz")
     again = hp.Run.load(tmp_path / "slower.npz")
-    write_html(again, robot_of(again), tmp_path / "slower.html")
+    write_html([(again, robot_of(again))], tmp_path / "slower.html")
     assert (tmp_path / "slower.html").stat().st_size > 100_000
 
 
@@ -160,8 +159,8 @@ def run() -> hp.Run:
 
 
 def test_the_surface_is_that_of_the_run(run):
-    assert surface_of(run) == PLANE
-    assert surface_of(hp.walk(hp.Scenario(duration=0.01))) is None
+    assert surface_of(ground_of(run)) == PLANE
+    assert surface_of(ground_of(hp.walk(hp.Scenario(duration=0.01)))) is None
 
 
 def test_vectors_about_the_normal(run):
@@ -174,7 +173,7 @@ def test_vectors_about_the_normal(run):
 
 def test_cones_stand_on_the_surface(run):
     robot = hp.load_harpy()
-    motions = scene_of(run, robot, Frames.from_run(run, robot, fps=30.0)).motions
+    motions = scene_of(Frames.from_run(run, robot, fps=30.0)).motions
     for foot in robot.feet:
         for quaternion in motions[f"friction_cone/{foot}"].quaternion:
             up = pin.Quaternion(quaternion).matrix() @ (0.0, 0.0, 1.0)
@@ -183,11 +182,11 @@ def test_cones_stand_on_the_surface(run):
 
 def test_what_is_told_of_friction_is_about_the_normal(run):
     """The condensed controller keeps three quarters of the friction; about the vertical it would be far more."""
-    force = run["foot_force"][100:]
-    own = friction_used(about_normals(PLANE, run["foot_position"][100:], force), np.full(force.shape[:2], 0.6))
-    assert np.median(own[own > 0.0]) < 0.8
     robot = hp.load_harpy()
-    charts = charts_of(Shown("walk", "#123456", run, robot, Frames.from_run(run, robot, fps=30.0), True))
+    frames = Frames.from_run(run, robot, fps=30.0)
+    own = frames.contacts[100:].used
+    assert np.median(own[own > 0.0]) < 0.8
+    charts = charts_of([Shown("walk", "#123456", frames)])
     margin = next(chart for chart in charts if "friction margin" in chart.title)
     values = np.concatenate([np.asarray(line.values, dtype=float) for line in margin.lines])
     assert np.nanmin(values) > -1e-6

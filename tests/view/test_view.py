@@ -17,30 +17,21 @@ import harpy_pin as hp
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
-from harpy_pin.view import (
-    Frames,
-    command_figure,
-    forces_figure,
-    reference_figure,
-    replay_html,
-    scene_of,
-    show,
-    thrust_figure,
-    write_html,
-)
-from harpy_pin.view.robot_of import robot_of
-from harpy_pin.view.scene.forces import Arrow, Cone, nice_scale
-from harpy_pin.view.scene.frames import sample_rows
+from harpy_pin.view import figures_of, replay_html, show, write_html
+from harpy_pin.view.identity import robot_of
+from harpy_pin.view.scene.contacts import Contacts
+from harpy_pin.view.scene.forces import Arrow, Cone, Scales, nice_scale
+from harpy_pin.view.scene.frames import Frames, sample_rows
 from harpy_pin.view.scene.nodes import Mesh, Motions, turn_z_to
 from harpy_pin.view.scene.robot_nodes import find_pantograph
-from harpy_pin.view.scene.scene import Scales, follow
+from harpy_pin.view.scene.scene import follow, scene_of
 
 FPS = 30.0
 
 
 def motions_of(run: Run, robot: Robot, *, fps: float = FPS) -> Motions:
     """How the nodes of the scene move, by path."""
-    return scene_of(run, robot, Frames.from_run(run, robot, fps=fps)).motions
+    return scene_of(Frames.from_run(run, robot, fps=fps)).motions
 
 
 def turn(quaternion: np.ndarray) -> np.ndarray:
@@ -89,7 +80,10 @@ def drawn_rim(cone: Cone, mu: float) -> np.ndarray:
     corners = side.vertices[side.faces]
     np.testing.assert_array_equal(corners[:, 0], 0.0)
     one = np.zeros((1, 3))
-    return corners[:, 1:].reshape(-1, 3) * cone.motions(one, one, one, np.array([mu]), None)["cone/sticking/side"].scale
+    return (
+        corners[:, 1:].reshape(-1, 3)
+        * cone.motions(Contacts(one, one, one, np.array([mu])), None)["cone/sticking/side"].scale
+    )
 
 
 @pytest.mark.parametrize("mu", [0.05, 0.25, 0.8, 3.0])
@@ -115,15 +109,15 @@ def test_pantograph_closes_at_the_foot(robot: Robot) -> None:
         assert leg is not None
         assert (leg.thigh, leg.shin) == pytest.approx((0.3, 0.2))
         end = leg.ankle(frames.joints) - leg.shin * frames.joints[:, leg.thigh_joint, :3, 2]
-        np.testing.assert_allclose(end, frames.foot_position[:, k], atol=1e-9)
+        np.testing.assert_allclose(end, frames["foot_position"][:, k], atol=1e-9)
         bars = np.linalg.norm(leg.ankle(frames.joints) - leg.motor(frames.joints), axis=1)
         np.testing.assert_allclose(bars, leg.shin, atol=1e-12)
         # Parallel to the serial shank, whose knee Pinocchio places on its own.
         for row in range(0, len(frames), 7):
-            pin.forwardKinematics(robot.model, data, frames.q[row])
+            pin.forwardKinematics(robot.model, data, frames["q"][row])
             knee = data.oMi[leg.shank_joint].translation
             shin = leg.ankle(frames.joints)[row] - leg.motor(frames.joints)[row]
-            np.testing.assert_allclose(shin, frames.foot_position[row, k] - knee, atol=1e-9)
+            np.testing.assert_allclose(shin, frames["foot_position"][row, k] - knee, atol=1e-9)
 
 
 def test_rows_of_a_frame_clock() -> None:
@@ -139,8 +133,8 @@ def test_rows_of_a_frame_clock() -> None:
 def test_camera_path_is_the_line_of_a_straight_walk(robot: Robot) -> None:
     frames = Frames.from_run(make_run(robot, 2001), robot, fps=FPS)
     path = follow(frames)
-    np.testing.assert_allclose(path[:, 0], frames.q[:, 0], atol=1e-3)
-    assert np.ptp(path[:, 1]) < np.ptp(frames.q[:, 1])
+    np.testing.assert_allclose(path[:, 0], frames["q"][:, 0], atol=1e-3)
+    assert np.ptp(path[:, 1]) < np.ptp(frames["q"][:, 1])
 
 
 @pytest.mark.parametrize(("given", "desired"), [(119.0, 100.0), (100.0, 100.0), (7.0, 5.0), (0.0, 100.0), (0.3, 0.2)])
@@ -158,7 +152,7 @@ def run(robot: Robot) -> Run:
 
 @pytest.fixture(scope="module")
 def page(run: Run, robot: Robot) -> str:
-    return replay_html(run, robot, fps=FPS)
+    return replay_html([(run, robot)], fps=FPS)
 
 
 def test_page_loads_nothing(page: str) -> None:
@@ -226,7 +220,7 @@ def test_links_move_as_pinocchio_says(run: Run, robot: Robot) -> None:
 def test_forces_in_the_scene_are_those_of_the_run(run: Run, robot: Robot) -> None:
     motions = motions_of(run, robot)
     rows = sample_rows(run["t"], FPS)
-    scale = Scales.of(robot, Frames.from_run(run, robot)).contact
+    scale = Scales.of(robot, 0.6).contact
     for k, foot in enumerate(robot.feet):
         arrow, force = motions[f"contact_force/{foot}"], run["foot_force"][rows, k]
         np.testing.assert_array_equal(arrow.visible, force[:, 2] > 0.0)
@@ -254,7 +248,7 @@ def test_cone_turns_red_while_the_foot_slides(run: Run, robot: Robot) -> None:
 
 def test_per_axis_ground_draws_a_pyramid(robot: Robot) -> None:
     run = make_run(robot, 50, metadata={"ground": {"mu_s": 0.25, "cone": "per_axis"}})
-    nodes = scene_of(run, robot, Frames.from_run(run, robot)).nodes
+    nodes = scene_of(Frames.from_run(run, robot)).nodes
     (side,) = (node for node in nodes if node.path == f"friction_cone/{robot.feet[0]}/sticking/side")
     assert isinstance(side.shape, Mesh)
     assert len(side.shape.faces) == 4
@@ -266,12 +260,11 @@ def test_per_axis_ground_draws_a_pyramid(robot: Robot) -> None:
 def test_signals_and_metadata_that_are_missing_are_left_out(robot: Robot) -> None:
     bare = make_run(robot, 50, x_r=None, x_w=None)
     bare.metadata.clear()
-    text = replay_html(bare, robot)
+    text = replay_html([(bare, robot)])
     paths = {c["path"] for c in commands_of(text) if c["type"] == "set_object"}
     assert not any("friction_cone" in path or "reference" in path for path in paths)
     assert "applied x" not in str(content_of(text))
-    for figure in (forces_figure(bare), reference_figure(bare), thrust_figure(bare)):
-        assert figure.axes
+    assert all(figure.axes for figure in figures_of(bare, robot).values())
 
 
 def test_reference_that_is_not_known_is_hidden(robot: Robot) -> None:
@@ -282,7 +275,7 @@ def test_reference_that_is_not_known_is_hidden(robot: Robot) -> None:
 
 
 def test_one_row_is_a_still_picture(robot: Robot) -> None:
-    text = replay_html(make_run(robot, 1), robot)
+    text = replay_html([(make_run(robot, 1), robot)])
     assert content_of(text)["runs"][0]["tracks"] == []
 
 
@@ -291,11 +284,11 @@ def test_divergence_is_cut_where_the_numbers_end(robot: Robot) -> None:
     run["q"][700:, 9], run["foot_force"][650:] = np.nan, np.inf
     frames = Frames.from_run(run, robot, fps=FPS)
     assert frames.time[-1] == pytest.approx(0.649)
-    assert "diverged" in replay_html(run, robot)
-    assert len(forces_figure(run).axes[0].lines[0].get_xdata()) == 650
+    assert "diverged" in replay_html([(run, robot)])
+    assert len(figures_of(run, robot)["feet"].axes[0].lines[0].get_xdata()) == 650
     run["q"][:] = np.nan
     with pytest.raises(InputError, match="no finite row"):
-        replay_html(run, robot)
+        replay_html([(run, robot)])
 
 
 @pytest.mark.parametrize("factor", [1e8, 1e-8, 0.0])
@@ -303,33 +296,33 @@ def test_rows_without_a_rotation_are_not_drawn(robot: Robot, factor: float) -> N
     run = make_run(robot)
     run["q"][700:, 3:7] *= factor
     assert Frames.from_run(run, robot, fps=FPS).time[-1] == pytest.approx(0.699)
-    replay_html(run, robot)
+    replay_html([(run, robot)])
 
 
 def test_empty_run(robot: Robot) -> None:
     for empty in (Run({}, {"ending": "interrupted"}), make_run(robot, 3, metadata={})):
         if empty.signals:
             empty = Run({name: array[:0] for name, array in empty.signals.items()}, empty.metadata)
-        for use in (lambda r: replay_html(r, robot), forces_figure, reference_figure, thrust_figure):
+        for use in (lambda r: replay_html([(r, robot)]), lambda r: figures_of(r, robot)):
             with pytest.raises(InputError, match="no tick"):
                 use(empty)
 
 
 def test_run_of_another_robot(robot: Robot, run: Run) -> None:
     one_foot = load_robot(robot.urdf, feet=("left_foot",))
-    with pytest.raises(InputError, match="foot_position has shape"):
-        replay_html(run, one_foot)
+    with pytest.raises(InputError, match="foot_position has rows of shape"):
+        replay_html([(run, one_foot)])
     swapped = load_robot(robot.urdf, feet=robot.feet[::-1], thrusters=robot.thrusters)
     with pytest.raises(InputError, match="logged with feet"):
-        replay_html(run, swapped)
-    with pytest.raises(InputError, match="q has shape"):
-        replay_html(Run(run.signals | {"q": run["q"][:, :-1]}, run.metadata), robot)
+        replay_html([(run, swapped)])
+    with pytest.raises(InputError, match="q has rows of shape"):
+        replay_html([(Run(run.signals | {"q": run["q"][:, :-1]}, run.metadata), robot)])
 
 
 @pytest.mark.parametrize("fps", [0.0, -1.0, np.nan])
 def test_frame_rate_must_be_positive(run: Run, robot: Robot, fps: float) -> None:
     with pytest.raises(InputError, match="fps"):
-        replay_html(run, robot, fps=fps)
+        replay_html([(run, robot)], fps=fps)
 
 
 def test_robot_without_thrusters_or_visuals(tmp_path: Path, robot: Robot) -> None:
@@ -337,11 +330,9 @@ def test_robot_without_thrusters_or_visuals(tmp_path: Path, robot: Robot) -> Non
     (tmp_path / "bare.urdf").write_text(text, encoding="utf-8")
     bare = load_robot(tmp_path / "bare.urdf", feet=robot.feet)
     run = make_run(bare, 50)
-    paths = {c["path"] for c in commands_of(replay_html(run, bare)) if c["type"] == "set_object"}
+    paths = {c["path"] for c in commands_of(replay_html([(run, bare)])) if c["type"] == "set_object"}
     assert any("/robot/left_knee/rod_" in path for path in paths)
     assert not any("/thrust/" in path for path in paths)
-    with pytest.raises(InputError, match="no thrusters"):
-        thrust_figure(run)
 
 
 def test_missing_mesh_gives_a_skeleton_and_a_warning(tmp_path: Path, robot: Robot) -> None:
@@ -351,7 +342,7 @@ def test_missing_mesh_gives_a_skeleton_and_a_warning(tmp_path: Path, robot: Robo
     (tmp_path / "mesh.urdf").write_text(text, encoding="utf-8")
     other = load_harpy(tmp_path / "mesh.urdf")
     with pytest.warns(UserWarning, match="skeleton"):
-        assert "rod_" in str(commands_of(replay_html(make_run(other, 5), other)))
+        assert "rod_" in str(commands_of(replay_html([(make_run(other, 5), other)])))
 
 
 def test_mesh_is_drawn_in_its_place(tmp_path: Path, robot: Robot) -> None:
@@ -361,7 +352,7 @@ def test_mesh_is_drawn_in_its_place(tmp_path: Path, robot: Robot) -> None:
     text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', mesh)
     (tmp_path / "mesh.urdf").write_text(text, encoding="utf-8")
     other = load_harpy(tmp_path / "mesh.urdf")
-    commands = commands_of(replay_html(make_run(other, 5), other))
+    commands = commands_of(replay_html([(make_run(other, 5), other)]))
     (drawn,) = (c for c in commands if c["type"] == "set_object" and c["path"].endswith("0_base_0"))
     points = np.frombuffer(drawn["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
     np.testing.assert_allclose(points.reshape(-1, 3).max(axis=0), [0.2, 0.4, 0.6], rtol=1e-6)
@@ -372,45 +363,42 @@ def test_mesh_is_drawn_in_its_place(tmp_path: Path, robot: Robot) -> None:
 
 def test_write_html_checks_the_file_first(tmp_path: Path, run: Run, robot: Robot) -> None:
     with pytest.raises(RunFileError, match="no folder"):
-        write_html(run, robot, tmp_path / "nowhere" / "walk.html")
+        write_html([(run, robot)], tmp_path / "nowhere" / "walk.html")
     with pytest.raises(RunFileError, match="is a folder"):
-        write_html(run, robot, tmp_path)
-    path = write_html(run, robot, tmp_path / "walk.html")
+        write_html([(run, robot)], tmp_path)
+    path = write_html([(run, robot)], tmp_path / "walk.html")
     assert path.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     assert [p.name for p in tmp_path.iterdir()] == ["walk.html"]
 
 
 def test_show_serves_the_page(run: Run, robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
-    with show(run, robot, open_browser=False) as server:
+    with show([(run, robot)], open_browser=False) as server:
         assert server.url in capsys.readouterr().out
         opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
         with opener.open(server.url, timeout=10) as answer:
             assert b"MeshCat" in answer.read()
         with pytest.raises(RunFileError, match="cannot serve"):
-            show(run, robot, open_browser=False, port=int(server.url.rstrip("/").rsplit(":", 1)[1]))
+            show([(run, robot)], open_browser=False, port=int(server.url.rstrip("/").rsplit(":", 1)[1]))
 
 
-def test_figures_have_units_and_bounds(tmp_path: Path, run: Run) -> None:
-    forces, references, thrusts = forces_figure(run), reference_figure(run), thrust_figure(run)
-    assert [len(figure.axes) for figure in (forces, references, thrusts)] == [4, 6, 2]
-    for figure in (forces, references, thrusts):
-        labels = [axes.get_ylabel() for axes in figure.axes if axes.get_ylabel()]
-        assert labels
-        assert all("(N)" in label or "m)" in label for label in labels)
+def test_figures_show_the_charts_of_the_page(tmp_path: Path, run: Run, robot: Robot) -> None:
+    figures, charts = figures_of(run, robot), content_of(replay_html([(run, robot)]))["charts"]["charts"]
+    assert {name: len([axes for axes in figure.axes if axes.axison]) for name, figure in figures.items()} == {
+        name: sum(chart["group"].lower() == name for chart in charts) for name in ("feet", "body", "effort")
+    }
+    for figure in figures.values():
+        assert all(axes.get_ylabel() for axes in figure.axes if axes.axison)
         figure.savefig(tmp_path / "figure.png", dpi=40)
-    band = forces.axes[2].collections[0].get_paths()[0].vertices
+    left = next(axes for axes in figures["feet"].axes if axes.get_title(loc="right") == "friction force, left foot")
+    band = left.collections[0].get_paths()[0].vertices
     assert band[:, 1].max() == pytest.approx(0.25 * 39.0)
-    assert forces.axes[0].lines[1].get_ydata()[0] == 20.0
 
 
-def test_a_command_figure_shows_what_was_given_and_applied(run: Run, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no command"):
-        command_figure(run)
+def test_a_driven_walk_shows_what_was_given_and_applied() -> None:
     script = ((0.05, 3.0, 0.0, 0.5),)
     walked = hp.walk(hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=script), duration=0.3))
-    figure = command_figure(walked)
-    figure.savefig(tmp_path / "figure.png", dpi=40)
-    assert [axes.get_ylabel() for axes in figure.axes][-1] == "turning (rad/s)"
+    figure = figures_of(walked)["command"]
+    assert [axes.get_title(loc="right") for axes in figure.axes] == ["forward", "left", "turning"]
     given, applied = figure.axes[0].lines
     np.testing.assert_array_equal(given.get_ydata(), walked["command"][:, 0])
     np.testing.assert_array_equal(applied.get_ydata(), walked["applied_velocity"][:, 0])

@@ -19,11 +19,10 @@ from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError, RunFileError
 from harpy_pin.files import Shield, without_interrupts
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot, load_harpy
-from harpy_pin.view.live.drive_settings import LiveSettings
-from harpy_pin.view.live.driven_walk import DriveRanges, usual_settings
+from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.live_log import LiveLog
 from harpy_pin.view.live.live_session import LiveSession, Tick
+from harpy_pin.view.live.settings import LiveSettings
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 from harpy_pin.view.live.times import TickTimes
 
@@ -33,6 +32,7 @@ SNAPSHOT_PERIOD = 0.02
 """Time between snapshots, s."""
 NAP = 2e-3
 """Longest sleep, s: ticks that have come due meanwhile are made up for."""
+PAGE_ENDED = "the process of the page ended; what was driven until then is kept"
 READY_WITHIN = 60.0
 """Time that the page's process may take to start, s."""
 
@@ -135,55 +135,46 @@ class Drive:
         listener: socket.socket | None = None,
         on_page: Callable[[str], None] = lambda url: None,
     ) -> None:
-        robot = robot if robot is not None else load_harpy()
-        settings = settings if settings is not None else LiveSettings(**usual_settings(robot))
-        DriveRanges.of(robot).check(settings)
-        context = multiprocessing.get_context("spawn")
-        self._board = SharedSnapshots(context, robot)
         self.viewers, self._over = 0, False
         self.url = ""
+        self._listener, self._on_page = listener, on_page
         self._pipe: Connection | None = None
         self._page: Any = None
-        if listener is not None:
-            from harpy_pin.view.live.live_page import serve
-
-            self._pipe, other = context.Pipe()
-            arguments = (other, listener, self._board, robot, asdict(settings))
-            self._page = context.Process(target=serve, args=arguments, daemon=True)
-            with without_interrupts():
-                self._page.start()
-            other.close()
-            listener.close()
-        self._on_page = on_page
+        self.driven = DriveSummary()
         try:
-            self.session = LiveSession(settings, robot=robot, on_standing=self._show_standing)
+            self.session = LiveSession(settings, robot=robot, on_standing=self._open_page)
             self._log = None if save is None else LiveLog(self.session, save)
         except BaseException:
             self.close()
             raise
-        if self._log is not None:
-            self.session.on_tick = self._log.append
-        self.driven = DriveSummary()
-        self._tell("")
+        self._answer("")
 
-    def _show_standing(self, session: LiveSession) -> None:
-        """Show the robot, and say that its controllers are being compiled."""
-        if self._pipe is not None:
-            self.session = session
-            self._await_page(self._pipe)
-            self._board.write(session)
-            self._tell("", busy="Compiling the controllers: some seconds, the first time")
-            self._on_page(self.url)
+    def _open_page(self, session: LiveSession) -> None:
+        """Show the robot as it stands, and say that its controllers are being compiled."""
+        self.session = session
+        context = multiprocessing.get_context("spawn")
+        self._board = SharedSnapshots(context, session)
+        if self._listener is None:
+            return
+        from harpy_pin.view.live.live_page import serve
 
-    def _await_page(self, pipe: Connection) -> None:
+        self._pipe, other = context.Pipe()
+        arguments = (other, self._listener, self._board, session.robot, asdict(session.settings))
+        self._page = context.Process(target=serve, args=arguments, daemon=True)
+        with without_interrupts():
+            self._page.start()
+        other.close()
+        self._listener.close()
         try:
-            kind, text = pipe.recv() if pipe.poll(READY_WITHIN) else ("failed", "it did not start")
+            kind, text = self._pipe.recv() if self._pipe.poll(READY_WITHIN) else ("failed", "it did not start")
         except EOFError:
             kind, text = "failed", "its process ended"
         if kind != "ready":
-            self.close()
             raise HarpyError(f"cannot serve the page: {text}")
         self.url = text
+        self._board.write(session)
+        self._answer("", busy="Compiling the controllers: some seconds, the first time")
+        self._on_page(self.url)
 
     def run(self, duration: float | None = None) -> DriveSummary:
         """Drive until Ctrl-C, or for a time of the clock.
@@ -228,97 +219,82 @@ class Drive:
                 self._page.join()
 
     def _loop(self, begin: float, duration: float | None, shield: Shield) -> None:
-        session, log = self.session, None if self._log is None else self._log.append
-        session.on_tick = lambda session, tick: self._after(session, tick, log)
+        session = self.session
+        session.on_tick = self._after
         published = checked = begin
         while True:
             now = time.monotonic()
             if self._over or shield.late is not None or (duration is not None and now - begin >= duration):
                 return
-            if self._pipe is not None and self._pipe.poll():
-                self._listen(self._pipe)
+            self._listen()
             session.advance(time.monotonic())
             if now - published >= SNAPSHOT_PERIOD:
                 published = now
                 self._board.write(session)
                 if self._known != (session.settings, session.paused, session.ending):
-                    self._tell("")
+                    self._answer("")
             if now - checked >= 1.0:
                 checked = now
                 if self._page is not None and not self._page.is_alive():
-                    raise HarpyError("the process of the page ended; what was driven until then is kept")
-            wait = session.keeper.until_due(time.monotonic())
+                    raise HarpyError(PAGE_ENDED)
+            wait = session.pacer.until_due(time.monotonic())
             if wait > 0.0 or session.paused or session.ending:
                 time.sleep(NAP)
 
-    def _after(self, session: LiveSession, tick: Tick, log: Any) -> None:
+    def _after(self, tick: Tick) -> None:
         """Count a tick, and log it."""
-        times = self.driven.times.get(self.viewers)
-        if times is None:
-            times = self.driven.times[self.viewers] = TickTimes()
-        times.add(tick.elapsed)
-        if log is not None:
-            log(session, tick)
+        self.driven.times.setdefault(self.viewers, TickTimes()).add(tick.elapsed)
+        if self._log is not None:
+            self._log.append()
 
-    def _listen(self, pipe: Connection) -> None:
-        """Do what the page asks for."""
+    def _listen(self) -> None:
+        """Do what the page asks for; what cannot be done is said in the page."""
         try:
-            while pipe.poll():
-                kind, value = pipe.recv()
+            while self._pipe is not None and self._pipe.poll():
+                kind, value = self._pipe.recv()
                 if kind == "viewers":
                     self.viewers = value
                     self.driven.most_viewers = max(self.driven.most_viewers, value)
-                elif kind == "pull":
-                    self.session.pull(value)
-                else:
-                    self._do(kind, value)
+                    continue
+                try:
+                    note, refused = self._do(kind, value), False
+                except InputError as error:
+                    note, refused = str(error), True
+                if kind != "pull" or refused:
+                    self._answer(note, refused=refused)
         except (EOFError, OSError):
-            raise HarpyError("the process of the page ended; what was driven until then is kept") from None
-        except InputError as error:  # a pull that is none
-            self._tell(str(error), refused=True)
+            raise HarpyError(PAGE_ENDED) from None
 
-    def _do(self, kind: str, value: Any) -> None:
-        """One wish; what cannot be done is said in the page."""
-        session, note, refused = self.session, "", False
-        try:
-            if kind == "change":
-                note = session.change(value)
-            elif kind == "ice":
-                note = session.change({"friction_strips": ()}) if value is None else session.lay_ice(value)
-            elif kind == "push":
-                session.push(value)
-            elif kind == "pause":
-                session.pause(value)
-            elif kind == "step":
-                session.pause(True)
-                session.step(value)
-            elif kind == "reset":
-                session.reset()
-        except InputError as error:
-            note, refused = str(error), True
-        self._tell(note, refused=refused)
+    def _do(self, kind: str, value: Any) -> str:
+        """One wish of the driver; what a driver should know of it."""
+        session = self.session
+        if kind == "change":
+            return session.change(value)
+        if kind == "strip":
+            return session.lay_strip(value)
+        if kind == "step":
+            session.pause(True)
+        does = {"pull": session.pull, "push": session.push, "pause": session.pause, "step": session.step}
+        if kind == "reset":
+            session.reset()
+        else:
+            does[kind](value)
+        return ""
 
-    def _tell(self, note: str, *, refused: bool = False, busy: str = "") -> None:
-        """Say how things stand."""
+    def _answer(self, note: str, *, refused: bool = False, busy: str = "") -> None:
+        """Say in the page how things stand."""
         session = self.session
         self._known = session.settings, session.paused, session.ending
         if self._pipe is None:
             return
-        said = {
-            "settings": asdict(session.settings),
-            "paused": session.paused,
-            "ending": session.ending,
-            "note": note,
-            "refused": refused,
-            "busy": busy,
-        }
+        standing = {"settings": asdict(session.settings), "paused": session.paused, "ending": session.ending}
         try:
-            self._pipe.send(said)
+            self._pipe.send({**standing, "note": note, "refused": refused, "busy": busy})
         except OSError:
-            raise HarpyError("the process of the page ended; what was driven until then is kept") from None
+            raise HarpyError(PAGE_ENDED) from None
 
     def _summarise(self, elapsed: float) -> None:
         session, driven = self.session, self.driven
         driven.simulated, driven.elapsed = session.time, elapsed
         driven.falls, driven.slip = session.falls, float(session.slip.sum())
-        driven.factor = 1.0 - min(session.keeper.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0
+        driven.factor = 1.0 - min(session.pacer.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0

@@ -71,18 +71,15 @@ class Charts:
     def add(self, snapshots: Any) -> None:
         """Keep snapshots."""
         for s in snapshots:
-            if self._rows and s["time"] <= self._rows[-1][0]:
-                if s["time"] < self._rows[-1][0]:
-                    self._rows.clear()
-                else:
-                    continue
-            force, friction = self._whole.force(s["contact_force"]), self._whole.least(s["friction"])
+            if self._rows and s["t"] == self._rows[-1][0]:
+                continue
+            force, friction = self._whole.force(s["contact_force"]), self._whole.least(s["foot_friction"])
             if self._edges == 1:
                 friction = friction.min(keepdims=True)
             normal = np.maximum(force[:, 2], 0.0)
             tangential = np.hypot(force[:, 0], force[:, 1])
             ratio = np.where(normal > MIN_LOAD, tangential / np.maximum(normal, MIN_LOAD), 0.0)
-            self._rows.append((float(s["time"]), *ratio, *friction, *normal))
+            self._rows.append((float(s["t"]), *ratio, *friction, *normal))
 
     def draw(self) -> None:
         """Show them."""

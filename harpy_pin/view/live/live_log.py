@@ -6,18 +6,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replaceable
-from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
 from harpy_pin.log.run_file import FORMAT
 from harpy_pin.simulation.loop import keep_run, run_metadata
-from harpy_pin.view.live.drive_settings import CONTROLLERS
-from harpy_pin.view.live.live_session import PERIOD, LiveSession, Tick
+from harpy_pin.view.identity import CONTROLLERS
+from harpy_pin.view.live.live_session import PERIOD, LiveSession
 
 __all__ = ["LiveLog"]
 
@@ -25,10 +22,9 @@ __all__ = ["LiveLog"]
 class LiveLog:
     """Writes every tick; its rows leave the memory every second, and are read back from disk at the end.
 
-    Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. Beside the
-    signals of every log it holds, at each tick, what was set: ``command``, ``foot_friction`` (static, under each foot),
-    ``ground_stiffness``, ``ground_slope``, ``assumed_friction``, ``controller`` and, where there are several,
-    ``schedule`` (numbers; the metadata ``live`` have the names), and ``push``, the force on the body from outside, N.
+    Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. It holds
+    :attr:`LiveSession.signals`: beside those of every log, what was set at each tick (``controller`` and ``schedule``
+    as numbers, whose names are in the metadata ``live``), and ``push``, the force on the body from outside, N.
 
     Args:
         session: that is logged.
@@ -46,43 +42,10 @@ class LiveLog:
         self._session = session
         self._journal = Journal(path, {**self._metadata("unfinished"), "format": FORMAT})
         self._recorder = Recorder(self._journal)
-        self._names = {name: float(number) for number, name in enumerate(CONTROLLERS)}
 
-    def append(self, session: LiveSession, tick: Tick) -> None:
+    def append(self) -> None:
         """Keep a tick, right after it."""
-        state, s = tick.state, session.settings
-        target = session.controller.target
-        reference = np.concatenate((session.body_reference, target.body[3:6]))
-        applied = session.applied_reference
-        self._recorder.append(
-            {
-                "t": (session.ticks - 1) * PERIOD,
-                "q": state.q,
-                "v": state.v,
-                "foot_position": state.foot_position,
-                "foot_velocity": state.foot_velocity,
-                "foot_force": state.foot_force,
-                "slip_path": session.slip,
-                "slip_net": session.net_slip,
-                "torque": tick.command.torque,
-                "thrust": tick.command.thrust,
-                "tick_ns": tick.elapsed,
-                "x_r": reference,
-                "x_w": applied,
-                "stance": target.stance,
-                "command": session.gait.command,
-                "applied_velocity": session.applied,
-                "heading": target.heading,
-                "friction_estimate": session.friction_estimate,
-                "foot_friction": session.simulator.ground.friction(state.foot_position[:, 0]),
-                "ground_stiffness": session.simulator.ground.stiffness,
-                "ground_slope": session.plane.slope,
-                "assumed_friction": s.mu,
-                "controller": self._names[s.controller],
-                **self._schedule(),
-                "push": tick.push,
-            }
-        )
+        self._recorder.append(self._session.signals)
 
     def close(self, ending: str) -> Run:
         """Write the log in its place.
@@ -98,11 +61,6 @@ class LiveLog:
         if unsaved is not None:
             raise unsaved
         return run
-
-    def _schedule(self) -> dict[str, float]:
-        """Number of the schedule in which the robot walks, where there are several."""
-        gait, schedules = self._session.gait, self._session.ranges.schedules
-        return {"schedule": float(schedules.index(gait.schedule))} if isinstance(gait, WalkingGait) else {}
 
     def _metadata(self, ending: str) -> dict[str, Any]:
         """How the drive came about and how it ended."""

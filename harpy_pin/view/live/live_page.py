@@ -19,10 +19,10 @@ from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.camera import FIELD_OF_VIEW, View, keep_in_view
-from harpy_pin.view.live.driven_walk import DriveRanges
 from harpy_pin.view.live.guard import guarded_server
 from harpy_pin.view.live.live_scene import LiveScene
 from harpy_pin.view.live.panel import Panel
+from harpy_pin.view.live.settings import DriveRanges
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 
 __all__ = ["serve"]
@@ -54,7 +54,7 @@ def serve(
     with contextlib.suppress(OSError, EOFError):
         pipe.send(("ready", f"http://{host if ':' not in host else f'[{host}]'}:{port}/"))
         page.run()
-    page.stop()
+    page.server.stop()
 
 
 class _Page:
@@ -70,27 +70,21 @@ class _Page:
     ) -> None:
         self._pipe, self._board = pipe, board
         self._sending = threading.Lock()
-        self._server = guarded_server(
-            listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason)
-        )
+        self.server = guarded_server(listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason))
         ranges = DriveRanges.of(robot)
         self._spring = ranges.spring
-        self._scene = LiveScene(self._server, robot)
-        self._panel = Panel(self._server.gui, robot, ranges, settings, self._send)
-        self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
+        self._scene = LiveScene(self.server, robot)
+        self._panel = Panel(self.server.gui, robot, ranges, settings, self._send)
+        self._lay_ground(settings)
         self._viewers = 0
         self._grip: Vector | None = None  # where the hand has the robot, relative to the body
         self._hand = np.zeros(3)
-        camera = self._server.initial_camera
+        camera = self.server.initial_camera
         view = View.of(self._scene.scale)
         camera.position, camera.look_at, camera.fov = view.eye, view.middle, float(np.radians(FIELD_OF_VIEW))
-        self._server.on_client_connect(lambda client: keep_in_view(client, view, lambda: self._panel.follows))
+        self.server.on_client_connect(lambda client: keep_in_view(client, view, lambda: self._panel.follows))
         for handle in self._scene.handles:
             handle.on_drag("left")(self._on_drag)
-
-    def stop(self) -> None:
-        """Close the page."""
-        self._server.stop()
 
     def run(self) -> None:
         """Show snapshots until the pipe is closed."""
@@ -99,14 +93,19 @@ class _Page:
         while True:
             begin = time.monotonic()
             while self._pipe.poll():
-                self._receive(self._pipe.recv())
-            self._count_viewers()
+                standing = self._pipe.recv()
+                self._panel.take(standing)
+                self._lay_ground(standing["settings"])
+            viewers = len(self.server.get_clients())
+            if viewers != self._viewers:
+                self._viewers = viewers
+                self._send("viewers", viewers)
             snapshots, seen = self._board.read(seen)
             if len(snapshots):
                 last = snapshots[-1]
                 self._panel.charts.add(snapshots)
             if last is not None and self._viewers:
-                with self._server.atomic():
+                with self.server.atomic():
                     if len(snapshots):
                         self._scene.update(last)
                     self._pull()
@@ -120,21 +119,13 @@ class _Page:
                         self._scene.draw_trails()
             time.sleep(max(FRAME - (time.monotonic() - begin), 0.005))
 
-    def _receive(self, said: Mapping[str, Any]) -> None:
-        settings = said["settings"]
-        self._panel.take(said)
+    def _lay_ground(self, settings: Mapping[str, Any]) -> None:
         self._scene.lay_ground(settings["friction"], tuple(settings["friction_strips"]))
 
     def _send(self, kind: str, value: Any) -> None:
         """Say what the driver wants; viser calls from many threads."""
         with self._sending, contextlib.suppress(OSError):
             self._pipe.send((kind, value))
-
-    def _count_viewers(self) -> None:
-        viewers = len(self._server.get_clients())
-        if viewers != self._viewers:
-            self._viewers = viewers
-            self._send("viewers", viewers)
 
     def _on_drag(self, event: Any) -> None:
         """The hand takes the robot, moves, or lets go."""

@@ -15,9 +15,11 @@ from harpy_pin.gaits.standing import Standing
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.viser_backend import ViserScene
-from harpy_pin.view.palette import APPLIED, CONTACT, TARGET, THRUST, as_rgb, ground_colour
-from harpy_pin.view.scene.forces import Arrow, Cone, nice_scale
-from harpy_pin.view.scene.nodes import Lines, Look, Motion, Motions, Node, node_name
+from harpy_pin.view.palette import APPLIED, TARGET, as_rgb, ground_colour
+from harpy_pin.view.scene.contacts import Contacts
+from harpy_pin.view.scene.forces import Arrow, Forces, Scales
+from harpy_pin.view.scene.frames import REFERENCES
+from harpy_pin.view.scene.nodes import Lines, Look, Motion, Motions, Node
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
 __all__ = ["LiveScene"]
@@ -34,8 +36,6 @@ STRIP = (110, 190, 250)
 PUSH, WAY = "#cc3377", "#5b6573"
 HARPY_HEIGHT = 0.6
 """Of the body above the ground, m."""
-SLANT = 0.18
-"""Length of a cone's side, m."""
 FULL = 0.97
 """Share of the friction from which on a force counts as on its cone's edge: the cone turns red."""
 
@@ -52,7 +52,6 @@ class LiveScene:
         body: (3,) the body in the scene, m.
         handles: of the robot's shapes.
         scale: the robot's size, relative to Harpy's.
-        newtons_per_metre: of the contact forces' arrows.
     """
 
     def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
@@ -63,8 +62,6 @@ class LiveScene:
         self._model, self._data = robot.model, robot.model.createData()
         self._mounts = [robot.frame_id(name) for name in robot.thrusters]
         self.scale = scale = _size(robot)
-        share = robot.mass * 9.81 * min(2.0 / len(robot.feet), 1.0)
-        self.newtons_per_metre = nice_scale(1.25 * share / (0.4 * scale))
         _set_stage(scene)
         self._floor = scene.add_grid(
             "/floor",
@@ -83,21 +80,14 @@ class LiveScene:
             "/friction_strip", color=STRIP, dimensions=(1.0, 8.0, 0.002), opacity=0.75, visible=False, cast_shadow=False
         )
         self._drawn = ViserScene(scene)
-        self._robot = RobotNodes(robot, HARPY_HEIGHT * scale)
-        long = 1.0 / self.newtons_per_metre
-
-        def arrow(path: str, colour: str, radius: float, metres_per_newton: float = long) -> Arrow:
-            return Arrow(path, colour, radius=radius * scale, metres_per_newton=metres_per_newton)
-
-        self._forces = [arrow(f"force/{node_name(foot)}", CONTACT, 0.008) for foot in robot.feet]
-        self._thrusts = [arrow(f"thrust/{node_name(name)}", THRUST, 0.007, 2.0 * long) for name in robot.thrusters]
-        self._push = arrow("push", PUSH, 0.012)
-        self._cones = [Cone(f"cone/{node_name(foot)}", slant=SLANT * scale, full=FULL) for foot in robot.feet]
-        parts: list[RobotNodes | Arrow | Cone] = [self._robot, *self._forces, *self._thrusts, self._push, *self._cones]
-        self._drawn.add(node for part in parts for node in part.nodes)
-        self._ghosts = {"target": _frame(0.16 * scale), "applied": _frame(0.15 * scale)}
-        for (name, lines), colour in zip(self._ghosts.items(), (TARGET, APPLIED), strict=True):
-            self._drawn.add([Node(f"reference/{name}", lines, Look(colour))])
+        height = HARPY_HEIGHT * scale
+        scales = Scales.of(robot, height)
+        self._robot, self._forces = RobotNodes(robot, height), Forces(robot, scales, full=FULL)
+        self._push = Arrow("push", PUSH, radius=0.012 * scale, metres_per_newton=1.0 / scales.contact)
+        for part in (self._robot, self._forces, self._push):
+            self._drawn.add(part.nodes)
+        for name, size, colour in (("target", 0.16, TARGET), ("applied", 0.15, APPLIED)):
+            self._drawn.add([Node(f"reference/{name}", _frame(size * scale), Look(colour))])
         self.handles = self._drawn.handles
         self._points: dict[str, list[Vector]] = {"target": [], "body": []}
         self._trails = {
@@ -112,21 +102,19 @@ class LiveScene:
         pin.framesForwardKinematics(self._model, self._data, s["q"])
         motions: Motions = {"": Motion(position=-self.origin[None])}
         motions |= self._robot.motions(np.stack([placement.homogeneous for placement in self._data.oMi])[None])
-        normal = np.array([[-np.sin(self._slope), 0.0, np.cos(self._slope)]])
-        for k, (arrow, cone) in enumerate(zip(self._forces, self._cones, strict=True)):
-            foot = s["foot_position"][None, k]
-            motions |= arrow.motions(foot, s["foot_force"][None, k])
-            vectors = s["contact_force"][None, k], s["contact_velocity"][None, k]
-            motions |= cone.motions(foot, *vectors, s["friction"][None, k], normal)
-        for arrow, mount, thrust in zip(self._thrusts, self._mounts, s["thrust"], strict=True):
-            motions |= arrow.motions(self._data.oMf[mount].translation[None], thrust[None])
+        place, normal = s["foot_position"][None], np.zeros((1, len(s["foot_position"]), 3))
+        normal[..., 0], normal[..., 2] = -np.sin(self._slope), np.cos(self._slope)
+        contacts = Contacts(place, *(s[name][None] for name in ("contact_force", "contact_velocity", "foot_friction")))
+        mounts = np.reshape([self._data.oMf[mount].translation for mount in self._mounts], (1, -1, 3))
+        motions |= self._forces.motions(contacts, s["foot_force"][None], normal, mounts, s["thrust"][None])
         motions |= self._push.motions(s["q"][None, :3], s["push"][None])
-        half = 0.5 * float(s["heading"])
-        for name in self._ghosts:
+        half = 0.5 * float(s["heading"][0])
+        for name, signal in REFERENCES.items():
+            place = s[signal][None, :3]
             motions[f"reference/{name}"] = Motion(
-                position=s[name][None],
+                position=place,
                 quaternion=np.array([[0.0, 0.0, np.sin(half), np.cos(half)]]),
-                visible=np.isfinite(s[name]).all(keepdims=True),
+                visible=np.isfinite(place).all(keepdims=True)[0],
             )
         self._drawn.move(motions)
 
@@ -151,9 +139,9 @@ class LiveScene:
     def _follow(self, s: Any) -> None:
         """Move the scene's origin after the body, and what lies on the ground with it."""
         desired = np.array([s["q"][0], s["q"][1], s["below"]])
-        self._tilt(float(s["slope"]))
-        passed = float(s["time"]) - self._time
-        self._time = float(s["time"])
+        self._tilt(float(s["ground_slope"]))
+        passed = float(s["t"]) - self._time
+        self._time = float(s["t"])
         gap = desired - self.origin
         if np.hypot(gap[0], gap[1]) > JUMP or passed < 0.0:
             self.origin = desired
@@ -162,9 +150,9 @@ class LiveScene:
         else:
             self.origin = self.origin + gap * (1.0 - np.exp(-max(passed, 0.0) / FOLLOW_TIME))
         self.body = s["q"][:3] - self.origin
-        for name, place in (("target", s["target"]), ("body", s["q"])):
+        for name, place in (("target", s["x_r"]), ("body", s["q"])):
             points = self._points[name]
-            height = s["below"] + np.tan(s["slope"]) * (place[0] - s["q"][0]) + 0.003
+            height = s["below"] + np.tan(s["ground_slope"]) * (place[0] - s["q"][0]) + 0.003
             here = np.array([place[0], place[1], height])
             if not points or np.linalg.norm(here - points[-1]) > TRAIL_STEP:
                 points.append(here)

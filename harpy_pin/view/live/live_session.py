@@ -1,6 +1,6 @@
 """A walk that is driven: everything but the browser.
 
-The session knows no threads, and no clock but the one that it is told. What a driver sets is checked as a whole before
+The session knows no threads, and no clock but the one that it is given. What a driver sets is checked as a whole before
 anything of it acts.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter_ns
 from types import SimpleNamespace
 from typing import Any, cast
@@ -22,7 +23,6 @@ from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.named_controllers import make_controller
 from harpy_pin.errors import InputError, reason
 from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground
@@ -33,13 +33,13 @@ from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
-from harpy_pin.view.live.drive_settings import CONTROLLERS, LiveSettings
-from harpy_pin.view.live.driven_walk import (
+from harpy_pin.view.identity import CONTROLLERS
+from harpy_pin.view.live.settings import (
     DrivenGait,
     DriveRanges,
-    FacingGait,
+    LiveSettings,
     command_gait,
-    fitting_parameters,
+    faces_x,
     make_driven_gait,
     may_change_schedule,
     nearer_stiffness,
@@ -105,9 +105,9 @@ class LiveSession:
         falls: so far.
         times: of the present controller's ticks; the first one with a controller is not counted, since it loads
             compiled code.
-        keeper: of the clock.
-        last: the last tick; None before the first.
-        on_tick: called after every tick, with the session and the tick (a log).
+        pacer: of the clock.
+        last: the last tick; before the first of a walk, the robot as it stands, and no command.
+        on_tick: called after every tick (a log).
     """
 
     def __init__(
@@ -124,16 +124,15 @@ class LiveSession:
         self.simulator = Simulator(
             self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, friction_strips=s.friction_strips)
         )
-        self.times, self.keeper = TickTimes(), RealTimePacer(PERIOD)
+        self.times, self.pacer = TickTimes(), RealTimePacer(PERIOD)
         self.paused = False
         self.ticks = self.falls = self.walks = 0
-        self.last: Tick | None = None
         self._tick = 0  # of the present walk
         self.plane = Plane(slope=s.slope)
         self._pushes: list[Push] = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
-        self.on_tick: Callable[[LiveSession, Tick], None] | None = None
+        self.on_tick: Callable[[Tick], None] | None = None
         self._slip_before = self._net_before = np.zeros(len(self.robot.feet))
         self._warm: set[str] = set()
         self._stand()
@@ -152,31 +151,47 @@ class LiveSession:
         return self._slip_before + self.simulator.slip_path
 
     @property
-    def net_slip(self) -> Vector:
-        """(feet,) distances from touchdown to last touch in all walks, m."""
-        return self._net_before + self.simulator.slip_net
-
-    @property
     def power(self) -> Vector:
         """(2,) of the last tick: of the joints without braking, and of the thrusters at 1 kW for 18 N, W."""
-        if self.last is None:
-            return np.zeros(2)
         torque, thrust = self.last.command.torque, self.last.command.thrust
         joints = np.maximum(torque * self.last.state.v[6:], 0.0).sum()
         return np.array((joints, PRESETS["fan"].electrical(np.linalg.norm(thrust, axis=1)).sum()))
 
     @property
-    def applied(self) -> Vector:
-        """(3,) velocity that the gait applies: forward, sideways, turning; m/s and rad/s."""
-        return self.gait.applied[:3]
+    def signals(self) -> dict[str, ArrayLike]:
+        """The last tick and how things stand: what is logged at each tick, by the names of logs."""
+        tick, target, settings, s = self.last, self.controller.target, self.settings, self.simulator
+        schedules, gait = self.ranges.schedules, self.gait
+        schedule = {"schedule": schedules.index(gait.schedule)} if isinstance(gait, WalkingGait) else {}
+        return {
+            "t": (self.ticks - 1) * PERIOD,
+            "q": tick.state.q,
+            "v": tick.state.v,
+            "foot_position": tick.state.foot_position,
+            "foot_velocity": tick.state.foot_velocity,
+            "foot_force": tick.state.foot_force,
+            "slip_path": self._slip_before + s.slip_path,
+            "slip_net": self._net_before + s.slip_net,
+            "torque": tick.command.torque,
+            "thrust": tick.command.thrust,
+            "tick_ns": tick.elapsed,
+            "x_r": target.body,
+            "x_w": self._applied_reference(),
+            "stance": target.stance,
+            "command": gait.command,
+            "applied_velocity": gait.applied[:3],
+            "heading": target.heading,
+            "friction_estimate": self._friction_estimate(),
+            "foot_friction": s.ground.friction(tick.state.foot_position[:, 0]),
+            "ground_stiffness": s.ground.stiffness,
+            "ground_slope": self.plane.slope,
+            "assumed_friction": settings.mu,
+            "controller": list(CONTROLLERS).index(settings.controller),
+            **schedule,
+            "push": tick.push,
+        }
 
-    @property
-    def body_reference(self) -> Vector:
-        """(3,) where the gait wants the body, m."""
-        return self.controller.target.body[:3]
-
-    @property
-    def applied_reference(self) -> Vector:
+    def _applied_reference(self) -> Vector:
         """(3,) the governed reference, m; NaN where no governor acts on it."""
         c = self.controller
         reference = getattr(c, "applied", None)
@@ -184,8 +199,7 @@ class LiveSession:
             return np.full(3, math.nan)
         return np.asarray(c.bent if c.force_filter is not None else reference)[:3]  # type: ignore[attr-defined]
 
-    @property
-    def friction_estimate(self) -> Vector:
+    def _friction_estimate(self) -> Vector:
         """(feet,) what the controller takes the friction for."""
         estimator = getattr(self.controller, "friction", None)
         if estimator is None:
@@ -211,7 +225,7 @@ class LiveSession:
         note = ""
         controller, restarts = None, False
         if (after.controller, after.mu, after.estimate) != (before.controller, before.mu, before.estimate):
-            restarts = not after.turns and isinstance(self.gait, CommandedGait) and not FacingGait.fits(self.gait)
+            restarts = not after.turns and not faces_x(self.gait)
             if not restarts:
                 controller = self._make_controller(after)
         self.settings = after
@@ -231,7 +245,7 @@ class LiveSession:
             note = note or "This controller faces x: it does not turn."
         return note
 
-    def lay_ice(self, friction: float) -> str:
+    def lay_strip(self, friction: float) -> str:
         """Lay a strip of this friction across x, ahead of the body; one that was there goes.
 
         Raises:
@@ -280,11 +294,11 @@ class LiveSession:
         if not isinstance(paused, bool):
             raise InputError(f"paused must be true or false, got {paused!r:.60}", name="paused", value=paused)
         self.paused = paused
-        self.keeper.restart()
+        self.pacer.restart()
 
     def reset(self) -> None:
         """Begin a new walk, standing at the origin, on the ground as it is set; its strip stays where it lies."""
-        self._slip_before, self._net_before = self.slip, self.net_slip
+        self._slip_before, self._net_before = self.slip, self._net_before + self.simulator.slip_net
         self._stand()
         self._take_over(self._make_controller(self.settings))
 
@@ -302,10 +316,10 @@ class LiveSession:
     def advance(self, now: float) -> int:
         """Walk the ticks that are due by the clock (s), at most 50, and say how many there were."""
         if self.paused or self.ending:
-            self.keeper.restart()
+            self.pacer.restart()
             return 0
         done = 0
-        while done < MAX_AT_ONCE and not self.ending and self.keeper.is_due(now, self.settings.pace):
+        while done < MAX_AT_ONCE and not self.ending and self.pacer.is_due(now, self.settings.pace):
             self.tick()
             done += 1
         return done
@@ -336,7 +350,7 @@ class LiveSession:
         self.ticks += 1
         self._tick += 1
         if self.on_tick is not None:
-            self.on_tick(self, tick)
+            self.on_tick(tick)
         if not self.ending:
             ending = s.verdict(self._fall_height)
             if ending != "completed":
@@ -361,6 +375,7 @@ class LiveSession:
         self._pushes = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._make_sensors()
+        self.last = Tick(s.state, self._nothing, 0, np.zeros(3))
         self.controller: GaitController = cast(GaitController, SimpleNamespace(target=self.gait.target))
 
     def _make_controller(self, settings: LiveSettings) -> GaitController:
@@ -370,18 +385,17 @@ class LiveSession:
         return self._controller_of(settings, self.gait)
 
     def _controller_of(self, settings: LiveSettings, driven: DrivenGait) -> GaitController:
-        name, governor = CONTROLLERS[settings.controller]
-        gait: Gait = driven
-        if isinstance(driven, CommandedGait) and not settings.turns:
-            gait = FacingGait(driven)
-        gait = OnTerrain(gait, self.plane)
-        parameters = {**fitting_parameters(driven), **({"estimate_friction": True} if settings.estimate else {})}
-        return make_controller(name, gait, mu=settings.mu, governor=governor, period=PERIOD, **parameters)
+        chosen, gait = CONTROLLERS[settings.controller], OnTerrain(driven, self.plane)
+        parameters = {**driven.parameters} if isinstance(driven, WalkingGait) else {}
+        if settings.estimate:
+            parameters["estimate_friction"] = True
+        make = partial(make_controller, chosen.name, gait, mu=settings.mu, governor=chosen.governor, period=PERIOD)
+        return make(**parameters)
 
     def _warm_up(self, names: Iterable[str]) -> None:
         """Compile or load the code of controllers by a tick of each; all are made before, to compile side by side."""
         made = []
-        for name in sorted(names, key=lambda name: CONTROLLERS[name][0] != "governed"):  # these wait for nothing
+        for name in sorted(names, key=lambda name: CONTROLLERS[name].name != "governed"):  # these wait for nothing
             settings = self.settings.changed({"controller": name})
             scratch = make_driven_gait(self.robot, settings)
             made.append((self._controller_of(settings, scratch), scratch))
@@ -394,8 +408,8 @@ class LiveSession:
     def _take_over(self, controller: GaitController) -> None:
         """Another controller from now on: its ticks are counted anew, and making it took no time."""
         self.controller = controller
-        self.times.clear()
-        self.keeper.restart()
+        self.times = TickTimes()
+        self.pacer.restart()
 
     def _start_gait(self, t: float) -> None:
         """The gait's command and first target, at a time of the present walk, s."""

@@ -15,20 +15,12 @@ import numpy as np
 import viser
 
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.live.drive_settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION
-from harpy_pin.view.live.driven_walk import DriveRanges
+from harpy_pin.view.identity import CONTROLLERS
 from harpy_pin.view.live.live_charts import Charts, WholeFeet
+from harpy_pin.view.live.settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION, DriveRanges
 
 __all__ = ["Panel"]
 
-LABELS = {
-    "condensed": "condensed controller",
-    "wbc": "whole-body QP",
-    "none": "joint PIDs, no governor",
-    "paper": "joint PIDs, paper's governor",
-    "filter": "joint PIDs, contact-force filter",
-}
-"""Of the controllers."""
 PACES = {"real time": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}
 STEPS = {"1 ms": 1, "10 ms": 10, "100 ms": 100}
 DIRECTIONS = {"forward": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
@@ -74,7 +66,7 @@ class Panel:
         self._dragged: set[str] = set()
         self._lock = threading.Lock()
         self._power = np.zeros(2)
-        self._paused, self._ending, self._note, self._refused, self._busy = False, "", "", False, ""
+        self._standing: dict[str, Any] = {"paused": False, "ending": "", "note": "", "refused": False, "busy": ""}
         gui.set_panel_label("harpy live")
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         self._status = gui.add_markdown("starting…")
@@ -96,16 +88,15 @@ class Panel:
         charts.float(x=14.0, y=-14.0, width=380.0)
         self._add_keys(gui)
 
-    def take(self, said: Mapping[str, Any]) -> None:
+    def take(self, standing: Mapping[str, Any]) -> None:
         """How things stand, from the session."""
         with self._lock:
-            self._settings = dict(said["settings"])
-            self._paused, self._ending = said["paused"], said["ending"]
-            self._note, self._refused, self._busy = said["note"], said["refused"], said["busy"]
-        self._pause.label = "Go on" if self._paused else "Pause"
+            self._standing = dict(standing)
+            self._settings = standing["settings"]
+        self._pause.label = "Go on" if standing["paused"] else "Pause"
         for name, handle in self._handles.items():
             value = self._shown(name)
-            if handle.value != value and (said["refused"] or name not in self._dragged):
+            if handle.value != value and (standing["refused"] or name not in self._dragged):
                 handle.value = value
         self._dragged.clear()
         self._assumed.disabled = self._settings["assumed"] is None
@@ -113,7 +104,12 @@ class Panel:
     def refuse(self, reason: str) -> None:
         """Say why something that a page sent was not done."""
         with self._lock:
-            self._note, self._refused = reason, True
+            self._standing |= {"note": reason, "refused": True}
+
+    @property
+    def note(self) -> str:
+        """What is said last of a wish; empty where all was done."""
+        return str(self._standing["note"])
 
     @property
     def follows(self) -> bool:
@@ -123,43 +119,27 @@ class Panel:
     def show(self, s: Any) -> None:
         """Numbers of a snapshot."""
         with self._lock:
-            settings, paused, ending, note = self._settings, self._paused, self._ending, self._note
-            refused, busy = self._refused, self._busy
+            settings, standing = self._settings, self._standing
+        self._say(self._status, _state(settings, standing, float(s["factor"])))
         force = self._feet.force(s["contact_force"])
         normal = np.maximum(force[:, 2], 1e-9)
-        room = np.maximum(self._feet.least(s["friction"]), 1e-9)
+        room = np.maximum(self._feet.least(s["foot_friction"]), 1e-9)
         used = np.where(force[:, 2] > 1.0, np.hypot(force[:, 0], force[:, 1]) / normal / room, 0.0)
-        factor, slow = float(s["factor"]), 1.0 / settings["pace"]
-        if busy:
-            state = f"**{_plain(busy)}**"
-        elif ending:
-            state = f"**{_sentence(ending)}.** Press Reset (R)"
-        elif paused:
-            state = "**Paused**"
-        elif factor < SLOW:
-            state = f"**Cannot keep real time: {factor:.2f} ×**"
-        else:
-            state = "**Real time**" if slow == 1.0 else f"**{slow:.0f} × slower than real time**"
-        schedule = f" · {settings['schedule']}" if settings["schedule"] else ""
-        lines = [f"{state} · {LABELS[settings['controller']]}{schedule}"]
-        if note:
-            lines.append(f"**Refused:** {_plain(note)}" if refused else _plain(note))
-        self._say(self._status, "\n\n".join(lines))
         self._power += SMOOTH * (s["power"] - self._power)
         joints, thrusters = self._power
         power = f"{joints:.0f} W joints" + (f", {thrusters:.0f} W thrusters" if len(s["thrust"]) else "")
-        v = s["velocity"]
+        v = s["applied_velocity"]
         feet = " · ".join(f"{100.0 * share:.0f} %" for share in used)
         rows = (
-            ("Time", f"{float(s['time']):.1f} s"),
+            ("Time", f"{float(s['t']):.1f} s"),
             ("Falls", f"{int(s['falls'])}"),
             ("Applied", f"{v[0]:.2f}, {v[1]:.2f} m/s, {v[2]:.2f} rad/s"),
-            ("Slip", f"{1e3 * float(np.sum(s['slip'])):.1f} mm"),
+            ("Slip", f"{1e3 * float(np.sum(s['slip_path'])):.1f} mm"),
             ("Power", power),
             ("Friction used", feet),
-            ("Assumed μ", " · ".join(f"{value:.2f}" for value in self._feet.least(s["estimate"]))),
+            ("Assumed μ", " · ".join(f"{value:.2f}" for value in self._feet.least(s["friction_estimate"]))),
             ("Tick", f"p50 {float(s['p50']):.0f}, p99 {float(s['p99']):.0f} µs"),
-            ("Real time", f"{factor:.2f} ×" + (f", {float(s['lost']):.1f} s lost" if s["lost"] > 0.05 else "")),
+            ("Real time", f"{s['factor']:.2f} ×" + (f", {float(s['lost']):.1f} s lost" if s["lost"] > 0.05 else "")),
         )
         table = "\n".join(f"| {name} | {value} |" for name, value in rows)
         self._say(self._numbers, f"| | |\n|:--|:--|\n{table}")
@@ -181,7 +161,7 @@ class Panel:
         if ranges.height is not None:
             self._slider("height", "Height, m", *ranges.height, 0.01, "Change of the body's height.")
         self._pause = gui.add_button("Pause", hint="Key P")
-        self._pause.on_click(lambda _: self._send("pause", not self._paused))
+        self._pause.on_click(lambda _: self._send("pause", not self._standing["paused"]))
         walk = gui.add_button_group("Walk", ("Stop", "Reset"), hint="Keys X and R")
         walk.on_click(lambda event: self._stop() if event.target.value == "Stop" else self._send("reset", None))
         step = gui.add_button_group("Step", tuple(STEPS))
@@ -214,10 +194,10 @@ class Panel:
         self._strip = gui.add_slider("Friction of strip", 0.02, 0.5, 0.01, 0.1)
         ahead = gui.add_button("Friction strip ahead", hint="I: 0.6 m along x, across the way")
         ahead.on_click(lambda _: self._lay_strip())
-        gui.add_button("No friction strip").on_click(lambda _: self._send("ice", None))
+        gui.add_button("No friction strip").on_click(lambda _: self._send("change", {"friction_strips": ()}))
 
     def _add_control(self, gui: viser.GuiApi) -> None:
-        self._choice("controller", "Controller", {LABELS[name]: name for name in self._ranges.controllers})
+        self._choice("controller", "Controller", {CONTROLLERS[name].label: name for name in self._ranges.controllers})
         self._knows = gui.add_checkbox("Knows the friction", True, hint="Of the ground, not of the strip.")
         self._assumed = gui.add_slider(
             "Assumes",
@@ -251,7 +231,7 @@ class Panel:
                     command.on_trigger(lambda _, name=name, change=change: self._nudge(name, change))
         actions: tuple[tuple[Any, str, Callable[[], None]], ...] = (
             ("X", "Stop", self._stop),
-            ("P", "Pause or go on", lambda: self._send("pause", not self._paused)),
+            ("P", "Pause or go on", lambda: self._send("pause", not self._standing["paused"])),
             ("N", "Step 10 ms", lambda: self._send("step", 10)),
             ("R", "Reset", lambda: self._send("reset", None)),
             ("I", "Friction strip ahead", self._lay_strip),
@@ -309,7 +289,7 @@ class Panel:
         self._send("change", {"forward": 0.0, "sideways": 0.0, "turning": 0.0})
 
     def _lay_strip(self) -> None:
-        self._send("ice", float(self._strip.value))
+        self._send("strip", float(self._strip.value))
 
     def _push(self, direction: str) -> None:
         x, y = DIRECTIONS[direction]
@@ -317,8 +297,24 @@ class Panel:
         self._send("push", (x * size, y * size, 0.0))
 
 
-def _sentence(text: str) -> str:
-    return _plain(text[:1].upper() + text[1:])
+def _state(settings: Mapping[str, Any], standing: Mapping[str, Any], factor: float) -> str:
+    """How the walk goes, who walks it, and what became of the last wish, as markdown."""
+    ending, slow = standing["ending"], 1.0 / settings["pace"]
+    if standing["busy"]:
+        state = f"**{_plain(standing['busy'])}**"
+    elif ending:
+        state = f"**{_plain(ending[:1].upper() + ending[1:])}.** Press Reset (R)"
+    elif standing["paused"]:
+        state = "**Paused**"
+    elif factor < SLOW:
+        state = f"**Cannot keep real time: {factor:.2f} ×**"
+    else:
+        state = "**Real time**" if slow == 1.0 else f"**{slow:.0f} × slower than real time**"
+    schedule = f" · {settings['schedule']}" if settings["schedule"] else ""
+    note = _plain(standing["note"])
+    refused = "**Refused:** " if standing["refused"] else ""
+    heading = f"{state} · {CONTROLLERS[settings['controller']].label}{schedule}"
+    return f"{heading}\n\n{refused}{note}" if note else heading
 
 
 def _plain(text: str) -> str:

@@ -7,11 +7,10 @@ from multiprocessing.context import BaseContext
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.ground.contact_frame import in_contact_frames
-from harpy_pin.model.robot import Robot
 from harpy_pin.view.live.live_session import LiveSession
+from harpy_pin.view.scene.contacts import about_normals
 
 __all__ = ["SharedSnapshots"]
 
@@ -27,21 +26,18 @@ class SharedSnapshots:
 
     Args:
         context: of the processes.
-        robot: gives the shapes.
+        session: whose snapshots they are.
     """
 
-    def __init__(self, context: BaseContext, robot: Robot) -> None:
-        self._dtype = _layout(robot)
+    def __init__(self, context: BaseContext, session: LiveSession) -> None:
+        shapes = {name: np.shape(value) for name, value in _snapshot(session).items()}
+        self._dtype = np.dtype([(name, np.float64, shape) for name, shape in shapes.items()])
         self._memory: Any = context.RawArray(ctypes.c_byte, PLACES * self._dtype.itemsize)
         self._count: Any = context.RawValue(ctypes.c_longlong, 0)
-        self._ring = np.frombuffer(memoryview(self._memory), self._dtype)
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "_ring"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._ring = np.frombuffer(memoryview(self._memory), self._dtype)
+    @property
+    def _ring(self) -> NDArray[Any]:
+        return np.frombuffer(memoryview(self._memory), self._dtype)
 
     @property
     def count(self) -> int:
@@ -51,30 +47,9 @@ class SharedSnapshots:
     def write(self, session: LiveSession) -> None:
         """Add a snapshot of the present state."""
         number = self.count
-        p, s, state = self._ring[number % PLACES], session.simulator, session.simulator.state
-        tick = session.last
-        p["time"] = session.time
-        p["q"] = state.q
-        p["foot_position"], p["foot_velocity"] = state.foot_position, state.foot_velocity
-        p["foot_force"] = state.foot_force
-        normal = np.ascontiguousarray(session.plane.normal(*np.ascontiguousarray(state.foot_position[:, :2].T)))
-        p["contact_force"] = in_contact_frames(normal, state.foot_force)
-        p["contact_velocity"] = in_contact_frames(normal, state.foot_velocity)
-        p["slope"], p["below"] = session.plane.slope, s.ground_below
-        p["thrust"] = 0.0 if tick is None else tick.command.thrust
-        p["power"] = session.power
-        p["push"] = 0.0 if tick is None else tick.push
-        p["target"], p["applied"] = session.body_reference, session.applied_reference
-        p["heading"] = session.gait.target.heading[0]
-        p["velocity"] = session.applied
-        p["friction"] = s.ground.friction(state.foot_position[:, 0])
-        p["estimate"] = session.friction_estimate
-        p["stiffness"] = s.ground.stiffness
-        p["slip"] = session.slip
-        p["falls"], p["walk"] = session.falls, session.walks
-        p["p50"], p["p99"] = session.times.percentile(50.0), session.times.percentile(99.0)
-        p["factor"], p["lost"] = session.keeper.factor, session.keeper.lost
-        p["moving"] = not (session.paused or session.ending)
+        place = self._ring[number % PLACES]
+        for name, value in _snapshot(session).items():
+            place[name] = value
         self._count.value = number + 1
 
     def read(self, since: int) -> tuple[NDArray[Any], int]:
@@ -86,35 +61,19 @@ class SharedSnapshots:
         return found[overwritten:], count
 
 
-def _layout(robot: Robot) -> np.dtype[Any]:
-    feet, thrusters = len(robot.feet), len(robot.thrusters)
-    shapes: dict[str, tuple[int, ...]] = {
-        "time": (),
-        "q": (robot.model.nq,),
-        "foot_position": (feet, 3),
-        "foot_velocity": (feet, 3),
-        "foot_force": (feet, 3),
-        "contact_force": (feet, 3),
-        "contact_velocity": (feet, 3),
-        "slope": (),
-        "below": (),
-        "thrust": (thrusters, 3),
-        "power": (2,),
-        "push": (3,),
-        "target": (3,),
-        "applied": (3,),
-        "heading": (),
-        "velocity": (3,),
-        "friction": (feet,),
-        "estimate": (feet,),
-        "stiffness": (),
-        "slip": (feet,),
-        "falls": (),
-        "walk": (),
-        "p50": (),
-        "p99": (),
-        "factor": (),
-        "lost": (),
-        "moving": (),
+def _snapshot(session: LiveSession) -> dict[str, ArrayLike]:
+    """What is logged, and what only the page shows."""
+    state, times, pacer = session.last.state, session.times, session.pacer
+    about = (about_normals(session.plane, state.foot_position, v) for v in (state.foot_force, state.foot_velocity))
+    return {
+        **session.signals,
+        **dict(zip(("contact_force", "contact_velocity"), about, strict=True)),
+        "below": session.simulator.ground_below,
+        "power": session.power,
+        "falls": session.falls,
+        "p50": times.percentile(50.0),
+        "p99": times.percentile(99.0),
+        "factor": pacer.factor,
+        "lost": pacer.lost,
+        "moving": not (session.paused or session.ending),
     }
-    return np.dtype([(name, np.float64, shape) for name, shape in shapes.items()])

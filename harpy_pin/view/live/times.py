@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 __all__ = ["RealTimePacer", "TickTimes"]
 
 BIN, BINS = 100, 50_000
@@ -19,11 +21,7 @@ class TickTimes:
     """
 
     def __init__(self) -> None:
-        self.clear()
-
-    def clear(self) -> None:
-        """Forget all."""
-        self._bins = [0] * (BINS + 1)
+        self._bins = np.zeros(BINS + 1, dtype=np.int64)
         self.count = self.longest = 0
 
     def add(self, elapsed: int) -> None:
@@ -36,12 +34,8 @@ class TickTimes:
         """Time that a share of the ticks did not exceed, µs: the middle of its bin; NaN without ticks."""
         if not self.count:
             return math.nan
-        desired, seen = percent / 100.0 * self.count, 0
-        for number, ticks in enumerate(self._bins[:-1]):
-            seen += ticks
-            if seen >= desired and seen:
-                return (number + 0.5) * BIN * 1e-3
-        return self.longest * 1e-3
+        number = int(np.searchsorted(np.cumsum(self._bins), max(percent / 100.0 * self.count, 1.0)))
+        return self.longest * 1e-3 if number == BINS else (number + 0.5) * BIN * 1e-3
 
 
 class RealTimePacer:
@@ -68,16 +62,11 @@ class RealTimePacer:
         """What happened until now took no time: the next call begins anew."""
         self._due = None
 
-    def begin(self, now: float) -> None:
-        """Start the clock at a time, s, if it does not run."""
+    def is_due(self, now: float, pace: float) -> bool:
+        """Whether a tick is due now (s), at a pace (simulated time per time of the clock); if so it is counted."""
         if self._due is None:
             self._due = self._window = now
             self._done = 0
-
-    def is_due(self, now: float, pace: float) -> bool:
-        """Whether a tick is due now (s), at a pace (simulated time per time of the clock); if so it is counted."""
-        self.begin(now)
-        assert self._due is not None
         late = now - self._due
         if late < 0.0:
             return False
@@ -86,15 +75,12 @@ class RealTimePacer:
             self._due = now - self.most_late
         self._due += self.period / pace
         self._done += 1
-        self._measure(now, pace)
+        span = now - self._window
+        if span >= 1.0:
+            self.factor = min(self._done * self.period / (pace * span), 1.0)
+            self._window, self._done = now, 0
         return True
 
     def until_due(self, now: float) -> float:
         """Time until the next tick, s."""
         return 0.0 if self._due is None else max(self._due - now, 0.0)
-
-    def _measure(self, now: float, pace: float) -> None:
-        span = now - self._window
-        if span >= 1.0:
-            self.factor = min(self._done * self.period / (pace * span), 1.0)
-            self._window, self._done = now, 0

@@ -7,54 +7,71 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_writable, replacing
-from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.chromium import Chromium
-from harpy_pin.view.page.replay import write_replays
-from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, PRESSURE, SLIDING, SLIP, TARGET, THRUST
+from harpy_pin.view.page.replay import write_html
+from harpy_pin.view.page.shown import Runs
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 __all__ = ["Film"]
 
-GIF_RATE = 12.5
-"""Frames per second: GIF counts in hundredths of a second."""
-MP4_RATE = 25.0
 OVERSAMPLING = 2
 """Pixels drawn per pixel of a picture and axis."""
-SWATCHES = (CONTACT, FRICTION, SLIDING, THRUST, TARGET, APPLIED, PRESSURE, SLIP, "#e6453a")
-MIXES = (("#ffffff", 0.0), ("#cfe0ec", 0.4), ("#cfe0ec", 0.6), ("#cfe0ec", 0.75), ("#000000", 0.3))
-"""What the colours are mixed with, and how much of it."""
-SAMPLES = 8
-"""Frames of a GIF that its colours are taken from."""
+
+
+class _Kind(NamedTuple):
+    """A kind of film.
+
+    Attributes:
+        rate: frames per second.
+        size: width and height by default, pixels.
+        step: that both are a multiple of.
+        oversampling: pixels drawn per pixel and axis.
+        options: of the encoder.
+    """
+
+    rate: float
+    size: tuple[int, int]
+    step: int
+    oversampling: int
+    options: dict[str, Any]
+
+
+ONE_PALETTE = "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=none:diff_mode=rectangle"
+"""All frames share their colours: what does not move stays as it is, and costs nothing."""
+GIF = {"codec": "gif", "pix_fmt_out": "pal8", "quality": None, "output_params": ["-vf", ONE_PALETTE, "-loop", "0"]}
+KINDS = {  # GIF counts in hundredths of a second
+    ".gif": _Kind(12.5, (640, 400), 1, OVERSAMPLING, GIF),
+    ".mp4": _Kind(25.0, (1200, 675), 2, 1, {"quality": 7}),
+}
 
 
 class Film(AbstractContextManager["Film"]):
     """Takes pictures of a page of runs, through headless Chromium; ends with its ``with`` block.
 
     Args:
-        runs: one to four, each with the robot that was logged.
+        runs: as of :func:`harpy_pin.view.replay_html`.
         charts: show the charts and measures, too, not the scenes alone.
         words: show heading and key of a scene; without them the scene fills the picture.
 
     Raises:
         HarpyError: there is no Chromium or no Playwright, or it could not show the page.
-        InputError: as :func:`harpy_pin.view.replays_html`.
+        InputError: as :func:`harpy_pin.view.replay_html`.
     """
 
-    def __init__(self, runs: Sequence[tuple[Run, Robot]], *, charts: bool = False, words: bool = True) -> None:
+    def __init__(self, runs: Runs, *, charts: bool = False, words: bool = True) -> None:
         self._browser = Chromium()
         self._folder = tempfile.TemporaryDirectory(prefix="harpy_view_", ignore_cleanup_errors=True)
         try:
-            page = write_replays(runs, Path(self._folder.name) / "replay.html")
+            page = write_html(runs, Path(self._folder.name) / "replay.html")
             self._browser.open_replay(page.as_uri() + ("" if charts else "#still" if words else "#still&bare"))
             self._start = float(self._browser.run("replay.content.runs[0].start"))
             self._duration = float(self._browser.run("replay.content.duration"))
@@ -92,72 +109,46 @@ class Film(AbstractContextManager["Film"]):
                 image.save(file, format="PNG", optimize=True)
         return paths
 
-    def gif(
+    def save(
         self,
         path: str | Path,
         *,
         begin: float | None = None,
         end: float | None = None,
-        size: tuple[int, int] = (640, 400),
+        size: tuple[int, int] | None = None,
     ) -> Path:
-        """Save an animated GIF that plays in real time, for ever.
+        """Save a film that plays in real time: an animated GIF, for ever, or an MP4 (H.264), by the file's ending.
 
         Args:
             path: of the file.
             begin: of the part that is filmed, s; the run's beginning by default.
             end: of it, s; the run's end by default.
-            size: width and height, pixels.
+            size: width and height, pixels; 640 by 400 for a GIF, 1200 by 675 otherwise.
 
         Raises:
-            HarpyError: the browser failed.
+            HarpyError: the extra ``film`` is not installed, or the browser or the encoder failed.
             RunFileError: the file cannot be written.
-            InputError: a time or a size is out of its domain.
-        """
-        from PIL import Image
-
-        target = Path(path)
-        check_writable(target)
-        images = list(self._images(self._clock(begin, end, GIF_RATE), size, OVERSAMPLING))
-        # All frames share their colours: what does not move then stays as it is, and costs nothing.
-        palette = _palette(images)
-        frames = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
-        with replacing(target) as file:
-            frames[0].save(
-                file,
-                format="GIF",
-                save_all=True,
-                append_images=frames[1:],
-                duration=round(1e3 / GIF_RATE),
-                loop=0,
-                optimize=False,
-            )
-        return target
-
-    def mp4(
-        self,
-        path: str | Path,
-        *,
-        begin: float | None = None,
-        end: float | None = None,
-        size: tuple[int, int] = (1200, 675),
-    ) -> Path:
-        """Save a film (H.264) that plays in real time; for arguments and errors see :meth:`gif`.
-
-        Raises:
-            HarpyError: the extra ``film`` is not installed, or the encoder failed.
+            InputError: another ending, or a time or a size is out of its domain.
         """
         target = Path(path)
+        kind = KINDS.get(target.suffix.lower())
+        if kind is None:
+            raise InputError(f"a film's name must end in {' or '.join(KINDS)}, got '{target}'", name="path", value=path)
         check_writable(target)
         try:
             import imageio_ffmpeg
         except ImportError:
-            raise HarpyError("an MP4 needs an encoder: pip install 'harpy-pin[film]'") from None
-        size = (size[0] // 2 * 2, size[1] // 2 * 2)  # as the format wants it
-        part = Path(self._folder.name) / "film.mp4"
-        writer: Any = imageio_ffmpeg.write_frames(str(part), size, fps=MP4_RATE, quality=7, macro_block_size=2)
+            raise HarpyError("a film needs an encoder: pip install 'harpy-pin[film]'") from None
+        width, height = kind.size if size is None else size
+        size = (width // kind.step * kind.step, height // kind.step * kind.step)
+        times = self._clock(begin, end, kind.rate)
+        part = Path(self._folder.name) / f"film{target.suffix.lower()}"
+        writer: Any = imageio_ffmpeg.write_frames(
+            str(part), size, fps=kind.rate, macro_block_size=kind.step, ffmpeg_log_level="error", **kind.options
+        )
         try:
             writer.send(None)
-            for image in self._images(self._clock(begin, end, MP4_RATE), size, 1):
+            for image in self._images(times, size, kind.oversampling):
                 writer.send(np.ascontiguousarray(image))
         except OSError as error:
             raise HarpyError(f"the encoder failed: {error}") from error
@@ -201,25 +192,3 @@ class Film(AbstractContextManager["Film"]):
             if image.size != (width, height):
                 image = image.resize((width, height), Image.Resampling.LANCZOS)
             yield image
-
-
-def _palette(images: Sequence[Image]) -> Image:
-    """Colours for pictures: those of a few of them, and those of the scene's small things, exactly."""
-    from PIL import Image, ImageColor
-
-    # The scene draws them translucent and in light and shade, too.
-    exact = [
-        round(a + share * (b - a))
-        for colour in SWATCHES
-        for other, share in MIXES
-        for a, b in zip(ImageColor.getrgb(colour), ImageColor.getrgb(other), strict=True)
-    ]
-    chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, SAMPLES).astype(int))]
-    width, height = chosen[0].size
-    sheet = Image.new("RGB", (width, height * len(chosen)))
-    for k, image in enumerate(chosen):
-        sheet.paste(image, (0, k * height))
-    found = sheet.quantize(256 - len(exact) // 3, method=Image.Quantize.MEDIANCUT).getpalette() or []
-    palette = Image.new("P", (1, 1))
-    palette.putpalette((found + exact)[-3 * 256 :])
-    return palette

@@ -1,4 +1,4 @@
-"""Replay of a run: in the browser, or as one HTML file that opens anywhere without a network."""
+"""Replay of runs: in the browser, or as one HTML file that opens anywhere without a network."""
 
 from __future__ import annotations
 
@@ -13,62 +13,49 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError, RunFileError
+from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, replacing
-from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.build_page import build_page
+from harpy_pin.view.page.shown import Runs, line_up
 
-__all__ = ["ReplayServer", "replay_html", "replays_html", "serve", "show", "write_html", "write_replays"]
+__all__ = ["ReplayServer", "replay_html", "show", "write_html"]
 
-_LAST_PORT = 65535
-_LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
+LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
+"""Names of this machine, and a port."""
 
 
 @checked
-def replay_html(run: Run, robot: Robot, *, fps: float = 30.0) -> str:
-    """The replay as HTML text (to write, to serve, or for a notebook's ``IFrame(srcdoc=...)``).
+def replay_html(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None) -> str:
+    """The replay of a run as HTML text (to write, to serve, or for a notebook's ``IFrame(srcdoc=...)``).
 
     The page shows the robot, and charts of its forces that move with it; it opens, paused, at the moment that tells
     most (:func:`harpy_pin.view.page.moment.telling_moment`). Space plays and pauses, the arrow keys go frame by frame,
     a click on a chart goes to that time, the mouse turns the view about the robot. ``#t=2.1`` at the end of its address
-    opens it at 2.1 s, ``#play`` playing from the start.
+    opens it at 2.1 s, ``#play`` playing from the start. Several runs are played in step, with charts and measures that
+    compare them.
 
     Args:
-        run: the log.
-        robot: the robot that was logged.
+        runs: a run, or a list of up to four; in place of a run whose robot is not found from its log, a pair of the run
+            and its robot.
         fps: frames per second of simulated time; between them the page interpolates.
-
-    Raises:
-        InputError: the run is of another robot or holds nothing to draw, or the frame rate is not positive.
-    """
-    return build_page([(run, robot)], fps=fps)
-
-
-@checked
-def replays_html(runs: Sequence[tuple[Run, Robot]], *, fps: float = 30.0, names: Sequence[str] | None = None) -> str:
-    """Up to four runs side by side as HTML text: played in step, with charts and measures that compare them.
-
-    Args:
-        runs: each with the robot that was logged.
-        fps: frames per second of simulated time.
         names: of the runs; found in their logs by default.
 
     Raises:
-        InputError: as :func:`replay_html`, no run or more than four, or not one name for each.
+        InputError: no run or more than four, not one name for each, a run that is of another robot or holds nothing to
+            draw, or a frame rate that is not positive.
     """
-    return build_page(runs, fps=fps, names=names)
+    return build_page(line_up(runs, fps=fps, names=names))
 
 
 @checked
-def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -> Path:
+def write_html(runs: Runs, path: str | Path, *, fps: float = 30.0, names: Sequence[str] | None = None) -> Path:
     """Write the replay as one self-contained HTML file; an older file goes only once the new one is whole.
 
     Args:
-        run: the log.
-        robot: the robot that was logged.
+        runs: as of :func:`replay_html`.
         path: the file.
         fps: frames per second of simulated time.
+        names: of the runs; found in their logs by default.
 
     Returns:
         The file's path.
@@ -77,20 +64,36 @@ def write_html(run: Run, robot: Robot, path: str | Path, *, fps: float = 30.0) -
         RunFileError: the file cannot be written (found out before the work is done).
         InputError: as :func:`replay_html`.
     """
-    return write_replays([(run, robot)], path, fps=fps)
-
-
-@checked
-def write_replays(
-    runs: Sequence[tuple[Run, Robot]], path: str | Path, *, fps: float = 30.0, names: Sequence[str] | None = None
-) -> Path:
-    """Write runs side by side as one self-contained HTML file; see :func:`replays_html` and :func:`write_html`."""
     target = Path(path)
     check_writable(target)
-    text = build_page(runs, fps=fps, names=names)
+    text = replay_html(runs, fps=fps, names=names)
     with replacing(target) as file:
         file.write(_encoded(text))
     return target
+
+
+@checked
+def show(runs: Runs, *, open_browser: bool = True, fps: float = 30.0, port: int = 0) -> ReplayServer:
+    """Play runs in the browser and print the address of the page.
+
+    The page is served as long as the program lives; a script that ends should call :meth:`ReplayServer.wait`.
+
+    Args:
+        runs: as of :func:`replay_html`.
+        open_browser: open the page in the default browser.
+        fps: frames per second of simulated time.
+        port: to serve the page on; any free one by default.
+
+    Raises:
+        InputError: as :func:`replay_html`, or no port has that number.
+        RunFileError: the port is taken, or may not be used.
+    """
+    shown = line_up(runs, fps=fps)
+    server = ReplayServer(build_page(shown), port=port)
+    print(f"replay of {shown[0].frames.robot.name}: {server.url}", flush=True)
+    if open_browser:
+        webbrowser.open(server.url)
+    return server
 
 
 def _encoded(text: str) -> bytes:
@@ -127,14 +130,13 @@ class ReplayServer(AbstractContextManager["ReplayServer"]):
 
     def __init__(self, page: str, *, port: int = 0) -> None:
         body = _encoded(page)
-        if checks.whole("port", port) > _LAST_PORT:
-            raise InputError(f"port must be at most {_LAST_PORT}, got {port}", name="port", value=port)
+        checks.whole("port", port, high=65535)
 
         class Handler(BaseHTTPRequestHandler):
             timeout = 10.0  # s; of a browser that has nothing to say
 
             def do_GET(self) -> None:
-                if not _LOCAL.fullmatch(self.headers.get("Host", "")):
+                if not LOCAL.fullmatch(self.headers.get("Host", "")):
                     self.send_error(403)
                     return
                 if self.path.split("?")[0] not in ("/", "/index.html"):
@@ -171,43 +173,3 @@ class ReplayServer(AbstractContextManager["ReplayServer"]):
 
     def __exit__(self, *error: object) -> None:
         self.close()
-
-
-@checked
-def show(run: Run, robot: Robot, *, open_browser: bool = True, fps: float = 30.0, port: int = 0) -> ReplayServer:
-    """Play a run in the browser and print the address of the page.
-
-    The page is served as long as the program lives; a script that ends should call :meth:`ReplayServer.wait`.
-
-    Args:
-        run: the log.
-        robot: the robot that was logged.
-        open_browser: open the page in the default browser.
-        fps: frames per second of simulated time.
-        port: to serve the page on; any free one by default.
-
-    Raises:
-        InputError: as :func:`replay_html`, or no port has that number.
-        RunFileError: the port is taken, or may not be used.
-    """
-    return serve(replay_html(run, robot, fps=fps), f"replay of {robot.name}", open_browser=open_browser, port=port)
-
-
-def serve(page: str, what: str, *, open_browser: bool = True, port: int = 0) -> ReplayServer:
-    """Serve a page, say where, and open it in the default browser.
-
-    Args:
-        page: HTML text.
-        what: the page is.
-        open_browser: open it.
-        port: to serve it on; any free one by default.
-
-    Raises:
-        InputError: no port has that number.
-        RunFileError: the port is taken, or may not be used.
-    """
-    server = ReplayServer(page, port=port)
-    print(f"{what}: {server.url}", flush=True)
-    if open_browser:
-        webbrowser.open(server.url)
-    return server

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,15 +14,17 @@ from harpy_pin.log.optional import tick_times
 from harpy_pin.log.run import Run
 from harpy_pin.log.run_file import MAX_NUMBER
 from harpy_pin.model.robot import Robot
+from harpy_pin.view.identity import name_of, robot_of
 from harpy_pin.view.palette import RUNS
-from harpy_pin.view.scene.frames import Frames, finite_part, friction_strips, is_per_axis, static_friction
+from harpy_pin.view.scene.contacts import ground_of
+from harpy_pin.view.scene.frames import Frames
 
-__all__ = ["MAX_RUNS", "Score", "Shown", "headline", "line_up", "name_of", "scoreboard"]
+__all__ = ["MAX_RUNS", "Runs", "Score", "Shown", "headline", "line_up", "scoreboard"]
 
 MAX_RUNS = len(RUNS)
 """Runs that one page plays side by side."""
-_GOVERNORS = {"none": "No governor", "paper": "Paper's governor", "filter": "Force governor"}
-_CONTROLLERS = {"condensed": "Condensed controller", "wbc": "Whole-body QP"}
+Runs: TypeAlias = Run | Sequence[Run | tuple[Run, Robot]]
+"""A run, or several, each with its robot where the log does not lead to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,89 +32,64 @@ class Shown:
     """A run on a page.
 
     Attributes:
-        name: told apart from those of the other runs of the page.
+        name: different from those of the other runs of the page.
         colour: ``#rrggbb``.
-        run: the rows of the log that are finite.
-        robot: that was logged.
-        frames: the rows that are drawn.
-        complete: whether all rows of the log are finite.
+        frames: its rows, and those that are drawn.
     """
 
     name: str
     colour: str
-    run: Run
-    robot: Robot
     frames: Frames
-    complete: bool
 
 
-def name_of(run: Run) -> str:
-    """What walks, in words: from the scenario where there is one, else the name of the controller's class."""
-    scenario = run.metadata.get("scenario")
-    own = run.metadata.get("own")
-    if isinstance(scenario, dict) and not (isinstance(own, list) and "controller" in own):
-        part = scenario.get("controller")
-        said = part if isinstance(part, dict) else {}
-        controller, governor = said.get("name"), said.get("governor")
-        if controller == "governed" and isinstance(governor, str) and governor in _GOVERNORS:
-            return _GOVERNORS[governor]
-        if isinstance(controller, str) and controller in _CONTROLLERS:
-            return _CONTROLLERS[controller]
-    return str(run.metadata.get("controller", "Run"))
-
-
-def line_up(runs: Sequence[tuple[Run, Robot]], *, fps: float, names: Sequence[str] | None = None) -> list[Shown]:
+def line_up(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None) -> list[Shown]:
     """Runs ready to be shown together.
 
     Args:
-        runs: each with the robot that was logged.
+        runs: one to four.
         fps: frames per second of simulated time.
         names: of the runs; found in their logs by default.
 
     Raises:
         InputError: no run or too many, another number of names, or as :meth:`Frames.from_run`.
     """
-    if any(not isinstance(entry, tuple) or len(entry) != 2 for entry in runs):
-        raise InputError("runs must be pairs of a run and its robot", name="runs", value=runs)
-    if not 1 <= len(runs) <= MAX_RUNS:
-        raise InputError(f"a page shows 1 to {MAX_RUNS} runs, got {len(runs)}", name="runs")
-    if names is None:
-        names = _distinct([run for run, _ in runs])
-    if len(names) != len(runs):
-        raise InputError(f"{len(runs)} runs need as many names, got {len(names)}", name="names")
-    shown = []
-    for (run, robot), name, colour in zip(runs, names, RUNS, strict=False):
-        frames = Frames.from_run(run, robot, fps=fps)
-        finite = finite_part(run)
-        shown.append(Shown(str(name), colour, finite, robot, frames, len(finite) == len(run)))
-    return shown
+    given = [runs] if isinstance(runs, Run) else list(runs)
+    if any(not isinstance(entry, Run | tuple) or (isinstance(entry, tuple) and len(entry) != 2) for entry in given):
+        raise InputError("runs must be runs, or pairs of a run and its robot", name="runs", value=runs)
+    if not 1 <= len(given) <= MAX_RUNS:
+        raise InputError(f"a page shows 1 to {MAX_RUNS} runs, got {len(given)}", name="runs")
+    pairs = [entry if isinstance(entry, tuple) else (entry, robot_of(entry)) for entry in given]
+    names = _distinct([run for run, _ in pairs]) if names is None else names
+    if len(names) != len(pairs):
+        raise InputError(f"{len(pairs)} runs need as many names, got {len(names)}", name="names")
+    frames = [Frames.from_run(run, robot, fps=fps) for run, robot in pairs]
+    return [Shown(str(name), colour, one) for name, colour, one in zip(names, RUNS, frames, strict=False)]
 
 
 def _distinct(runs: Sequence[Run]) -> list[str]:
     """Names of runs; with their friction, then numbers, where they would be the same."""
     names = [name_of(run) for run in runs]
     if len(set(names)) < len(names):
-        marks = [static_friction(run) for run in runs]
-        names = [name if mu is None else f"{name}, μ = {mu:g}" for name, mu in zip(names, marks, strict=True)]
+        grounds = [ground_of(run) for run in runs]
+        names = [n if g is None else f"{n}, μ = {g.mu_s:g}" for n, g in zip(names, grounds, strict=True)]
     return [name if names.count(name) == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)]
 
 
 def headline(shown: Shown) -> tuple[str, list[tuple[str, str]]]:
     """Title and facts of a run, from its metadata and measures; what the log does not say is left out."""
-    run = shown.run
+    run, ground = shown.frames.run, shown.frames.ground
     parameters = run.metadata.get("parameters") or {}
     controller = str(run.metadata.get("controller", "unknown controller"))
-    governor, mu = parameters.get("governor"), static_friction(run)
+    governor = parameters.get("governor")
     facts = [("controller", controller)]
     title = f"{run.metadata.get('robot', 'robot')} – {controller}"
     if governor is not None:
         facts.append(("governor", str(governor)))
         title += f" ({governor})" if governor != "none" else " (no governor)"
-    if mu is not None:
-        facts.append(("friction", f"μ = {mu:g} ({'box' if is_per_axis(run) else 'disc'})"))
-        title += f", μ = {mu:g}"
-        for begin, end, strip_mu in friction_strips(run):
-            facts.append((f"from {begin:g} to {end:g} m", f"μ = {strip_mu:g}"))
+    if ground is not None:
+        facts.append(("friction", f"μ = {ground.mu_s:g} ({'box' if ground.cone == 'per_axis' else 'disc'})"))
+        title += f", μ = {ground.mu_s:g}"
+        facts += [(f"from {begin:g} to {end:g} m", f"μ = {mu:g}") for begin, end, mu in ground.friction_strips]
     speed = (parameters.get("gait") or {}).get("speed")
     if isinstance(speed, int | float) and abs(speed) < MAX_NUMBER:
         facts.append(("speed desired", f"{speed:g} m/s"))
@@ -119,7 +97,7 @@ def headline(shown: Shown) -> tuple[str, list[tuple[str, str]]]:
     facts.append(("walked", f"{distance:.2f} m in {duration:.2f} s"))
     if len(run) > 1 and run["foot_force"].shape[1]:
         facts.append(("slip", f"{measure(run).slip_mm_per_step:.1f} mm per step"))
-    facts.append(("ending", run.ending if shown.complete else f"{run.ending} (drawn up to there)"))
+    facts.append(("ending", run.ending if shown.frames.complete else f"{run.ending} (drawn up to there)"))
     return f"{title}, {run.ending}", facts
 
 
@@ -138,7 +116,7 @@ class Score:
     best: tuple[int, ...]
 
 
-_ROWS = (
+ROWS = (
     ("slip, mm per step", "slip_mm_per_step", "{:.1f}"),
     ("contact time sliding, %", "sliding", "{:.1%}"),
     ("distance from the target, mm rms", "tracking_rms_mm", "{:.1f}"),
@@ -148,24 +126,22 @@ _ROWS = (
     ("largest torque, N·m", "torque_max_nm", "{:.1f}"),
     ("largest tilt, rad", "tilt_max_rad", "{:.2f}"),
 )
+"""Label, name in :class:`harpy_pin.log.measures.Measures`, and form of the numbers."""
 
 
 def scoreboard(runs: Sequence[Run]) -> list[Score]:
     """Measures of runs of finite rows, at least two of each; a run that fell or stumbled is best at none."""
     measures = [measure(run) for run in runs]
     walked = [not (m.fell or m.stumbled) and m.ending == "completed" for m in measures]
-    endings = tuple(_ending(m) for m in measures)
-    scores = [Score("ending", endings, tuple(k for k, on in enumerate(walked) if on) if not all(walked) else ())]
-    for label, name, form in _ROWS:
-        values = [float(getattr(m, name)) for m in measures]
-        if not any(np.isfinite(values)):
-            continue
-        texts = tuple(form.format(value).rstrip("%") if np.isfinite(value) else "–" for value in values)
-        scores.append(Score(label, texts, _best(values, texts, walked)))
-    ticks = [_tick(run) for run in runs]
-    if any(np.isfinite(ticks)):
-        texts = tuple(f"{tick:.0f}" if np.isfinite(tick) else "–" for tick in ticks)
-        scores.append(Score("tick, µs median", texts, _best(ticks, texts, walked)))
+    best = () if all(walked) else tuple(k for k, on in enumerate(walked) if on)
+    scores = [Score("ending", tuple(_ending(m) for m in measures), best)]
+    ticks = [tick_times(run) for run in runs]
+    rows = [(label, [float(getattr(m, name)) for m in measures], form) for label, name, form in ROWS]
+    rows.append(("tick, µs median", [np.nan if t is None else float(np.median(t)) for t in ticks], "{:.0f}"))
+    for label, values, form in rows:
+        if any(np.isfinite(values)):
+            texts = tuple(form.format(value).rstrip("%") if np.isfinite(value) else "–" for value in values)
+            scores.append(Score(label, texts, _best(values, texts, walked)))
     return scores
 
 
@@ -183,9 +159,3 @@ def _ending(measures: Measures) -> str:
     if measures.ending == "completed":
         return "stumbled" if measures.stumbled else "walked to the end"
     return f"{measures.ending} at {measures.duration_s:.2f} s"
-
-
-def _tick(run: Run) -> float:
-    """Median time of a tick, µs; NaN where it was not logged."""
-    times = tick_times(run)
-    return float("nan") if times is None else float(np.median(times))

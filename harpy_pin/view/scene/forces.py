@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.typing import NDArray
 
-from harpy_pin.log.measures import SLIDING_SPEED
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.palette import FLOOR, FRICTION, SLIDING
-from harpy_pin.view.scene.nodes import Lines, Look, Mesh, Motion, Motions, Node, revolved, turn_z_to
+from harpy_pin.view.palette import CONTACT, FLOOR, FRICTION, SLIDING, THRUST
+from harpy_pin.view.scene.contacts import Contacts
+from harpy_pin.view.scene.nodes import Lines, Look, Mesh, Motion, Motions, Node, node_name, revolved, turn_z_to
 
-__all__ = ["Arrow", "Cone", "friction_used", "nice_scale", "sliding", "tangential_force"]
+__all__ = ["Arrow", "Cone", "Forces", "Scales", "nice_scale"]
 
 HEAD_LENGTH, HEAD_WIDTH = 3.2, 2.4
 """Length and diameter of an arrow's head in shaft diameters."""
 SIDES = 64
 ROUNDING = 1.0 + 1e-6
+CONE_SLANT, CONTACT_RADIUS, THRUST_RADIUS = 0.45, 0.009, 0.013
+"""Side of a friction cone, and radii of arrows, as shares of the robot's height: thin, so that the cone is seen."""
 
 
 class Arrow:
@@ -101,24 +105,22 @@ class Cone:
         if floor is not None:
             self.nodes.append(Node(f"{path}/floor", Lines(ring), Look(FLOOR)))
 
-    def motions(self, foot: Vector, force: Vector, velocity: Vector, mu: Vector, normal: Vector | None) -> Motions:
+    def motions(self, contact: Contacts, normal: Vector | None) -> Motions:
         """Motion of the cone.
 
         Args:
-            foot: (n, 3) apex, world, m.
-            force: (n, 3) of the ground on the foot, its third part along the cone's axis, N.
-            velocity: (n, 3) of the foot, in the same axes, m/s.
-            mu: (n,) friction coefficient under the foot; where it is zero there is no cone.
+            contact: (n,) of the foot, which is the apex; where there is no friction there is no cone.
             normal: (n, 3) the cone's axis, world; None is the vertical.
         """
-        slides = sliding(force, velocity) | (friction_used(force, mu, per_axis=self._per_axis) > self._full)
+        assert contact.mu is not None
+        mu, slides = contact.mu, contact.slides | (contact.used > self._full)
         height = self._slant / np.hypot(1.0, mu)
         scale = np.stack((mu * height, mu * height, height), axis=1)
         motions = {
             self._path: Motion(
-                position=foot,
+                position=contact.position,
                 quaternion=None if normal is None else turn_z_to(normal),
-                visible=(force[:, 2] > 0.0) & (mu > 0.0),
+                visible=contact.touching & (mu > 0.0),
             )
         }
         for kind, shown in (("sticking", ~slides), ("sliding", slides)):
@@ -131,43 +133,90 @@ class Cone:
         return motions
 
 
-def sliding(force: Vector, velocity: Vector) -> NDArray[np.bool_]:
-    """Whether feet slide: in contact and faster along the ground than 10 mm/s.
+class Forces:
+    """Arrow and friction cone of each foot, and arrow of each thruster.
 
     Args:
-        force: (..., 3) force of the ground, world axes, N.
-        velocity: (..., 3) velocity of the foot, world axes, m/s.
+        robot: whose forces they are.
+        scales: of the arrows.
+        cones: draw friction cones.
+        per_axis: see :class:`Cone`.
+        floor: smallest normal force that is desired, N; None where there is none.
+        full: see :class:`Cone`.
+
+    Attributes:
+        nodes: of all arrows and cones.
     """
-    speed = np.hypot(velocity[..., 0], velocity[..., 1])
-    return np.asarray((force[..., 2] > 0.0) & (speed > SLIDING_SPEED))
+
+    def __init__(
+        self,
+        robot: Robot,
+        scales: Scales,
+        *,
+        cones: bool = True,
+        per_axis: bool = False,
+        floor: float | None = None,
+        full: float = ROUNDING,
+    ) -> None:
+        def arrow(path: str, colour: str, radius: float, newtons_per_metre: float) -> Arrow:
+            return Arrow(path, colour, radius=radius * scales.height, metres_per_newton=1.0 / newtons_per_metre)
+
+        ring = None if floor is None else floor / scales.contact
+        slant = CONE_SLANT * scales.height
+        feet, thrusters = ([node_name(name) for name in names] for names in (robot.feet, robot.thrusters))
+        self._contacts = [arrow(f"contact_force/{name}", CONTACT, CONTACT_RADIUS, scales.contact) for name in feet]
+        self._thrusts = [arrow(f"thrust/{name}", THRUST, THRUST_RADIUS, scales.thrust) for name in thrusters]
+        self._cones = [
+            Cone(f"friction_cone/{name}", slant=slant, per_axis=per_axis, floor=ring, full=full)
+            for name in feet
+            if cones
+        ]
+        parts: list[Arrow | Cone] = [*self._contacts, *self._cones, *self._thrusts]
+        self.nodes = [node for part in parts for node in part.nodes]
+
+    def motions(
+        self, contacts: Contacts, foot_force: Vector, normal: Vector | None, mount: Vector, thrust: Vector
+    ) -> Motions:
+        """Motion of all arrows and cones.
+
+        Args:
+            contacts: (n, feet).
+            foot_force: (n, feet, 3) of the ground on the feet, world axes, N.
+            normal: (n, feet, 3) of the ground; None is the vertical.
+            mount: (n, thrusters, 3) where thrusters are, m.
+            thrust: (n, thrusters, 3) their forces on the robot, N.
+        """
+        motions: Motions = {}
+        for k, arrow in enumerate(self._contacts):
+            motions |= arrow.motions(contacts.position[:, k], foot_force[:, k])
+        for k, cone in enumerate(self._cones):
+            motions |= cone.motions(contacts[:, k], None if normal is None else normal[:, k])
+        for k, arrow in enumerate(self._thrusts):
+            motions |= arrow.motions(mount[:, k], thrust[:, k])
+        return motions
 
 
-def tangential_force(force: Vector, *, per_axis: bool = False) -> Vector:
-    """(...,) what the ground's friction bounds, N: the length of the tangential part, or the larger of |f_x| and |f_y|.
+@dataclass(frozen=True)
+class Scales:
+    """Sizes of what is drawn, from the robot's height and weight.
 
-    Args:
-        force: (..., 3) force of the ground, world axes, N.
-        per_axis: the bound holds for x and y apart.
+    Attributes:
+        height: of the body above the ground, m.
+        contact: contact force that is drawn one metre long, N/m.
+        thrust: thrust that is drawn one metre long, N/m.
     """
-    sides = np.abs(force[..., :2])
-    return np.asarray(sides.max(axis=-1) if per_axis else np.hypot(sides[..., 0], sides[..., 1]))
 
+    height: float
+    contact: float
+    thrust: float
 
-def friction_used(force: Vector, mu: Vector, *, per_axis: bool = False) -> Vector:
-    """Tangential force as a share of what the friction cone allows.
-
-    Args:
-        force: (..., 3) force of the ground, world axes, N.
-        mu: (...,) friction coefficient.
-        per_axis: see :func:`tangential_force`.
-
-    Returns:
-        (...,): 1 on the cone, more outside; zero without contact, infinite for any tangential force where μ is zero.
-    """
-    tangential, normal = tangential_force(force, per_axis=per_axis), force[..., 2]
-    bound = mu * np.maximum(normal, 0.0)
-    share = np.divide(tangential, bound, out=np.full(bound.shape, np.inf), where=bound > 0.0)
-    return np.where((normal > 0.0) & (tangential > 0.0), share, 0.0)
+    @classmethod
+    def of(cls, robot: Robot, height: float) -> Scales:
+        """Half the robot's weight is about a third of its height; thrusts are drawn twice as long as contact forces."""
+        height = float(np.clip(height, 0.1, 10.0))
+        share = robot.mass * 9.81 * min(2.0 / max(len(robot.feet), 1), 1.0)
+        contact = nice_scale(1.25 * share / (0.65 * height))
+        return cls(height, contact, nice_scale(0.5 * contact))
 
 
 def nice_scale(newtons_per_metre: float) -> float:

@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.ground.contact_frame import in_contact_frames
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.log.measures import SLIDING_SPEED
-from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import PRESSURE, SLIP, TARGET, ground_colour
+from harpy_pin.view.scene.contacts import surface_of
 from harpy_pin.view.scene.frames import Frames
 from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Mesh, Motion, Motions, Node, shifted
 
-__all__ = [
-    "about_normals",
-    "centre_of_pressure",
-    "flat_ground",
-    "footholds",
-    "marks",
-    "pressure",
-    "slip_marks",
-    "slip_steps",
-    "surface_ground",
-    "surface_of",
-]
+__all__ = ["centre_of_pressure", "footholds", "ground_nodes", "marks", "pressure", "slip_marks", "slip_steps"]
 
 LINES = (("fine", 0.1, "#dce2ea"), ("coarse", 0.5, "#b4bfcc"))
 """Distance between two lines of the grid, m, and their colour."""
@@ -44,61 +30,38 @@ SHORTEST = 0.1
 """A contact that lasts as long leaves a foothold, s."""
 
 
-def surface_of(run: Run) -> Terrain | None:
-    """The terrain of a run; None where its ground is flat.
-
-    Raises:
-        InputError: the metadata hold a terrain that is none.
-    """
-    ground = run.metadata.get("ground")
-    if not isinstance(ground, dict):
-        return None
-    given = {name: ground[name] for name in ("slope", "terrain") if ground.get(name)}
-    surface = Ground(**given).surface if given else None
-    return None if surface is None or surface.record["level"][0] else surface
-
-
-def about_normals(surface: Terrain | None, place: Vector, vectors: Vector) -> Vector:
-    """Vectors at feet, of world axes, in the frames of the contacts: their third part is along the normal.
+def ground_nodes(path: Vector, ground: Ground | None) -> list[Node]:
+    """The ground in the colours of its friction, with lines.
 
     Args:
-        surface: of the ground; where it is None they stay as they are.
-        place: (..., 3) of the feet, m.
-        vectors: (..., 3).
+        path: (n, 3) points that it has to reach, world, m.
+        ground: of the run; None where it is not known.
     """
-    if surface is None:
-        return vectors
-    normal = surface.normal(np.nan_to_num(place[..., 0]), np.nan_to_num(place[..., 1]))
-    flat = np.ascontiguousarray(vectors, dtype=np.float64).reshape(-1, 3)
-    return in_contact_frames(np.ascontiguousarray(normal).reshape(-1, 3), flat).reshape(vectors.shape)
+    surface = surface_of(ground)
+    return _flat_ground(path, ground) if surface is None else _surface_ground(path, surface, ground)
 
 
-def flat_ground(path: Vector, mu: float | None, strips: Sequence[Sequence[float]]) -> list[Node]:
-    """The ground z = 0, with lines.
-
-    Args:
-        path: (n, 3) points that the grid has to reach, world, m.
-        mu: its friction; None where it is not known.
-        strips: across x, of another friction: from x, to x, m, and friction of each.
-    """
+def _flat_ground(path: Vector, ground: Ground | None) -> list[Node]:
+    """The ground z = 0, and its strips of another friction."""
     low = np.clip(np.floor(path[:, :2].min(axis=0) - MARGIN), -FARTHEST, FARTHEST)
     high = np.clip(np.ceil(path[:, :2].max(axis=0) + MARGIN), -FARTHEST, FARTHEST)
     # An even colour whatever the light, and a second plane that shows nothing but shadows.
     nodes = [
-        Node("ground/plane", Box((400.0, 400.0, 0.02)), _ground_look(mu), shifted(z=-0.0135)),
+        Node("ground/plane", Box((400.0, 400.0, 0.02)), _ground_look(ground), shifted(z=-0.0135)),
         Node("ground/shadow", Box((400.0, 400.0, 0.001)), Look("#22304a", 0.28, light="shadow"), shifted(z=-0.001)),
     ]
     for height, (name, step, colour) in zip((0.0, 0.0003), LINES, strict=True):
         nodes.append(Node(f"ground/{name}", Lines(_grid(low, high, step, height)), Look(colour)))
+    strips = () if ground is None else ground.friction_strips
     for number, (begin, end, friction) in enumerate(strips):
         place = shifted(x=0.5 * (begin + end), z=-0.002)  # below the lines of the grid
         strip = Box((end - begin, 400.0, 0.001))
-        nodes.append(Node(f"ground/strip/{number + 1}", strip, _ground_look(friction), place))
+        nodes.append(Node(f"ground/strip/{number + 1}", strip, Look(ground_colour(friction)), place))
     return nodes
 
 
-def surface_ground(path: Vector, surface: Terrain, mu: float | None) -> list[Node]:
-    """Ground that is not flat around a path, with lines; for arguments see :func:`flat_ground`."""
+def _surface_ground(path: Vector, surface: Terrain, ground: Ground | None) -> list[Node]:
+    """Ground that is not flat around a path."""
     low = np.floor((path[:, :2].min(axis=0) - SURFACE_MARGIN) / CELL).astype(int)
     high = np.ceil((path[:, :2].max(axis=0) + SURFACE_MARGIN) / CELL).astype(int)
     high = np.minimum(high, low + MOST_CELLS)
@@ -109,7 +72,7 @@ def surface_ground(path: Vector, surface: Terrain, mu: float | None) -> list[Nod
     number = np.arange(height.size).reshape(height.shape)
     a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
     faces = np.concatenate([np.stack(three, axis=-1).reshape(-1, 3) for three in ((a, b, c), (a, c, d))])
-    look = Look(_ground_look(mu).colour, light="ground")
+    look = Look(_ground_look(ground).colour, light="ground")
     nodes = [Node("ground/plane", Mesh(points.reshape(-1, 3), faces), look)]
     for above, (name, step, colour) in zip((0.001, 0.0015), LINES, strict=True):
         every, segments = round(step / CELL), []
@@ -120,8 +83,8 @@ def surface_ground(path: Vector, surface: Terrain, mu: float | None) -> list[Nod
     return nodes
 
 
-def _ground_look(mu: float | None) -> Look:
-    return Look("#f1f4f8" if mu is None else ground_colour(mu))
+def _ground_look(ground: Ground | None) -> Look:
+    return Look("#f1f4f8" if ground is None else ground_colour(ground.mu_s))
 
 
 def _grid(low: Vector, high: Vector, step: float, height: float) -> Vector:
@@ -144,8 +107,7 @@ def slip_steps(frames: Frames) -> tuple[NDArray[np.intp], Vector]:
         (m,) number of the frame at which each step ends, increasing, and (m, 2, 2) where it begins and ends on the
         ground, m.
     """
-    touching = frames.foot_force[..., 2] > 0.0
-    place = frames.foot_position[..., :2]
+    touching, place = frames["foot_force"][..., 2] > 0.0, frames["foot_position"][..., :2]
     length = np.linalg.norm(np.diff(place, axis=0), axis=2)
     slid = touching[1:] & touching[:-1] & (length > SLIDING_SPEED * np.diff(frames.time)[:, None])
     row, foot = np.nonzero(slid)
@@ -154,37 +116,34 @@ def slip_steps(frames: Frames) -> tuple[NDArray[np.intp], Vector]:
 
 def footholds(frames: Frames) -> Vector:
     """(m, 2) places where feet touch down and stay on the ground for a while, m."""
-    touching = frames.foot_force[..., 2] > 0.0
+    touching, position = frames["foot_force"][..., 2] > 0.0, frames["foot_position"]
     places = []
     for k in range(touching.shape[1]):
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], touching[:, k], [False])).astype(np.int8)))
+        edges = np.flatnonzero(np.diff(touching[:, k].astype(np.int8), prepend=0, append=0))
         for begin, end in edges.reshape(-1, 2):
             if frames.time[end - 1] - frames.time[begin] >= SHORTEST:
-                places.append(frames.foot_position[begin, k, :2])
+                places.append(position[begin, k, :2])
     return np.array(places).reshape(-1, 2)
 
 
 def centre_of_pressure(frames: Frames) -> Vector:
-    """(n, 3) mean of the feet's places, weighted by their normal forces, on the ground, m; NaN without contact."""
-    normal = np.maximum(frames.foot_force[..., 2], 0.0)
-    total = normal.sum(axis=1)
-    weighted = (normal[..., None] * frames.foot_position).sum(axis=1)
-    point = np.divide(weighted, total[:, None], out=np.full(weighted.shape, np.nan), where=total[:, None] > 0.0)
-    point[:, 2] *= 0.0
-    return np.asarray(point)
+    """(n, 2) mean of the feet's places, weighted by their normal forces, m; NaN without contact."""
+    normal = np.maximum(frames["foot_force"][..., 2], 0.0)
+    total = normal.sum(axis=1)[:, None]
+    weighted = (normal[..., None] * frames["foot_position"][..., :2]).sum(axis=1)
+    return np.asarray(np.divide(weighted, total, out=np.full(weighted.shape, np.nan), where=total > 0.0))
 
 
-def marks(frames: Frames, size: float, surface: Terrain | None) -> list[Node]:
+def marks(frames: Frames, size: float) -> list[Node]:
     """The way of the target on the ground, and a ring where each foot touches down, past and to come.
 
     Args:
         frames: the motion.
         size: height of the robot, m.
-        surface: of the ground; None where it is flat.
     """
-    nodes = []
+    nodes, surface = [], frames.surface
     if "target" in frames.references:
-        points, width = frames.references["target"], 0.012 * size
+        points, width = frames.references["target"][frames.rows], 0.012 * size
         ground = points[np.isfinite(points).all(axis=1), :2]
         # Pieces of at least their own width: many more would look the same.
         way = np.cumsum(np.linalg.norm(np.diff(ground, axis=0, prepend=ground[:1]), axis=1))
@@ -202,7 +161,7 @@ def marks(frames: Frames, size: float, surface: Terrain | None) -> list[Node]:
     return nodes
 
 
-def slip_marks(frames: Frames, size: float, surface: Terrain | None) -> tuple[list[Node], Motions]:
+def slip_marks(frames: Frames, size: float) -> tuple[list[Node], Motions]:
     """Dark marks where stance feet slid; each appears when it is made, and stays. For arguments see :func:`marks`."""
     row, steps = slip_steps(frames)
     share = -(-len(frames) // MAX_MARKS)
@@ -210,27 +169,29 @@ def slip_marks(frames: Frames, size: float, surface: Terrain | None) -> tuple[li
     for piece in np.unique(row // share):
         mine = row // share == piece
         name = f"slip/{piece}"
-        nodes.append(Node(name, _ribbons(steps[mine], SLIP_HEIGHT, 0.03 * size, surface), Look(SLIP, 0.85)))
+        nodes.append(Node(name, _ribbons(steps[mine], SLIP_HEIGHT, 0.03 * size, frames.surface), Look(SLIP, 0.85)))
         motions[name] = Motion(visible=np.arange(len(frames)) >= row[mine][0])
     return nodes, motions
 
 
-def pressure(frames: Frames, size: float, surface: Terrain | None) -> tuple[list[Node], Motions]:
+def pressure(frames: Frames, size: float) -> tuple[list[Node], Motions]:
     """A disc at the centre of pressure. For arguments see :func:`marks`."""
     point = centre_of_pressure(frames)
     known = np.asarray(np.isfinite(point).all(axis=1))
     if not known.any():
         return [], {}
-    radius = 0.035 * size
+    radius, place = 0.035 * size, np.where(known[:, None], point, 0.0)
     nodes = [
         Node("pressure/edge", Cylinder(0.002, radius), Look("#1b2430")),
         Node("pressure/disc", Cylinder(0.003, 0.8 * radius), Look(PRESSURE)),
     ]
-    position = np.where(known[:, None], point, 0.0)
-    position[:, 2] = SLIP_HEIGHT
-    if surface is not None:
-        position[:, 2] += surface.height(position[:, 0].copy(), position[:, 1].copy())
-    return nodes, {"pressure": Motion(position=position, visible=known)}
+    height = SLIP_HEIGHT + _heights(frames.surface, place)
+    return nodes, {"pressure": Motion(position=np.column_stack((place, height)), visible=known)}
+
+
+def _heights(surface: Terrain | None, places: Vector) -> Vector:
+    """(n,) height of the ground at (n, 2) places, m."""
+    return np.zeros(len(places)) if surface is None else surface.height(places[:, 0].copy(), places[:, 1].copy())
 
 
 def _ribbons(steps: Vector, height: float, width: float, surface: Terrain | None) -> Mesh:
@@ -242,8 +203,5 @@ def _ribbons(steps: Vector, height: float, width: float, surface: Terrain | None
     # Longer by a quarter of the width at both ends, so that one goes over into the next.
     begin, end = steps[:, 0] - 0.25 * width * along, steps[:, 1] + 0.25 * width * along
     corners = np.stack((begin - across, end - across, end + across, begin + across), axis=1).reshape(-1, 2)
-    heights = np.full(len(corners), height)
-    if surface is not None:
-        heights += surface.height(corners[:, 0].copy(), corners[:, 1].copy())
     faces = 4 * np.arange(len(steps))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
-    return Mesh(np.column_stack((corners, heights)), faces.reshape(-1, 3))
+    return Mesh(np.column_stack((corners, height + _heights(surface, corners))), faces.reshape(-1, 3))

@@ -1,8 +1,9 @@
-"""The robot of a run: found from what the log says of it."""
+"""Who walks: robot and controller of a run, found from what its log says."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError, shown
@@ -10,7 +11,31 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, installed_data
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
 
-__all__ = ["robot_of"]
+__all__ = ["CONTROLLERS", "NamedController", "name_of", "robot_of"]
+
+
+class NamedController(NamedTuple):
+    """A controller as pages name it.
+
+    Attributes:
+        label: on pages.
+        name: as :func:`harpy_pin.controllers.make_controller` knows it.
+        governor: of the governed controller; None for the others.
+    """
+
+    label: str
+    name: str
+    governor: str | None = None
+
+
+CONTROLLERS = {
+    "condensed": NamedController("Condensed controller", "condensed"),
+    "wbc": NamedController("Whole-body QP", "wbc"),
+    "none": NamedController("No governor", "governed", "none"),
+    "paper": NamedController("Paper's governor", "governed", "paper"),
+    "filter": NamedController("Contact-force filter", "governed", "filter"),
+}
+"""By the names of the live page's settings."""
 
 
 @checked
@@ -73,3 +98,14 @@ def _names(run: Run, kind: str) -> tuple[str, ...] | None:
     """Names of feet or thrusters in a log; None where it has none."""
     names = run.metadata.get(kind)
     return tuple(str(name) for name in names) if isinstance(names, list | tuple) else None
+
+
+def name_of(run: Run) -> str:
+    """What walks, in words: from the scenario where there is one, else the name of the controller's class."""
+    scenario, own = run.metadata.get("scenario"), run.metadata.get("own")
+    part = scenario.get("controller") if isinstance(scenario, dict) else None
+    if isinstance(part, dict) and not (isinstance(own, list) and "controller" in own):
+        for known in CONTROLLERS.values():
+            if known.name == part.get("name") and known.governor in (None, part.get("governor")):
+                return known.label
+    return str(run.metadata.get("controller", "Run"))

@@ -1,35 +1,32 @@
-"""What a drive takes from its robot: the gait, the controllers that walk it, and the ends of what can be set."""
+"""What can be set while a robot is driven, and what its gait makes of it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
-from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.walking.build import FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
-from harpy_pin.ground.ground import walking_stiffness
+from harpy_pin.ground.ground import Ground, walking_stiffness
 from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.drive_settings import CONTROLLERS, HARDEST, MAX_SPEED, SOFTEST, LiveSettings
+from harpy_pin.view.identity import CONTROLLERS
 
 __all__ = [
-    "STRAIGHT",
     "DriveRanges",
     "DrivenGait",
-    "FacingGait",
+    "LiveSettings",
     "command_gait",
-    "fitting_parameters",
+    "faces_x",
     "make_driven_gait",
     "may_change_schedule",
     "nearer_stiffness",
@@ -39,12 +36,117 @@ __all__ = [
 
 DrivenGait: TypeAlias = CommandedGait | WalkingGait
 
+SOFTEST, HARDEST = 2e3, 2e5
+"""Ends of the ground's stiffness, N/m: between them Harpy's gait is in the legs' reach, and the ground may change. For
+other robots they grow with the weight on a contact point."""
+LIGHTEST, HEAVIEST = 0.01, 100.0
+"""Weight on a contact point beside Harpy's for which there are such ends."""
+MAX_SPEED, MAX_SLOPE = 3.0, 0.35
+"""Ends of the commanded velocity, m/s, of which the gait scales down what its legs cannot do, and of the slope, rad."""
+MIN_FRICTION, MAX_FRICTION = 0.02, 1.0
+"""Ends of the ground's friction."""
+ENDS: Mapping[str, tuple[float, float]] = {
+    "forward": (-MAX_SPEED, MAX_SPEED),
+    "sideways": (-MAX_SPEED, MAX_SPEED),
+    "turning": (-2.0, 2.0),
+    "height": (-0.5, 0.5),
+    "friction": (MIN_FRICTION, MAX_FRICTION),
+    "stiffness": (LIGHTEST * SOFTEST, HEAVIEST * HARDEST),
+    "slope": (-MAX_SLOPE, MAX_SLOPE),
+    "noise": (0.0, 10.0),
+    "pace": (0.01, 1.0),
+}
+"""Least and largest value of settings, in their units."""
+MAX_DELAY = 20
+"""Of the measurements, ms."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveSettings:
+    """Everything that a driver sets; pushes and resets are not settings but events.
+
+    Attributes:
+        controller: one of :data:`harpy_pin.view.identity.CONTROLLERS`.
+        forward: commanded velocity, m/s.
+        sideways: to the left, m/s.
+        turning: to the left, rad/s.
+        height: change of the body's height, m; of robots other than Harpy.
+        schedule: contact schedule of robots other than Harpy, see :class:`harpy_pin.gaits.WalkingGait`; by default
+            the gait's own.
+        friction: static coefficient of the ground.
+        friction_strips: strips of ground with another friction, see :class:`harpy_pin.ground.ground.Ground`.
+        stiffness: of the ground, N/m.
+        slope: angle by which the ground rises along x, rad.
+        assumed: friction that the controller assumes; that of the ground outside the strips by default.
+        estimate: whether the controller estimates the friction as it goes.
+        delay: age of the measurements, ms.
+        noise: of the measurements, as a multiple of typical noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
+        pace: simulated time per time of the clock, at most 1.
+
+    Raises:
+        InputError: an unknown name, or a value out of its domain.
+    """
+
+    controller: str = "condensed"
+    forward: float = 0.0
+    sideways: float = 0.0
+    turning: float = 0.0
+    height: float = 0.0
+    schedule: str | None = None
+    friction: float = 0.8
+    friction_strips: tuple[tuple[float, float, float], ...] = ()
+    stiffness: float = 8000.0
+    slope: float = 0.0
+    assumed: float | None = None
+    estimate: bool = False
+    delay: int = 0
+    noise: float = 0.0
+    pace: float = 1.0
+
+    def __post_init__(self) -> None:
+        checks.one_of("controller", self.controller, CONTROLLERS)
+        for name, (low, high) in ENDS.items():
+            checks.keep(self, **{name: checks.number(name, getattr(self, name), low=low, high=high)})
+        if self.schedule is not None:
+            checks.one_of("schedule", self.schedule, (*FOUR_FEET, *TWO_FEET))
+        checks.keep(self, friction_strips=Ground(friction_strips=self.friction_strips).friction_strips)
+        if self.assumed is not None:
+            assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION)
+            checks.keep(self, assumed=assumed)
+        if not isinstance(self.estimate, bool):
+            raise InputError(f"estimate must be true or false, got {self.estimate!r:.60}", name="estimate")
+        if self.estimate and self.controller == "none":
+            raise InputError("without a governor nothing takes an estimate of the friction", name="estimate")
+        checks.keep(self, delay=checks.whole("delay in ms", self.delay, high=MAX_DELAY))
+
+    @property
+    def mu(self) -> float:
+        """Friction that the controller assumes."""
+        return self.friction if self.assumed is None else self.assumed
+
+    @property
+    def turns(self) -> bool:
+        """Whether the controller knows a heading; the paper's faces x."""
+        return CONTROLLERS[self.controller].name != "governed"
+
+    def changed(self, changes: Mapping[str, Any]) -> LiveSettings:
+        """A copy with other values.
+
+        Raises:
+            InputError: no mapping, an unknown name, or a value out of its domain.
+        """
+        if not isinstance(changes, Mapping):
+            raise InputError(f"changes must be a mapping, got {changes!r:.60}", name="changes", value=changes)
+        valid = [entry.name for entry in fields(self)]
+        for name in changes:
+            checks.one_of("setting", name, valid)
+        return replace(self, **changes)
+
+
 HARPY_MASS = 4.0
 """kg: pushes on other robots grow with their mass."""
 SLOW = 0.02
 """Velocity below which a robot that never stops stepping may change its schedule, m/s and rad/s."""
-STRAIGHT = 0.01
-"""Largest heading, rad, and turning velocity, rad/s, that count as facing x."""
 STIFFNESS_RATE = 4.0
 """How fast the stiffness changes, 1/s: by a factor of e in 0.25 s."""
 TILT_RATE = 0.1
@@ -56,7 +158,7 @@ class DriveRanges:
     """Ends of what a driver sets, and what there is to choose from.
 
     Attributes:
-        controllers: names of :data:`~harpy_pin.view.live.drive_settings.CONTROLLERS` that walk the robot.
+        controllers: names of :data:`harpy_pin.view.identity.CONTROLLERS` that walk the robot.
         schedules: contact schedules; none where the gait has only its own.
         forward: largest velocity forward, m/s.
         sideways: largest velocity to the left, m/s.
@@ -100,7 +202,7 @@ class DriveRanges:
         share = max(robot.mass / HARPY_MASS, 1.0)
         nominal: Vector = field(gait.record, "nominal")
         return cls(
-            controllers=tuple(name for name, (kind, _) in CONTROLLERS.items() if kind != "governed"),
+            controllers=tuple(name for name, one in CONTROLLERS.items() if one.name != "governed"),
             schedules=_schedules(robot),
             forward=float(speed),
             sideways=float(speed),
@@ -153,13 +255,8 @@ def make_driven_gait(robot: Robot, settings: LiveSettings) -> DrivenGait:
     return WalkingGait(robot, settings.schedule)
 
 
-def fitting_parameters(gait: DrivenGait) -> Mapping[str, Any]:
-    """Settings of a controller that fit the gait's robot."""
-    return gait.parameters if isinstance(gait, WalkingGait) else {}
-
-
 def command_gait(gait: DrivenGait, settings: LiveSettings) -> None:
-    """Tell a gait the velocity that is set; one whose schedule is to change is told to stop."""
+    """Give a gait the velocity that is set; one whose schedule is to change stops."""
     turning = settings.turning if settings.turns else 0.0
     if isinstance(gait, CommandedGait):
         gait.command[:] = settings.forward, settings.sideways, turning
@@ -177,43 +274,9 @@ def may_change_schedule(gait: DrivenGait) -> bool:
     return slow and (not gait.walking or (bool(gait.record["always"][0]) and not gait.record["in_air"].any()))
 
 
-class FacingGait:
-    """A commanded walk that does not turn: forward and sideways velocity act, turning does not.
-
-    The walk itself is not copied, so that a controller that turns can go on with it.
-
-    Args:
-        gait: to follow.
-    """
-
-    def __init__(self, gait: CommandedGait) -> None:
-        self.gait = gait
-        self.robot = gait.robot
-        self.target: GaitTarget = gait.target
-        self.step_duration, self.double_support = gait.step_duration, gait.double_support
-
-    @staticmethod
-    def fits(gait: CommandedGait) -> bool:
-        """Whether a walk, as it goes now, faces x."""
-        heading = gait.target.heading
-        return bool(abs(heading[0]) < STRAIGHT and abs(heading[1]) < STRAIGHT)
-
-    def update(self, t: float) -> GaitTarget:
-        """See :meth:`harpy_pin.gaits.commanded.CommandedGait.update`."""
-        self.gait.command[2] = 0.0
-        return self.gait.update(t)
-
-    def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """See :meth:`harpy_pin.gaits.commanded.CommandedGait.initial_state`."""
-        return self.gait.initial_state(penetration=penetration)
-
-    def describe(self) -> Mapping[str, Any]:
-        """The walk's parameters."""
-        return self.gait.describe()
-
-    def telemetry(self) -> Mapping[str, ArrayLike]:
-        """The walk's signals."""
-        return self.gait.telemetry()
+def faces_x(gait: DrivenGait) -> bool:
+    """Whether a walk faces x, and does not turn: then a controller that faces x may go on with it."""
+    return isinstance(gait, WalkingGait) or not gait.target.heading[:2].any()
 
 
 def nearer_stiffness(now: float, desired: float, span: float) -> float:
