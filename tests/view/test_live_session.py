@@ -63,10 +63,10 @@ def test_less_friction_makes_it_slip(robot: hp.Robot) -> None:
     kept, iced = walk(make(robot, assumed=0.6), 1.5), walk(make(robot, assumed=0.6), 1.5)
     assert np.array_equal(kept.simulator.q, iced.simulator.q)
     iced.change({"friction": 0.05})
-    before = float(kept.slip.sum())
+    before = float(kept.slip[:, 0].sum())
     walk(kept, 1.5)
     walk(iced, 1.5)
-    assert float(iced.slip.sum()) - before > 10.0 * (float(kept.slip.sum()) - before)
+    assert float(iced.slip[:, 0].sum()) - before > 10.0 * (float(kept.slip[:, 0].sum()) - before)
     assert iced.simulator.ground.friction(0.0) == 0.05
 
 
@@ -419,11 +419,10 @@ def test_it_begins_on_the_slope_that_is_set(robot: hp.Robot) -> None:
 def test_power_is_that_of_the_last_tick(robot: hp.Robot) -> None:
     """Of the joints that do not brake, and of two fans of 18 N from 1 kW."""
     session = make(robot)
-    assert session.power.tolist() == [0.0, 0.0]
-    walk(session, 0.5)
-    joints = sum(max(t * w, 0.0) for t, w in zip(session.last.command.torque, session.last.state.v[6:], strict=True))
-    fans = sum(1000.0 * (float(np.linalg.norm(force)) / 18.0) ** 1.5 for force in session.last.command.thrust)
-    assert session.power == pytest.approx((joints, fans))
     board = SharedSnapshots(multiprocessing.get_context("spawn"), session)
     board.write(session)
-    assert board.read(0)[0][-1]["power"] == pytest.approx(session.power)
+    walk(session, 0.5)
+    board.write(session)
+    joints = sum(max(t * w, 0.0) for t, w in zip(session.last.command.torque, session.last.state.v[6:], strict=True))
+    fans = sum(1000.0 * (float(np.linalg.norm(force)) / 18.0) ** 1.5 for force in session.last.command.thrust)
+    np.testing.assert_allclose(board.read(0)[0]["power"], [[0.0, 0.0], [joints, fans]])

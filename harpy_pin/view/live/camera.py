@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 import viser
 
 from harpy_pin.model.state import Vector
 
-__all__ = ["EYE", "FIELD_OF_VIEW", "MIDDLE", "View", "followed", "keep_in_view"]
+__all__ = ["EYE", "FIELD_OF_VIEW", "MIDDLE", "first_view", "followed", "keep_in_view"]
 
 EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
 """Where the camera is, and what it looks at, m; for a robot of Harpy's size."""
@@ -33,38 +32,23 @@ LOWEST, HIGHEST = 0.03, 1.4
 """Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
 
 
-@dataclass(frozen=True, eq=False)
-class View:
-    """Where the camera is.
-
-    Attributes:
-        eye: (3,) its place, m.
-        middle: (3,) what it looks at, m.
-        scale: size of the robot, relative to Harpy's.
-    """
-
-    eye: Vector
-    middle: Vector
-    scale: float = 1.0
-
-    @classmethod
-    def of(cls, scale: float) -> View:
-        """The view of a robot of a size, relative to Harpy's."""
-        return cls(scale * np.array(EYE), scale * np.array(MIDDLE), scale)
+def first_view(scale: float) -> tuple[Vector, Vector]:
+    """Where the camera is first and what it looks at, m, for a robot of a size relative to Harpy's."""
+    return scale * np.array(EYE), scale * np.array(MIDDLE)
 
 
-def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], bool]) -> None:
+def keep_in_view(client: viser.ClientHandle, scale: float, follows: Callable[[], bool]) -> None:
     """Put the camera of a new page in its place, and keep the robot in its middle.
 
     Args:
         client: the page.
-        view: of the robot.
+        scale: size of the robot, relative to Harpy's.
         follows: whether the camera is to follow, asked at every move.
     """
-    begin, middle, scale = view.eye, view.middle, view.scale
+    begin, middle = first_view(scale)
     upright = client.camera.image_width < UPRIGHT * client.camera.image_height
     if upright:  # from further away, and the robot in the upper half
-        begin = middle + 2.1 * (view.eye - middle) - scale * np.array((0.0, 0.0, 0.6))
+        begin = middle + 2.1 * (begin - middle) - scale * np.array((0.0, 0.0, 0.6))
         middle = middle - scale * np.array((0.0, 0.0, 0.75))
     tries = 0 if _is_at(client.camera, begin) else ARRIVES_WITHIN
     if upright:
@@ -72,7 +56,7 @@ def keep_in_view(client: viser.ClientHandle, view: View, follows: Callable[[], b
 
     def put_back(camera: viser.CameraHandle) -> None:
         nonlocal tries
-        if tries > 0:  # a slow page still tells of the place where its camera was before
+        if tries > 0:  # a slow page still reports the place where its camera was before
             there = _is_at(camera, begin)
             tries = 0 if there else tries - 1
             eye = None if there else begin

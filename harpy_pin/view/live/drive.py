@@ -296,5 +296,5 @@ class Drive:
     def _summarise(self, elapsed: float) -> None:
         session, driven = self.session, self.driven
         driven.simulated, driven.elapsed = session.time, elapsed
-        driven.falls, driven.slip = session.falls, float(session.slip.sum())
+        driven.falls, driven.slip = session.falls, float(session.slip[:, 0].sum())
         driven.factor = 1.0 - min(session.pacer.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0

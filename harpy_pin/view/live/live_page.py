@@ -18,7 +18,7 @@ from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.camera import FIELD_OF_VIEW, View, keep_in_view
+from harpy_pin.view.live.camera import FIELD_OF_VIEW, first_view, keep_in_view
 from harpy_pin.view.live.guard import guarded_server
 from harpy_pin.view.live.live_scene import LiveScene
 from harpy_pin.view.live.panel import Panel
@@ -80,9 +80,11 @@ class _Page:
         self._grip: Vector | None = None  # where the hand has the robot, relative to the body
         self._hand = np.zeros(3)
         camera = self.server.initial_camera
-        view = View.of(self._scene.scale)
-        camera.position, camera.look_at, camera.fov = view.eye, view.middle, float(np.radians(FIELD_OF_VIEW))
-        self.server.on_client_connect(lambda client: keep_in_view(client, view, lambda: self._panel.follows))
+        camera.position, camera.look_at = first_view(self._scene.scale)
+        camera.fov = float(np.radians(FIELD_OF_VIEW))
+        self.server.on_client_connect(
+            lambda client: keep_in_view(client, self._scene.scale, lambda: self._panel.follows)
+        )
         for handle in self._scene.handles:
             handle.on_drag("left")(self._on_drag)
 

@@ -27,7 +27,6 @@ from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.terrain import Plane
-from harpy_pin.log.power import PRESETS
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.push import Push
@@ -128,12 +127,11 @@ class LiveSession:
         self.paused = False
         self.ticks = self.falls = self.walks = 0
         self._tick = 0  # of the present walk
-        self.plane = Plane(slope=s.slope)
         self._pushes: list[Push] = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
         self.on_tick: Callable[[Tick], None] | None = None
-        self._slip_before = self._net_before = np.zeros(len(self.robot.feet))
+        self._slip_before = np.zeros((len(self.robot.feet), 2))
         self._warm: set[str] = set()
         self._stand()
         on_standing(self)
@@ -147,21 +145,14 @@ class LiveSession:
 
     @property
     def slip(self) -> Vector:
-        """(feet,) path of the feet on the ground in all walks, m."""
-        return self._slip_before + self.simulator.slip_path
-
-    @property
-    def power(self) -> Vector:
-        """(2,) of the last tick: of the joints without braking, and of the thrusters at 1 kW for 18 N, W."""
-        torque, thrust = self.last.command.torque, self.last.command.thrust
-        joints = np.maximum(torque * self.last.state.v[6:], 0.0).sum()
-        return np.array((joints, PRESETS["fan"].electrical(np.linalg.norm(thrust, axis=1)).sum()))
+        """(feet, 2) path of the feet on the ground in all walks, and distances from touchdown to last touch, m."""
+        return self._slip_before + np.stack((self.simulator.slip_path, self.simulator.slip_net), axis=1)
 
     @property
     def signals(self) -> dict[str, ArrayLike]:
         """The last tick and how things stand: what is logged at each tick, by the names of logs."""
         tick, target, settings, s = self.last, self.controller.target, self.settings, self.simulator
-        schedules, gait = self.ranges.schedules, self.gait
+        schedules, gait, slip = self.ranges.schedules, self.gait, self.slip
         schedule = {"schedule": schedules.index(gait.schedule)} if isinstance(gait, WalkingGait) else {}
         return {
             "t": (self.ticks - 1) * PERIOD,
@@ -170,8 +161,8 @@ class LiveSession:
             "foot_position": tick.state.foot_position,
             "foot_velocity": tick.state.foot_velocity,
             "foot_force": tick.state.foot_force,
-            "slip_path": self._slip_before + s.slip_path,
-            "slip_net": self._net_before + s.slip_net,
+            "slip_path": slip[:, 0],
+            "slip_net": slip[:, 1],
             "torque": tick.command.torque,
             "thrust": tick.command.thrust,
             "tick_ns": tick.elapsed,
@@ -201,12 +192,11 @@ class LiveSession:
 
     def _friction_estimate(self) -> Vector:
         """(feet,) what the controller takes the friction for."""
-        estimator = getattr(self.controller, "friction", None)
-        if estimator is None:
-            estimator = getattr(getattr(self.controller, "tasks", None), "friction", None)
-        if estimator is None:
-            return np.full(len(self.robot.feet), self.settings.mu)
-        return np.asarray(estimator.estimate)
+        for holder in (self.controller, getattr(self.controller, "tasks", None)):
+            estimator = getattr(holder, "friction", None)
+            if estimator is not None:
+                return np.asarray(estimator.estimate)
+        return np.full(len(self.robot.feet), self.settings.mu)
 
     def change(self, changes: Mapping[str, Any]) -> str:
         """Set something, from the next tick on.
@@ -298,7 +288,7 @@ class LiveSession:
 
     def reset(self) -> None:
         """Begin a new walk, standing at the origin, on the ground as it is set; its strip stays where it lies."""
-        self._slip_before, self._net_before = self.slip, self._net_before + self.simulator.slip_net
+        self._slip_before = self.slip
         self._stand()
         self._take_over(self._make_controller(self.settings))
 
@@ -331,7 +321,9 @@ class LiveSession:
         if self._tick % FOLLOWED == 0:
             self._follow_ground()
         if not self._schedule_fits() and may_change_schedule(self.gait):
-            self._change_schedule()
+            self.gait = make_driven_gait(self.robot, self.settings)  # it goes on from where the robot stands
+            self._start_gait(s.t)
+            self._take_over(self._make_controller(self.settings))
         state = s.state
         measured = state if self._sensors is None else self._sensors.measure(state)
         push, pushes = np.zeros(3), self._forces()
@@ -369,10 +361,8 @@ class LiveSession:
         s.reset(q, v)
         self._fall_height = 0.6 * (float(q[2]) - s.ground_below)
         self._start_gait(0.0)
-        self.ending = ""
-        self._tick = 0
+        self.ending, self._tick, self._pushes = "", 0, []
         self.walks += 1
-        self._pushes = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._make_sensors()
         self.last = Tick(s.state, self._nothing, 0, np.zeros(3))
@@ -422,12 +412,6 @@ class LiveSession:
         """Whether the gait walks in the schedule that is set."""
         desired = self.settings.schedule
         return desired is None or isinstance(self.gait, CommandedGait) or self.gait.schedule == desired
-
-    def _change_schedule(self) -> None:
-        """Another gait goes on from where the robot stands."""
-        self.gait = make_driven_gait(self.robot, self.settings)
-        self._start_gait(self.simulator.t)
-        self._take_over(self._make_controller(self.settings))
 
     def _make_sensors(self) -> None:
         """Sensors as set; none where they would measure the true state."""

@@ -64,7 +64,7 @@ def mesh_parts(shape: pin.GeometryObject) -> list[MeshPart]:
     vertices = np.asarray(shape.geometry.vertices(), dtype=float)
     path, scale = str(shape.meshPath), tuple(float(s) for s in shape.meshScale)
     read = _read_parts(path, scale)
-    if read is None or np.max(np.abs(read.bounds - _bounds(vertices))) > SAME_PLACE:
+    if read is None or np.max(np.abs(read[1] - _bounds(vertices))) > SAME_PLACE:
         faces = _faces(shape.geometry)
         # Of a file with several geometries Pinocchio numbers the corners of each from zero: those of the last ones are
         # left over.
@@ -72,9 +72,9 @@ def mesh_parts(shape: pin.GeometryObject) -> list[MeshPart]:
             _warn_of_wrong_surfaces()
         return [MeshPart(*thin_out(vertices, faces, MAX_TRIANGLES), (red, green, blue, alpha))]
     plain = not shape.overrideMaterial or min(red, green, blue) > WHITE
-    if Path(path).suffix.lower() in COLOURED and (plain or len(read.parts) > 1):
-        return list(read.parts)
-    return [replace(part, colour=(red, green, blue, alpha)) for part in read.parts]
+    if Path(path).suffix.lower() in COLOURED and (plain or len(read[0]) > 1):
+        return read[0]
+    return [replace(part, colour=(red, green, blue, alpha)) for part in read[0]]
 
 
 def thin_out(vertices: Vector, faces: NDArray[np.int64], most: int) -> tuple[Vector, NDArray[np.int64]]:
@@ -106,17 +106,9 @@ def thin_out(vertices: Vector, faces: NDArray[np.int64], most: int) -> tuple[Vec
     return middles / count[:, None], kept
 
 
-@dataclass(frozen=True, eq=False)
-class _FileParts:
-    """A file's parts, one for each colour, and the (2, 3) bounds of all of it, m."""
-
-    parts: tuple[MeshPart, ...]
-    bounds: Vector
-
-
 @lru_cache(maxsize=256)
-def _read_parts(path: str, scale: tuple[float, ...]) -> _FileParts | None:
-    """The parts of a file by colour; None where trimesh is not installed, or cannot read it."""
+def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[MeshPart], Vector] | None:
+    """The parts of a file by colour, and the (2, 3) bounds of all; None without trimesh, or if it cannot read it."""
     try:
         import trimesh
     except ImportError:
@@ -138,7 +130,7 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> _FileParts | None:
         parts.append(MeshPart(*thin_out(vertices, np.asarray(whole.faces), most), colour))
     if not parts:
         return None
-    return _FileParts(tuple(parts), _bounds(np.concatenate(corners)))
+    return parts, _bounds(np.concatenate(corners))
 
 
 @cache

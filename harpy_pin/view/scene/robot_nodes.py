@@ -174,19 +174,14 @@ class Pantograph:
         return np.asarray(self.motor(joints) - self.shin * joints[:, self.shank_joint, :3, 2])
 
     @property
-    def _path(self) -> str:
-        return f"lower_leg/{node_name(self.foot)}"
-
-    @property
     def nodes(self) -> list[Node]:
         """Shin, tarsus, and pins where they turn: the ankle, and the serial knee at the opposite corner."""
-        half, across = shifted(z=-0.5 * self.shin), np.eye(4)
+        half, across, path = shifted(z=-0.5 * self.shin), np.eye(4), f"lower_leg/{node_name(self.foot)}"
         across[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+        bars = (("shin", 0.022), ("tarsus", 0.018))
         return [
-            Node(f"{self._path}/shin/bar", Box((0.022, 0.014, self.shin)), CARBON, half),
-            Node(f"{self._path}/tarsus/bar", Box((0.018, 0.014, self.shin)), CARBON, half),
-            Node(f"{self._path}/ankle_pin/pin", Cylinder(0.05, 0.008), ROD, across),
-            Node(f"{self._path}/knee_pin/pin", Cylinder(0.05, 0.008), ROD, across),
+            *(Node(f"{path}/{name}/bar", Box((width, 0.014, self.shin)), CARBON, half) for name, width in bars),
+            *(Node(f"{path}/{name}_pin/pin", Cylinder(0.05, 0.008), ROD, across) for name in ("ankle", "knee")),
         ]
 
     def motions(self, joints: Vector) -> Motions:
@@ -199,7 +194,8 @@ class Pantograph:
             ("ankle_pin", ankle, thigh),
             ("knee_pin", joints[:, self.shank_joint, :3, 3], shank),
         )
-        return {f"{self._path}/{name}": Motion(position=point, quaternion=turn) for name, point, turn in places}
+        path = f"lower_leg/{node_name(self.foot)}"
+        return {f"{path}/{name}": Motion(position=point, quaternion=turn) for name, point, turn in places}
 
 
 def find_pantograph(robot: Robot, foot: str) -> Pantograph | None:
