@@ -208,7 +208,7 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     page.keyboard.press("a")
     page.keyboard.press("ArrowUp")
     soon(lambda: session.settings.turning == 0.2 and session.settings.forward == 0.4)
-    soon(lambda: session.applied[2] > 0.1)  # it turns
+    soon(lambda: session.gait.applied[2] > 0.1)  # it turns
     page.keyboard.press("x")
     soon(lambda: session.settings.turning == session.settings.forward == 0.0)
     soon(lambda: number_of(page, "Forward, m/s").input_value() == "0")

@@ -48,7 +48,7 @@ def test_it_goes_where_it_is_told(go2: hp.Robot) -> None:
     walk(session, 1.5)
     assert not session.ending
     assert np.abs(session.simulator.v[:3]).max() < 0.02
-    assert session.applied.shape == (3,)
+    assert session.gait.applied[:3].shape == (3,)
 
 
 def test_schedules_change_while_it_goes_on(go2: hp.Robot) -> None:

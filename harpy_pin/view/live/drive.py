@@ -33,7 +33,7 @@ SNAPSHOT_PERIOD = 0.02
 NAP = 2e-3
 """Longest sleep, s: ticks that have come due meanwhile are made up for."""
 PAGE_ENDED = "the process of the page ended; what was driven until then is kept"
-READY_WITHIN = 60.0
+READY_WITHIN = 120.0
 """Time that the page's process may take to start, s."""
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin import checks
 from harpy_pin.ground.contact_frame import in_contact_frames
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.terrain import Terrain
@@ -26,10 +27,11 @@ def ground_of(run: Run) -> Ground | None:
         InputError: the metadata hold a ground that is none.
     """
     given = run.metadata.get("ground")
-    if not isinstance(given, Mapping) or given.get("mu_s") is None:
+    mu = given.get("mu_s") if isinstance(given, Mapping) else None
+    if not isinstance(given, Mapping) or not isinstance(mu, int | float) or not 0.0 <= mu <= checks.MAX_FRICTION:
         return None
     named = {name: given[name] for name in ("friction_strips", "slope", "terrain") if given.get(name)}
-    return Ground(mu_s=given["mu_s"], cone="per_axis" if given.get("cone") == "per_axis" else "circular", **named)
+    return Ground(mu_s=mu, cone="per_axis" if given.get("cone") == "per_axis" else "circular", **named)
 
 
 def surface_of(ground: Ground | None) -> Terrain | None:
