@@ -126,7 +126,8 @@ class LiveSession:
         self.times, self.pacer = TickTimes(), RealTimePacer(PERIOD)
         self.paused = False
         self.ticks = self.falls = self.walks = 0
-        self._tick = 0  # of the present walk
+        self._tick, self._fall_height = 0, 0.0  # of the present walk
+        self.gait: DrivenGait
         self._pushes: list[Push] = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
