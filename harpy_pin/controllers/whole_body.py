@@ -114,8 +114,9 @@ class WholeBodyController(TaskController):
         super()._make_anew()
         solver, problem, formulation = self._solver, self.problem, self.parameters.formulation
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
-        self._in_python = self.added is not None or self._lag is not None or type(solver) is not WarmStartedActiveSet
-        if self._in_python:
+        self._in_python = self.added is not None or self._lag is not None
+        if self._in_python or type(solver) is not WarmStartedActiveSet:
+            self._in_python = True
             return
         self._step = QP_STEPS[formulation]
         solutions = (solver.solution.z, solver.dual.solution.z)

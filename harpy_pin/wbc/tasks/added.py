@@ -37,6 +37,11 @@ __all__ = ["AddedTask", "AddedTasks"]
 class AddedTask(KeepsViews):
     """A task in a problem. Its arrays are those of the last tick; weight and range may be overwritten in place.
 
+    Args:
+        task: whose rows are added.
+        shape: of these rows, (m, nv) or (m, nv + 3 feet).
+        limited: whether it has a range.
+
     Attributes:
         task: as given.
         matrix: (m, nv + 3 feet) A.
@@ -57,7 +62,7 @@ class AddedTask(KeepsViews):
 
     def __init__(self, task: Task, shape: tuple[int, int], *, limited: bool) -> None:
         self.task, self.limited = task, limited
-        self._shape = shape  # of its rows, with the columns of a or those of [a; f]
+        self._shape = shape
 
     @checked
     def update(self, dynamics: Dynamics, state: State) -> None:
