@@ -18,7 +18,6 @@ from comparison.measure.controllers import CONTENDERS
 from comparison.measure.machine import describe_all_versions, describe_machine
 from comparison.measure.states import StateSequence, pushed_walk, record_states, walk
 from comparison.measure.timing import Bench, TimingSettings
-from comparison.report.limitations import LIMITATIONS, OF_THE_CAMPAIGN
 from comparison.sections.formulations import time_formulations
 from comparison.sections.growth import FACES, time_growth
 from comparison.sections.simulator import WALKERS, WALKS, time_simulator
@@ -208,6 +207,13 @@ def compare(
     states += ", each replayed in the order of time by every contender"
     document["settings"] = asdict(settings) | {"states": states}
     document["versions"] = describe_all_versions()
-    document["limitations"] = [*LIMITATIONS, *(OF_THE_CAMPAIGN if "campaign" in document else ())]
+    names = ("limitations", *(["limitations_of_the_campaign"] if "campaign" in document else []))
+    document["limitations"] = [sentence for name in names for sentence in _limitations(name)]
     result: dict[str, Any] = finite(document)
     return result
+
+
+def _limitations(name: str) -> list[str]:
+    """What is printed with every result: the paragraphs of a file of the report."""
+    text = (Path(__file__).parent / "report" / f"{name}.txt").read_text(encoding="utf-8")
+    return [" ".join(part.split()) for part in text.split("\n\n")]

@@ -13,14 +13,11 @@ from needs import needs_robots
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
 from comparison.measure.walking import Rows
-from comparison.studies import contacts, delay, engines, grounds, ice, limits, steering, thrusters, walking
+from comparison.studies import contacts, engines, grounds, ice, limits, steering, thrusters, walking
 from comparison.studies.crossings import CROSSINGS
-from comparison.studies.flights import FLIGHTS, flown
+from comparison.studies.flights import FLIGHTS
 from comparison.tables import Table
-from harpy_pin.contrib.flight import Fly, Flying
 from harpy_pin.files import finite
-from harpy_pin.log.power import PRESETS
-from harpy_pin.simulation.mujoco import PRESETS as CONTACTS
 
 TINY: dict[str, dict[str, Any]] = {
     "grounds": {"walkers": ("governed/none", "governed/paper"), "duration": 0.1},
@@ -46,10 +43,7 @@ _found: dict[str, Rows] = {}
 def rows_of(name: str) -> Rows:
     """The study's rows, measured once."""
     if name not in _found:
-        seen: list[tuple[int, int]] = []
-        rows = STUDIES[name].run(lambda done, total: seen.append((done, total)), quick=True, **TINY[name])
-        assert seen == [(done, len(rows)) for done in range(len(rows) + 1)]
-        _found[name] = rows
+        _found[name] = STUDIES[name].run(quick=True, **TINY[name])
     return _found[name]
 
 
@@ -76,11 +70,8 @@ def test_a_document_makes_the_tables(name):
 
 def test_grounds_show_slip_or_when_a_walk_fell():
     rows = [dict(row) for row in rows_of("grounds")]
-    assert {row["ground"] for row in rows} == {"4 kN/m", "8 kN/m", "16 kN/m", "40 kN/m", "80 kN/m"} | {
-        f"MuJoCo {name}" for name in CONTACTS
-    }
     assert all(row["ending"] == "completed" and 20.0 < row["normal_n"] < 60.0 for row in rows)
-    assert len({row["path_mm"] for row in rows if row["walker"] == "governed/paper"}) > len(CONTACTS) + 5
+    assert len({row["path_mm"] for row in rows if row["walker"] == "governed/paper"}) > 8
     rows[0] |= {"ending": "fell", "end_time_s": 1.5}
     tables = tables_of("grounds", rows)
     assert tables["grounds_0.25_path"].get("no governor", "4 kN/m").value == "fell at 1.50 s"
@@ -173,9 +164,8 @@ def test_slip_is_told_by_the_part_of_a_stance():
     assert row["path_mm"] == pytest.approx(63 / 2)
     assert row["creep_mm"] == pytest.approx(1e3 * 1e-3 * 0.025 * 12 / 2)
     assert row["sinks_mm"] == pytest.approx(3.5)
-    table = tables_of("contacts", [{"robot": "go2", "contact": "ours", "friction": 0.6, "walker": "wbc", **row}])[
-        "contacts_landing"
-    ]
+    job = {"robot": "go2", "contact": "ours", "friction": 0.6, "walker": "wbc"}
+    table = tables_of("contacts", [job | row])["contacts_landing"]
     assert table.get("ours, friction 0.6: WBC QP", "landing").value == pytest.approx(3.0)
 
 
@@ -206,7 +196,6 @@ def test_those_who_fall_late_are_those_whose_margin_is_less():
     fallen = {row["walker"] for row in rows if row["fell_s"] is not None}
     assert fallen == {"PID, none", "PID, paper", "PID, filter"}
     joints, tasks, walks = tables_of("delay").values()
-    assert walks.rows == list(delay.WALKERS)
     assert walks.columns == ["0 ms", "2 ms", "0.5 × noise"]
     # What the tables predict is what happened.
     whole = [row for row in joints.rows if row.startswith("all")]
@@ -290,12 +279,6 @@ def test_thrusters_and_those_who_know_them_get_what_the_job_says():
             assert not known
 
 
-def test_margins_are_ratios_of_the_gains():
-    margins = tables_of("thrusters", [])["thrusters_margins"]
-    assert margins.get("WBCs: orientation", "k_d / k_p").value == pytest.approx(100.0)
-    assert margins.get("WBCs: position", "held over a tick").value == pytest.approx(400.0, rel=0.01)
-
-
 def steered(**changes: Any) -> hp.Scenario:
     job = {"what": "pushed", "controller": "condensed", "plant": "compliant", "number": 5, "impulse": 10.0}
     return steering.scenario_of(job | {"stiff": False, "duration": 7.0, "seed": 3, **changes})
@@ -349,23 +332,6 @@ def test_jumps_are_measured():
     assert jump["cost"] > walk["cost"] > 0.0
 
 
-def test_hovering_costs_what_the_closed_form_says():
-    """Two fans that carry half the weight each, at 1 kW for 18 N and as the thrust to the power 3/2."""
-    run = hp.walk(hp.Scenario(gait=Flying(flights=Fly(hover=1.0)), duration=4.6, ground=hp.Ground(mu_s=0.6)))
-    thrust = np.linalg.norm(run["thrust"][3700:3900], axis=2)
-    watts = PRESETS["fan"].electrical(thrust).sum(axis=1).mean()
-    assert watts == pytest.approx(2.0 * 1000.0 * (0.5 * 4.02 * 9.81 / 18.0) ** 1.5, rel=0.02)
-
-
-def test_without_thrust_it_falls():
-    run, measures = flown(
-        {"flight": "walk without thrust", "controller": "condensed", "plant": "compliant", "seed": 200}
-    )
-    assert not run["applied_thrust"].any()
-    assert not measures["stands"]
-    assert "cost" not in measures
-
-
 @pytest.mark.parametrize("name", list(FLIGHTS))
 def test_every_flight_is_as_its_row_says(name):
     one = FLIGHTS[name]
@@ -408,7 +374,7 @@ def walked(**changes: Any) -> hp.Scenario:
 
 
 @needs_robots
-def test_walks_of_one_number_have_one_command_and_friction():
+def test_walks_of_one_number_have_one_command_and_friction_and_pushes_come_from_every_side():
     scenario = walked(number=5)
     for same in (walked(number=5, controller="wbc"), walked(number=5, plant="mujoco")):
         for name in ("gait", "ground", "disturbances"):
@@ -420,10 +386,6 @@ def test_walks_of_one_number_have_one_command_and_friction():
     assert late.disturbances.delay > 0.0
     fastest = hp.WalkingGait(hp.load_robot("solo12")).describe()["max_speed"]
     assert np.abs(np.array(scenario.gait.velocity)[:, 1:3]).max() <= fastest
-
-
-@needs_robots
-def test_pushes_come_from_every_side():
     pushes = [walked(robot="g1", what="pushed", number=k).disturbances.pushes[0].impulse for k in range(walking.SIDES)]
     np.testing.assert_allclose(np.linalg.norm(pushes, axis=1), 0.15 * hp.load_robot("g1").mass)
     np.testing.assert_allclose(np.sum(pushes, axis=0), 0.0, atol=1e-9)
@@ -481,9 +443,8 @@ def test_a_row_of_each_robot_has_slip_and_falls_of_every_kind_of_walk():
 
 
 @needs_robots
-@pytest.mark.parametrize("number", [1, 4])
-def test_torques_of_a_heavy_robot_are_those_of_the_qp(number: int) -> None:
+def test_torques_of_a_heavy_robot_are_those_of_the_qp():
     """Of 87 kg forces weigh so little that a multiplier of 1e-7 is worth newtons."""
-    row = walking.ticks_of(walked(robot="hyq", duration=3.0, seed=1000, number=number))
+    row = walking.ticks_of(walked(robot="hyq", duration=3.0, seed=1000, number=4))
     assert row["apart_worst"] < 1e-5
     assert 0.0 < row["apart"] < 1e-6
