@@ -53,9 +53,9 @@ def condensed_step(r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, 
     Args:
         r: element of the controller's record.
         target: of the gait at this time.
-        q: as measured; likewise the others.
-        v: likewise.
-        foot_force: likewise.
+        q: (nq,) as measured.
+        v: (nv,) as measured.
+        foot_force: (feet, 3) as measured, N.
 
     Returns:
         The status: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or ``BAD_SAMPLE``.

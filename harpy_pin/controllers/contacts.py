@@ -2,7 +2,7 @@
 
 Every formulation, the condensed program, the cones and the estimate of the friction say z where they mean the normal.
 So Jacobian, drift, target and force of every foot are expressed in its contact frame once, after the tasks are known,
-and what follows stays as it is. The forces that are told are in world axes again.
+and what follows stays as it is. The forces that are logged are in world axes again.
 """
 
 from __future__ import annotations
@@ -96,10 +96,10 @@ def target_tilt(up: Vector, x: float, y: float, z: float, w: float) -> tuple[flo
 
     Args:
         up: (3,) the target's z axis, of length one.
-        x: of the body's quaternion; likewise the others.
-        y: likewise.
-        z: likewise.
-        w: likewise.
+        x: of the body's quaternion.
+        y: of the body's quaternion.
+        z: of the body's quaternion.
+        w: of the body's quaternion, its real part.
     """
     c = np.sqrt(0.5 * (1.0 + up[2]))
     a, b = 0.5 * up[1] / c, -0.5 * up[0] / c

@@ -19,7 +19,7 @@ own.
 What holds, for every sequence of samples:
 
 1. least estimate ≤ μ̂ ≤ assumed, at every tick.
-2. While the measured speed of a foot stays below the threshold, and it carries load without a break, its estimate never
+2. While the measured speed of a foot stays below the threshold, and it is loaded without a break, its estimate never
    falls: the low-passed velocity is a weighted mean of the measured ones.
 3. While the low-passed speed is beyond the threshold, the estimate never rises. A foot that slides on along a line at a
    ratio r has μ̂ ≤ max((1 − ε) r, proven ratio, least estimate) one time constant of the low-pass after its contact
@@ -72,7 +72,7 @@ class FrictionEstimator(KeepsViews):
 
     Attributes:
         estimate: (feet,) μ̂ of the last update.
-        least: (1,) lowest estimate of the feet that carried load when one last did.
+        least: (1,) lowest estimate of the feet that were loaded when one last did.
 
     Raises:
         InputError: a number out of its domain.
@@ -121,7 +121,7 @@ class FrictionRecord(RecordOf):
     keep: float  # share of the proven ratio that is left after a tick
     rise: float  # of the estimate of a foot that sticks, per tick
     lowest: float  # estimate that there may be
-    least: float  # lowest estimate of the feet that carried load when one last did
+    least: float  # lowest estimate of the feet that were loaded when one last did
     estimate: Vector  # (feet,) μ̂
     proven: Vector = sized("feet")  # (feet,) ratio proven on the present foothold, with the margin taken off
     loaded: Vector = sized("feet")  # (feet,) 1 while a foot is looked at

@@ -90,7 +90,7 @@ class GovernedParameters:
         joints: gains of the joint PID.
         legs: one of :data:`LEGS`. The paper's ``pid`` falls with 2 ms of delay; ``feedforward`` does not.
         feedforward: gains of that control law; its integral part is that of ``joints``.
-        reference_velocity: whether x_r carries ċ_t (as printed) or zero velocity (equations.md §3, "c in the 3D run").
+        reference_velocity: whether x_r has ċ_t (as printed) or zero velocity (equations.md §3, "c in the 3D run").
         limits: clip torques and thrusts to the motors' peak torque and the thrusters' limit (off in the paper).
         thrust: whether there are thrusters; without them only the legs act.
         estimate_friction: whether the governors take a friction coefficient that is estimated while walking

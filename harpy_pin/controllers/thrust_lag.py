@@ -14,7 +14,7 @@ A controller solves its program twice:
    still there, points somewhere else in each tick.
 2. With the thrusts fixed at the u that follows from the commands, so that the legs do what the thrusts do not do yet.
 
-Where directions lag, too, their commands lead likewise: they are farther on the great circle to where they should be.
+Where directions lag, too, their commands lead, too: they are farther on the great circle to where they should be.
 Neither thrust nor direction is measured: they are what the commands so far make of them.
 """
 
@@ -95,7 +95,7 @@ def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[
 
 
 def _lead(lag: float, period: float) -> float:
-    """By how much commands go beyond what is wanted."""
+    """By how much commands go beyond what is desired."""
     return math.expm1(-period / FOLLOWED) / math.expm1(-period / lag) if lag > FOLLOWED else 1.0
 
 
@@ -178,11 +178,11 @@ def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, co
 
 
 @kernel
-def _leading(r: ThrustLagRecord, k: int, wanted: float, least: float, most: float) -> float:
-    """Command of a thruster, within limits, by which its thrust follows the wanted one."""
+def _leading(r: ThrustLagRecord, k: int, desired: float, least: float, most: float) -> float:
+    """Command of a thruster, within limits, by which its thrust follows the desired one."""
     if r.settled == 0:
-        r.level[k] = wanted
-    goal: float = min(max(r.level[k] + r.lead * (wanted - r.level[k]), least), most)
+        r.level[k] = desired
+    goal: float = min(max(r.level[k] + r.lead * (desired - r.level[k]), least), most)
     return goal
 
 
@@ -227,7 +227,7 @@ def bound_thrusts(r: ThrustLagRecord, fixed: bool, lower: Vector, upper: Vector)
         r: element of the record.
         fixed: whether they are those of this tick.
         lower: (thrust variables, or more) of the program, out.
-        upper: likewise.
+        upper: (thrust variables, or more) of the program, out.
     """
     for c in range(r.present.shape[0]):
         lower[c] = (r.present[c] if fixed else r.least[c]) - r.kept[c]

@@ -102,7 +102,7 @@ class WholeBodyController(TaskController):
             lagging=np.int64(self._lag is not None),
         )
         record = self._record_
-        self._inputs, self._wanted = field(record, "inputs"), field(record, "wanted")
+        self._inputs, self._unlimited = field(record, "inputs"), field(record, "unlimited")
         self._outcome, self._iterations = field(record, "outcome"), field(record, "iterations")
         self._violation, self._failures = field(record, "violation"), field(record, "failures")
         of_solver = {"qp_status": self._outcome, "qp_iterations": self._iterations, "qp_violation": self._violation}
@@ -226,8 +226,8 @@ class WholeBodyController(TaskController):
         bound_thrusts(lag, False, lower, upper)
         self.build(state)
         if self.solve().usable:
-            self.problem.inputs(self.solution.z, self._wanted)
-            command_thrusts(lag, self.dynamics.record, self._wanted, self._command.thrust)
+            self.problem.inputs(self.solution.z, self._unlimited)
+            command_thrusts(lag, self.dynamics.record, self._unlimited, self._command.thrust)
         bound_thrusts(lag, True, lower, upper)
         self._solving.swap_active()
         return self._solving.beyond

@@ -48,7 +48,7 @@ class WholeBodyTickRecord(TasksRecord, TickRecord):
     """The whole-body QP."""
 
     inputs: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] of the command, N and N·m
-    wanted: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] without limits, N and N·m
+    unlimited: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] without limits, N and N·m
     kept: Vector  # (size,) a solution with limits, while one without is looked for
     outcome: int = ZERO  # of the program, a :class:`~harpy_pin.wbc.QPStatus`
     iterations: int = ZERO  # of the solver
@@ -188,8 +188,8 @@ def _solve_of(name: str) -> Kernel[bool]:
         limit(p, terms, qp, False)
         beyond = False
         if _solve_once(r, qp, search, dual, z, found):
-            read(terms, qp, z, r.wanted)
-            beyond = beyond_torque_limit(r.wanted[r.wanted.shape[0] - p.torque_limit.shape[0] :], p.torque_limit)
+            read(terms, qp, z, r.unlimited)
+            beyond = beyond_torque_limit(r.unlimited[r.unlimited.shape[0] - p.torque_limit.shape[0] :], p.torque_limit)
         limit(p, terms, qp, True)
         if beyond:
             give_way(r.dynamics, r.targets, p, terms, qp, z)

@@ -152,7 +152,7 @@ def answer_terms(
         v: as measured.
         foot_force: as measured.
         torque: of the command, in and out.
-        thrust: likewise.
+        thrust: of the command, in and out.
 
     Returns:
         The violation left, N; ``BAD_STATE`` for a state that no robot can have, −1 for such forces or a command, and

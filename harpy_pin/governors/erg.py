@@ -195,7 +195,7 @@ def erg_record(
 
 @kernel
 def _argument_verdict(x: Vector, x_r: Vector, dt: float, p: ErgRecord) -> int:
-    """What the arguments are; a bad sample is told in the status, and the reference stays where it is."""
+    """What the arguments are; the status counts a bad sample, and the reference stays where it is."""
     if x.shape != (9,) or x_r.shape != p.rate.shape or not 0.0 <= dt < np.inf:
         return MISFIT
     if all_possible(x) and all_possible(x_r):

@@ -93,7 +93,7 @@ class RecordedStatus(GovernorStatus):
     Args:
         names: of the constraint rows.
         record: of the governor, with the fields of a :class:`StatusRecord`, ``h_r`` and ``h_w``; it is shared.
-        rate: ẋ_w, likewise shared.
+        rate: ẋ_w, which is shared, too.
     """
 
     def __init__(self, names: tuple[str, ...], record: Record, rate: Vector) -> None:

@@ -90,9 +90,3 @@ def test_parameters_by_name() -> None:
 def test_what_no_governor_has_is_refused(settings: dict[str, Any], message: str) -> None:
     with pytest.raises(hp.InputError, match=message):
         hp.Governed(**settings)
-
-
-def test_whole_body_controllers_have_no_governor_to_set() -> None:
-    gait = hp.make_gait(hp.load_harpy())
-    with pytest.raises(hp.InputError, match="take no governor"):
-        hp.make_controller("wbc", gait, mu=0.3, governor_parameters={"alpha_n": 1.0})

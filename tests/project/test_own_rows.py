@@ -93,9 +93,9 @@ def test_rows_that_are_no_numbers_are_refused(values, robot):
 
 
 def test_whole_body_controller_takes_no_governor(gait, robot):
-    for governor in ("paper", "filter"):
+    for settings in ({"governor": "paper"}, {"governor": "filter"}, {"governor_parameters": {"alpha_n": 1.0}}):
         with pytest.raises(hp.InputError, match="no governor"):
-            make_controller("wbc", gait, mu=0.3, governor=governor)
+            make_controller("wbc", gait, mu=0.3, **settings)
     make_controller("wbc", gait, mu=0.3, governor="none")
     with pytest.raises(hp.InputError, match="ContactForceFilter"):
         make_governor("filter", robot, mu=0.3)
