@@ -162,14 +162,14 @@ def test_packing_is_plain_letters_and_exact() -> None:
 
 
 @needs_robots
-def test_the_robot_of_a_log_is_found(robot: Robot) -> None:
+@pytest.mark.parametrize("name", ["solo12", "g1"])
+def test_the_robot_of_a_log_is_found(robot: Robot, name: str) -> None:
+    """By its names and feet, whose corners are logged where feet are flat, or by what one says of it."""
     assert robot_of(make_run(robot, 5)).urdf == robot.urdf
-    solo = load_robot("solo12")
-    run = make_run(solo, 5)
-    found = robot_of(run)
-    assert (found.urdf, found.feet) == (solo.urdf, solo.feet)
-    assert robot_of(run, "solo12").urdf == solo.urdf
-    assert robot_of(run, solo.urdf).feet == solo.feet
+    other = load_robot(name)
+    run = make_run(other, 5)
+    for found in (robot_of(run), robot_of(run, name)):
+        assert (found.name, found.urdf, found.feet) == (name, other.urdf, other.feet)
     unknown = Run(run.signals, run.metadata | {"feet": ["a", "b", "c", "d"]})
     with pytest.raises(InputError, match="give its URDF"):
         robot_of(unknown)

@@ -10,7 +10,6 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.view.page.charts import charts_of
 from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.scene import meshes
@@ -111,22 +110,6 @@ def test_every_corner_of_a_file_of_several_parts_is_drawn(name):
         vertices = np.asarray(shape.geometry.vertices())
         np.testing.assert_allclose(drawn.min(axis=0), vertices.min(axis=0), atol=5e-3)
         np.testing.assert_allclose(drawn.max(axis=0), vertices.max(axis=0), atol=5e-3)
-
-
-@needs_robots
-def test_logs_of_flat_feet_and_of_old_names_lead_to_their_robot():
-    from pages import make_run
-
-    from harpy_pin.view.identity import robot_of
-
-    for name in ("g1", "talos", "solo12", "go2"):
-        robot = hp.load_robot(name)
-        run = make_run(robot, rows=5)
-        assert robot_of(run).feet == robot.feet
-        assert robot_of(run).name == name
-        run.metadata["robot"] = robot.model.name  # as in logs of before
-        assert robot_of(run).name == name
-    assert set(CATALOGUE) >= {"g1", "talos"}
 
 
 def test_a_run_under_a_gait_of_ones_own_is_viewed(tmp_path):

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from needs import needs_robots
 from pages import commands_of, content_of, make_run
 
 import harpy_pin as hp
@@ -18,7 +17,6 @@ from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.view import figures_of, replay_html, show, write_html
-from harpy_pin.view.identity import robot_of
 from harpy_pin.view.scene.contacts import Contacts
 from harpy_pin.view.scene.forces import Arrow, Cone, Scales, nice_scale
 from harpy_pin.view.scene.frames import Frames, sample_rows
@@ -404,16 +402,6 @@ def test_a_driven_walk_shows_what_was_given_and_applied() -> None:
     np.testing.assert_array_equal(applied.get_ydata(), walked["applied_velocity"][:, 0])
     assert given.get_ydata()[-1] == 3.0
     assert 0.0 < applied.get_ydata()[-1] < 0.2
-
-
-# --- logs and requests from strangers ---------------------------------------------------------------------------------
-
-
-@needs_robots
-@pytest.mark.parametrize(("robot", "gait"), [("go2", "walking"), ("bolt", "walking"), ("solo12", "standing")])
-def test_gaits_of_other_robots_are_replayed(robot, gait):
-    run = hp.walk(hp.Scenario(robot=robot, gait=gait, duration=0.2))
-    assert len(Frames.from_run(run, robot_of(run), fps=20.0)) == 5
 
 
 def test_a_robot_that_flies_stays_in_the_picture(run: Run, robot: Robot) -> None:
