@@ -249,7 +249,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         return [value[0] if name in self.elements and np.ndim(value) else value for name, value in pairs]
 
     def python(self, *arguments: Any) -> Any:
-        """Run it as Python, with the kernels that it calls likewise: slowly, for tests."""
+        """Run it as Python, with the kernels that it calls: slowly, for tests."""
         return run_plain(self.py_func, tuple(self._elements_of(arguments)))
 
     def __reduce__(self) -> str:

@@ -13,7 +13,7 @@ __all__ = ["run_plain"]
 
 
 def run_plain(function: FunctionType, arguments: tuple[Any, ...]) -> Any:
-    """Call a kernel's function, with the kernels that it calls likewise.
+    """Call a kernel's function, and the kernels that it calls, as Python.
 
     Args:
         function: of the kernel.

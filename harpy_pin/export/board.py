@@ -50,7 +50,7 @@ class Chip:
     Attributes:
         title: its name.
         cpu: for the compiler.
-        fpu: likewise.
+        fpu: its floating-point unit, for the compiler.
         double: whether it computes in double precision itself.
         machine: QEMU's board.
         flash: where code begins.

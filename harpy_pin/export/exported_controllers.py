@@ -11,7 +11,6 @@ from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.condensed_tick import condensed_step
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
-from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.controllers.whole_body_tick import EXPORTED_QP_STEPS, ProgramTickRecord
@@ -101,20 +100,15 @@ def exportable(controller: object) -> Exportable:
 
 
 def _condensed(controller: CondensedController) -> Exportable:
-    _refuse_lags(controller.parameters)
+    _refuse(controller.parameters.thrust_lag > 0.0 or controller.parameters.thrust_turning_lag > 0.0, "a thrust_lag")
     controller.reset()
     title, record = "condensed whole-body controller", controller._record_.copy()
     return _exportable("condensed", title, controller.robot, record, condensed_step, CondensedStatus)
 
 
-def _refuse_lags(p: WholeBodyParameters) -> None:
-    _refuse(p.thrust_lag > 0.0, "a thrust_lag")
-    _refuse(p.thrust_turning_lag > 0.0, "a thrust_turning_lag")
-
-
 def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
-    _refuse_lags(controller.parameters)
+    _refuse(p.thrust_lag > 0.0 or p.thrust_turning_lag > 0.0, "a thrust_lag")
     _refuse(controller.added is not None, "a program with added tasks")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program

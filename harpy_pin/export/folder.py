@@ -63,13 +63,9 @@ def export(robot: str, folder: str | Path, *, controller: str = "condensed", pre
     single = precision == "float"
     motion = ready(robot_of(robot), controller, duration=1e-3 * TICKS * EVERY, single=single)
     what = exportable(motion.controller)
-    recording = thinned(record(motion, what), EVERY)
+    every = record(motion, what)
+    recording = Recording(every.target[::EVERY], {name: rows[::EVERY] for name, rows in every.inputs.items()})
     return write_folder(what, recording, folder, name=f"{robot}_{what.kind}", single=single)
-
-
-def thinned(recording: Recording, every: int) -> Recording:
-    """Some of recorded ticks."""
-    return Recording(recording.target[::every], {name: rows[::every] for name, rows in recording.inputs.items()})
 
 
 def write_folder(

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.export.code import Code
+from harpy_pin.export.code import Code, number_text
 from harpy_pin.export.exported_controllers import Exportable
 from harpy_pin.export.recording import Recording
-from harpy_pin.export.table import number_text
 
 __all__ = ["vectors_code"]
 
@@ -70,7 +69,7 @@ def vectors_code(
         code: its C.
         given: the inputs.
         commands: (ticks, ·) the answers.
-        statuses: (ticks,) likewise.
+        statuses: (ticks,) of each tick.
 
     Returns:
         The texts of ``vectors.h`` and ``vectors.c``.

@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[2]
 MARK = "HARPY_PIN_SIGNALLED"
 PATIENCE = 600.0
 """For a command and its processes to end, s; nothing measures it."""
-SOON = 6.0
+SOON = 3.0
 """Until which moment commands are signalled without ``--fuzz``, s."""
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks for processes in /proc")
@@ -145,7 +145,7 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
     )
     try:
         while not is_ready(process):
-            time.sleep(0.001)
+            time.sleep(0.005)
         time.sleep(moment)
         ended = process.poll() is not None
         if not ended:
