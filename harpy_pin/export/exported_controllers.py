@@ -11,6 +11,7 @@ from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.condensed_tick import condensed_step
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
+from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.controllers.whole_body_tick import EXPORTED_QP_STEPS, ProgramTickRecord
@@ -100,15 +101,20 @@ def exportable(controller: object) -> Exportable:
 
 
 def _condensed(controller: CondensedController) -> Exportable:
-    _refuse(controller.parameters.thrust_lag > 0.0 or controller.parameters.thrust_turning_lag > 0.0, "a thrust_lag")
+    _refuse_lags(controller.parameters)
     controller.reset()
     title, record = "condensed whole-body controller", controller._record_.copy()
     return _exportable("condensed", title, controller.robot, record, condensed_step, CondensedStatus)
 
 
+def _refuse_lags(p: WholeBodyParameters) -> None:
+    for name in ("thrust_lag", "thrust_turning_lag"):
+        _refuse(getattr(p, name) > 0.0, f"a {name}")
+
+
 def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
-    _refuse(p.thrust_lag > 0.0 or p.thrust_turning_lag > 0.0, "a thrust_lag")
+    _refuse_lags(p)
     _refuse(controller.added is not None, "a program with added tasks")
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
