@@ -114,10 +114,10 @@ class WholeBodyController(TaskController):
         super()._make_anew()
         solver, problem, formulation = self._solver, self.problem, self.parameters.formulation
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
-        self._in_python = self.added is not None or self._lag is not None
-        if self._in_python or type(solver) is not WarmStartedActiveSet:
-            self._in_python = True
+        self._in_python = True
+        if type(solver) is not WarmStartedActiveSet or self.added is not None or self._lag is not None:
             return
+        self._in_python = False
         self._step = QP_STEPS[formulation]
         solutions = (solver.solution.z, solver.dual.solution.z)
         records = (problem.record, problem.terms, problem.program._record_, solver._record_, solver.dual._record_)
