@@ -30,9 +30,9 @@ from harpy_pin.log.power import PRESETS, Motors, Propulsion
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.plant import Plant
 
 if TYPE_CHECKING:
-    from harpy_pin.simulation.plant import Plant
     from harpy_pin.simulation.step import PlantRecord
 
 __all__ = ["ENERGIES", "Battery"]
@@ -133,6 +133,7 @@ class Battery(KeepsViews):
         Args:
             plant: that it is attached to.
         """
+        checks.instance("plant", plant, Plant)
         checks.number("thrusters' largest, the thrust at full charge", plant.actuators.thrusters.largest)
         self.record["charge"], self.record["energy"] = self._charge, 0.0
         self.record["voltage"] = open_voltage(self.record)
@@ -143,6 +144,7 @@ class Battery(KeepsViews):
         Args:
             plant: that it is attached to.
         """
+        checks.instance("plant", plant, Plant)
         draw(self.record, plant.record, plant.v, plant.dt)
 
 

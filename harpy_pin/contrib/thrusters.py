@@ -65,8 +65,7 @@ class SecondOrderThrusters(Thrusters):
         ratio = checks.number("thrusters' damping_ratio", self.damping_ratio, low=0.05, high=20.0)
         checks.keep(self, damping_ratio=ratio)
 
-    def response(self, dt: float) -> tuple[Vector, Vector]:
-        """See :meth:`harpy_pin.Thrusters.response`."""
+    def _response(self, dt: float) -> tuple[Vector, Vector]:
         frequency = 1.0 / self.lag
         matrix = np.array([[0.0, 1.0], [-(frequency**2), -2.0 * self.damping_ratio * frequency]])
         transition = expm(matrix * dt)

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 import pinocchio as pin
@@ -49,6 +49,7 @@ GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (equations.md §3)."""
 
 
+@runtime_checkable
 class Attachment(Protocol):
     """What acts on a plant besides commands and pushes, such as a battery behind its thrusters.
 
@@ -173,7 +174,11 @@ class Plant(KeepsViews, ABC):
 
         Args:
             part: what acts.
+
+        Raises:
+            InputError: it has not what an :class:`Attachment` has.
         """
+        checks.instance("part", part, Attachment)
         part.reset(self)
         self.attached += (part,)
         vars(self).pop("signals", None)

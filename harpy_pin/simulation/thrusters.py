@@ -76,7 +76,7 @@ class Thrusters:
         """Whether there is anything that the model does not say."""
         return self != Thrusters()
 
-    def response(self, dt: float) -> tuple[Vector, Vector]:
+    def _response(self, dt: float) -> tuple[Vector, Vector]:
         """How a magnitude follows a constant goal over a step; a lag of second order has another.
 
         Args:
@@ -158,7 +158,7 @@ def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: fl
         dt: step, s.
     """
     p = thrusters
-    transition, mean = p.response(dt)
+    transition, mean = p._response(dt)
     record = make_record(
         ThrustersRecord,
         {"thrusters": count, "thrusts": variables},

@@ -64,6 +64,19 @@ class Yaw:
 
 
 @cache
+class Attached:
+    """What a plant takes and what does nothing."""
+
+    def __init__(self):
+        self.signals = {}
+
+    def reset(self, plant):
+        pass
+
+    def after_step(self, plant):
+        pass
+
+
 def values() -> dict[str, Any]:
     """Honest values by the name of the argument; with that of the callable in front, where it means something else."""
     robot = hp.load_harpy()
@@ -126,6 +139,8 @@ def values() -> dict[str, Any]:
         "simulation.contact_step.friction": np.ones((2, 3)),
         "simulation.contact_step.ground": hp.Ground().record,
         "simulation.contact_step.force": np.zeros(6),
+        "contrib.battery.Battery.plant": hp.Simulator(robot, actuators=hp.Actuators(thrusters={"largest": 40.0})),
+        **{f"{name}.part": Attached() for name in ("Simulator", "simulation.mujoco.MujocoPlant", "simulation.Plant")},
         "contrib.shield_batch.ShieldBatch.q": np.tile(q, (2, 1)),
         "contrib.shield_batch.ShieldBatch.v": np.tile(v, (2, 1)),
         **{f"contrib.shield_batch.ShieldBatch.{name}": np.zeros((2, 2, 3)) for name in ("foot_force", "thrust")},
