@@ -210,7 +210,7 @@ def _run(
 ) -> int:
     """Walk; returns the ticks done before a fall."""
     fall_height, thrust = 0.6 * q[1], np.zeros(3)
-    step_ticks = max(round(p.step_duration / p.period), 1)
+    step_ticks = max(int(np.floor(p.step_duration / p.period + 0.5)), 1)
     for tick in range(ticks):
         planar_control(t + p.period * tick, q, v, p, d)
         if log.shape[0] > 0:
@@ -221,9 +221,10 @@ def _run(
             row[15:21] = s.force
             row[21:25] = p.torque
         for _ in range(2):
-            touching = (s.force[2] > 0.0, s.force[5] > 0.0)
+            first, second = s.force[2] > 0.0, s.force[5] > 0.0
             planar_step(q, v, p.torque, thrust, d, ground, s)
-            _add_slip(touching, d, s, total)
+            _add_slip(0, first, d, s, total)
+            _add_slip(1, second, d, s, total)
         _add_tick(q, v, p, s, total)
         if tick % step_ticks == step_ticks // 2:
             if 2 * tick > ticks and not np.isnan(total.pitch):
@@ -271,13 +272,12 @@ def planar_step(
 
 
 @kernel
-def _add_slip(touching: tuple[bool, bool], d: PlanarModelRecord, s: StepRecord, total: SumsRecord) -> None:
-    """Path of the feet that touched before and after the step."""
-    for k in range(2):
-        x = d.foot_position[k, 0]
-        if touching[k] and s.force[3 * k + 2] > 0.0:
-            total.slip += abs(x - total.foot_x[k])
-        total.foot_x[k] = x
+def _add_slip(k: int, touched: bool, d: PlanarModelRecord, s: StepRecord, total: SumsRecord) -> None:
+    """Path of a foot that touched before and after the step."""
+    x = d.foot_position[k, 0]
+    if touched and s.force[3 * k + 2] > 0.0:
+        total.slip += abs(x - total.foot_x[k])
+    total.foot_x[k] = x
 
 
 @kernel

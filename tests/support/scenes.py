@@ -14,6 +14,7 @@ import pinocchio as pin
 import harpy_pin as hp
 from harpy_pin.compiled import Kernel
 from harpy_pin.contrib.batch import CondensedBatch
+from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.controllers.friction_estimator import FrictionEstimator
 from harpy_pin.export.exported_controllers import exportable
@@ -116,6 +117,10 @@ def thrusters() -> None:
     worn = hp.Actuators(thrusters=fans, no_load_speed=20.0)
     for plant in ("compliant", "mujoco"):
         walk(disturbances=replace(PUSHED, actuators=worn), plant=plant)
+    plant = hp.Simulator(hp.load_harpy(), actuators=hp.Actuators(thrusters=hp.Thrusters(largest=40.0)))
+    plant.attach(Battery())
+    plant.reset(*hp.make_gait(plant.robot).initial_state())
+    plant.advance(hp.Command(np.zeros(6), np.ones((2, 3))))
 
 
 @scene
@@ -260,8 +265,9 @@ def exported() -> None:
     for name in CONTROLLERS:
         motion = ready(hp.load_harpy(), name, duration=0.01)
         _tick_alone(motion)
-    force = {"formulation": "contact_force"}
-    _tick_alone(hp.build(hp.Scenario(controller=hp.WholeBody(parameters=force), duration=0.01)))
+    for formulation in ("full", "contact_force"):
+        part = hp.WholeBody(parameters={"formulation": formulation})
+        _tick_alone(hp.build(hp.Scenario(controller=part, duration=0.01)))
 
 
 def _tick_alone(motion: Walk) -> None:
