@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, fields, is_dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, overload
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -78,6 +78,16 @@ def make_governor(
     return ExplicitReferenceGovernor(rows, **of_governor)
 
 
+@overload
+def make_controller(name: Literal["governed"], gait: Gait, *, mu: float, **settings: Any) -> GovernedController: ...
+@overload
+def make_controller(name: Literal["wbc"], gait: Gait, *, mu: float, **settings: Any) -> WholeBodyController: ...
+@overload
+def make_controller(name: Literal["condensed"], gait: Gait, *, mu: float, **settings: Any) -> CondensedController: ...
+@overload
+def make_controller(
+    name: str, gait: Gait, *, mu: float, **settings: Any
+) -> GovernedController | WholeBodyController | CondensedController: ...
 @checked
 def make_controller(
     name: str, gait: Gait, *, mu: float, governor: str | None = None, period: float = 1e-3, **settings: Any

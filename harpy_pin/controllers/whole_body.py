@@ -252,7 +252,7 @@ class WholeBodyController(TaskController):
         Args:
             state: as given to :meth:`prepare`.
         """
-        targets = self.targets
+        state, targets = as_state(state, self.robot), self.targets
         self.problem._fill(self.dynamics, state.v, self.dynamics.rotation, targets)
         if self.added is not None and not targets.tilted:
             self.added.build(self.dynamics, state, targets.held)
@@ -282,7 +282,7 @@ class WholeBodyController(TaskController):
         Args:
             state: as given to :meth:`prepare`.
         """
-        usable = self._solution.usable
+        state, usable = as_state(state, self.robot), self._solution.usable
         if usable:
             self.problem.inputs(self._solution.z, self._inputs)
             if self._lag is not None:

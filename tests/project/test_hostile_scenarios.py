@@ -50,7 +50,7 @@ def test_hostile_mappings(fuzz):
         ({"disturbances": {"start_velocity": [[1, 2], 3]}}, "start_velocity"),
         ({"disturbances": {"start_velocity": [10**400] * 6}}, "start_velocity"),
         ({"disturbances": {"seed": 1.5}}, "seed"),
-        ({"gait": {"name": "commanded", "velocity": [10**400, 0, 0]}}, "command"),
+        ({"gait": {"name": "commanded", "velocity": [10**400, 0, 0]}}, "velocity"),
         *(
             ({"robot": "go2", "gait": {"name": "walking", "velocity": velocity}}, "row of the velocity")
             for velocity in ([[]], [{}], [[0.0]], [[0.0, 0.1, 0.0, 0.0], 5], [[0.0, 0.1, 0.0, 0.0], {}])

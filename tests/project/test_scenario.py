@@ -93,7 +93,7 @@ def scenarios(draw):
         disturbances=disturbances,
         duration=draw(st.floats(2.5, 100.0)),
         period=period,
-        urdf=draw(st.none() | st.text(min_size=1)),
+        urdf=draw(st.none() | st.text(st.characters(codec="utf-8", exclude_characters="\0"), min_size=1)),
     )
 
 
