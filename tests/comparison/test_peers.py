@@ -42,6 +42,11 @@ from harpy_pin.model.dynamics import Dynamics
 FRICTION = 0.25
 ALL = {**PEERS, PLAYGROUND.name: PLAYGROUND}
 HERE = Path(environment.__file__).parents[1]
+CANNOT_RUN = (
+    *(NOT_INSTALLED, "cannot be started", "no result after", "ImportError", "ModuleNotFoundError"),
+    *("ended by SIGILL", "ended by SIGKILL", "TSID's C++ needs a C++ compiler"),
+)
+"""Begins of reasons that are the machine's, not the peer's."""
 
 
 @pytest.fixture(scope="module")
@@ -81,6 +86,15 @@ def answered(problem: PeerProblem, folder: Path, answers: dict[str, Any]) -> dic
     peer = fake_peer(folder, f"import shutil, sys\nshutil.copy({str(folder / 'answers.npz')!r}, sys.argv[2])\n")
     entries = measure_peer("fake", peer, problem, folder, 2)
     return {variant: entries[f"fake, thrusts {variant}"] for variant in VARIANTS}
+
+
+def judge(entries: dict[str, dict[str, Any]], ticks: int) -> None:
+    """Fail unless every tick has our solution; skip if the peer cannot run on this machine."""
+    for entry in entries.values():
+        if entry["reason"].startswith(CANNOT_RUN):
+            pytest.skip(entry["reason"])
+        assert entry["reason"] == ""
+        assert (entry["compared"], entry["differing"]) == (ticks, 0)
 
 
 # ---------------------------------------------------------------------------------------------------- the problem
@@ -252,8 +266,22 @@ def test_the_command_reports_absent_peers_and_measures_ours(
 def test_installed_peers_find_our_solution(problem: PeerProblem, name: str) -> None:
     if not interpreter(default_folder(), name).exists():
         pytest.skip(f"{name} is not installed")
-    for entry in measure_peer(name, PEERS[name], problem, default_folder(), 1).values():
-        assert (entry["reason"], entry["compared"], entry["differing"]) == ("", len(problem), 0)
+    judge(measure_peer(name, PEERS[name], problem, default_folder(), 1), len(problem))
+
+
+@pytest.mark.parametrize(
+    ("reason", "outcome"),
+    [
+        ("ModuleNotFoundError: No module named 'placo'", pytest.skip.Exception),
+        ("cannot be started: Exec format error", pytest.skip.Exception),
+        ("no result after 300 s", pytest.skip.Exception),
+        ("RuntimeError: no such joint", AssertionError),
+        ("ended without a result", AssertionError),
+    ],
+)
+def test_a_peer_that_cannot_run_is_skipped_and_one_that_errs_fails(reason: str, outcome: type[BaseException]) -> None:
+    with pytest.raises(outcome, match=reason):
+        judge({"fake": {"reason": reason}}, 3)
 
 
 # --------------------------------------------------------------------------------------------------- environments
