@@ -12,7 +12,7 @@ import numpy as np
 from harpy_pin.compiled.bridge import Bound, bridge
 from harpy_pin.compiled.kernels import BACKEND, Kernel
 
-__all__ = ["Call", "Chain"]
+__all__ = ["Call", "Chain", "Link", "linked"]
 
 
 class Call:
@@ -42,11 +42,23 @@ class Call:
 MAX_SAMPLES = 8
 
 
-class _Link(ctypes.Structure):
+class Link(ctypes.Structure):
+    """A call as C has it."""
+
     _fields_ = (
         ("bound", ctypes.POINTER(Bound)),
         *((name, ctypes.c_int64) for name in ("takes_time", "answers", "expected")),
     )
+
+
+def linked(calls: Sequence[Call]) -> tuple[ctypes.Array[Link], list[Bound]]:
+    """Calls as an array of C, and what lives as long as C has it."""
+    bound = [call.bind() for call in calls]
+    links = [
+        Link(ctypes.pointer(one), call.takes_time, call.expected is not None, call.expected or 0)
+        for call, one in zip(calls, bound, strict=True)
+    ]
+    return (Link * len(links))(*links), bound
 
 
 class _Sample(ctypes.Structure):
@@ -62,7 +74,7 @@ class _Chain(ctypes.Structure):
         *((name, ctypes.c_int64) for name in ("links", "samples")),
         *((name, ctypes.c_void_p) for name in ("type", "time")),
         ("longest", ctypes.c_double),
-        ("first", ctypes.POINTER(_Link)),
+        ("first", ctypes.POINTER(Link)),
         ("sample", _Sample * MAX_SAMPLES),
     )
 
@@ -84,19 +96,14 @@ class Chain(_Base):  # type: ignore[misc]  # made by C
     """
 
     def __init__(self, calls: Sequence[Call], samples: Mapping[str, np.ndarray[Any, Any]], *, longest: float) -> None:
-        bound = [call.bind() for call in calls]
-        links = [
-            _Link(ctypes.pointer(one), call.takes_time, call.expected is not None, call.expected or 0)
-            for call, one in zip(calls, bound, strict=True)
-        ]
+        first, bound = linked(calls)
         names = {name: sys.intern(name) for name in ("t", *samples)}
         given = [
             _Sample(id(names[name]), a.ctypes.data, a.ndim, (ctypes.c_int64 * 2)(*a.shape))
             for name, a in samples.items()
         ]
-        first = (_Link * len(links))(*links)
         number = np.dtype(np.float64)
         self._kept = (bound, first, samples, names, number)  # C has their addresses
         parts = (_Sample * MAX_SAMPLES)(*given)
-        self._chain = _Chain(len(links), len(given), id(number), id(names["t"]), longest, first, parts)
+        self._chain = _Chain(len(first), len(given), id(number), id(names["t"]), longest, first, parts)
         bridge().set_chain(self, ctypes.byref(self._chain))

@@ -265,20 +265,14 @@ class Plant(KeepsViews, ABC):
                 numbers.
         """
 
-    def compile_loop(
-        self, controller: Any, recorder: Recorder, *, start: float, period: float, substeps: int, fall_height: float
-    ) -> CompiledLoop | None:
+    def compile_loop(self, controller: Any, recorder: Recorder, **rules: Any) -> CompiledLoop | None:
         """The closed loop with a controller as one call of C for many ticks; None where Python makes every tick.
 
         Args:
             controller: may have ``calls(state)``, the :class:`~harpy_pin.compiled.calls.Call` of a tick at the state in
-                these arrays, those of its gait included, or None; ``command``, the arrays of its torques and thrusts;
-                and signals that are arrays which stay where they are.
+                these arrays, or None; ``command``, the arrays of its torques and thrusts; and lasting signals.
             recorder: of the log; has its first row.
-            start: time of the first tick, s.
-            period: between ticks, s.
-            substeps: physics steps of a tick.
-            fall_height: of the body, below which it has fallen, m.
+            rules: see :class:`harpy_pin.simulation.ticks.CompiledLoop`.
         """
         return None
 

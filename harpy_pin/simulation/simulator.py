@@ -124,9 +124,7 @@ class Simulator(Plant):
         for part in self.attached:
             part.after_step(self)
 
-    def compile_loop(
-        self, controller: Any, recorder: Recorder, *, start: float, period: float, substeps: int, fall_height: float
-    ) -> CompiledLoop | None:
+    def compile_loop(self, controller: Any, recorder: Recorder, **rules: Any) -> CompiledLoop | None:
         """See :meth:`harpy_pin.simulation.plant.Plant.compile_loop`."""
         own = vars(self).keys() & {"advance", "log"}  # with a clock around them
         if own or self.attached or BACKEND != "c" or type(self) is not Simulator or not hasattr(controller, "calls"):
@@ -140,5 +138,4 @@ class Simulator(Plant):
         signals, again = ({**self.signals, "torque": torque, "thrust": thrust, **controller.telemetry()} for _ in "12")
         if not lasting_signals(signals, again, recorder):
             return None
-        rules = (start, period, fall_height)
-        return CompiledLoop(self, calls, (torque, thrust), signals, recorder, rules=rules, substeps=substeps)
+        return CompiledLoop(self, calls, (torque, thrust), signals, recorder, **rules)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.compiled import compiler
 from harpy_pin.compiled.bridge import Bound
-from harpy_pin.compiled.calls import Call
+from harpy_pin.compiled.calls import Call, Link, linked
 from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import MISFIT_COMMAND, physics_steps, stands
 
@@ -38,16 +38,9 @@ class _Signal(ctypes.Structure):
     _fields_ = (("source", ctypes.c_void_p), ("count", ctypes.c_int64), ("kind", ctypes.c_int64))
 
 
-class _Call(ctypes.Structure):
-    _fields_ = (
-        ("bound", ctypes.POINTER(Bound)),
-        *((name, ctypes.c_int64) for name in ("takes_time", "answers", "expected")),
-    )
-
-
 class _Loop(ctypes.Structure):
     _fields_ = (
-        ("calls", ctypes.POINTER(_Call)),
+        ("calls", ctypes.POINTER(Link)),
         *((name, ctypes.c_int64) for name in ("timed", "count")),
         *((name, ctypes.POINTER(Bound)) for name in ("physics", "stands")),
         ("signals", ctypes.POINTER(_Signal)),
@@ -64,12 +57,14 @@ class CompiledLoop:
 
     Args:
         simulator: the library's own.
-        calls: of a tick of the controller.
+        calls: of a tick of the controller, those of its gait included.
         command: (torque, thrust) that the controller writes.
         signals: of the log, by name: arrays that stay where they are.
         recorder: of the log; has its first row, with these signals.
-        rules: time of the first tick and period, s, and the body's height below which it has fallen, m.
+        start: time of the first tick, s.
+        period: between ticks, s.
         substeps: physics steps of a tick.
+        fall_height: of the body, below which it has fallen, m.
     """
 
     def __init__(
@@ -80,27 +75,29 @@ class CompiledLoop:
         signals: Mapping[str, NDArray[Any]],
         recorder: Recorder,
         *,
-        rules: tuple[float, float, float],
+        start: float,
+        period: float,
         substeps: int,
+        fall_height: float,
     ) -> None:
         self._simulator, self._recorder, self._substeps = simulator, recorder, substeps
-        start, period, fall_height = rules
-        noted = simulator.log_calls
-        bound = [call.bind() for call in (*calls, *noted)]
+        links, bound = linked((*calls, *simulator.log_calls))
         push, state = np.zeros((substeps, 3)), (simulator.q, simulator.v)
         plant = (simulator.dynamics.record, simulator._ground, simulator.record)
         physics = physics_steps.bind(*plant, *state, *command, push)
         standing = stands.bind(simulator._terrain, *state, fall_height)
         layout = recorder.layout
+        ordered = (signals[name] for name in layout.shapes)
+        sources = [_Signal(array.ctypes.data, array.size, KINDS[array.dtype]) for array in ordered]
         self._kept = (bound, physics, standing, signals)  # C has their addresses
         self._loop = _Loop(
-            calls=(_Call * len(bound))(*map(_call, (*calls, *noted), bound)),
+            calls=links,
             timed=len(calls),
-            count=len(bound),
+            count=len(links),
             physics=ctypes.pointer(physics),
             stands=ctypes.pointer(standing),
-            signals=(_Signal * len(signals))(*[_signal(signals[name]) for name in layout.shapes]),
-            signal_count=len(signals),
+            signals=(_Signal * len(sources))(*sources),
+            signal_count=len(sources),
             width=layout.width,
             t=signals["t"].ctypes.data,
             push=push.ctypes.data,
@@ -157,16 +154,6 @@ def lasting_signals(signals: Mapping[str, Any], again: Mapping[str, Any], record
         and (array.size == 0 or array.ctypes.data == again[name].ctypes.data)
         for name, array in signals.items()
     )
-
-
-def _call(call: Call, bound: Bound) -> _Call:
-    """A call as C has it."""
-    return _Call(ctypes.pointer(bound), call.takes_time, call.expected is not None, call.expected or 0)
-
-
-def _signal(array: NDArray[Any]) -> _Signal:
-    """A signal as C has it."""
-    return _Signal(array.ctypes.data, array.size, KINDS[array.dtype])
 
 
 @cache
