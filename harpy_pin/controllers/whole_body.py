@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.contacts import turn_feet_of
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -24,9 +25,8 @@ from harpy_pin.controllers.thrust_lag import (
     thrust_lag_record,
 )
 from harpy_pin.controllers.tick import BAD_SAMPLE
-from harpy_pin.controllers.tick_solver import TickSolver
-from harpy_pin.controllers.whole_body_tick import QP_STEPS, WholeBodyTickRecord, begin_tick, finish_tick
-from harpy_pin.errors import InputError
+from harpy_pin.controllers.whole_body_tick import QP_TICKS, WholeBodyTickRecord, begin_tick
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.entry import GOOD, as_state
 from harpy_pin.model.record import Records, field
@@ -44,6 +44,7 @@ from harpy_pin.wbc import (
     make_solver,
 )
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
+from harpy_pin.wbc.dual import DualActiveSet
 
 __all__ = ["WholeBodyController"]
 
@@ -87,52 +88,67 @@ class WholeBodyController(TaskController):
         super().__init__(gait, parameters)
         p = self.parameters
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
+        self._kernels_of_tick = QP_TICKS[p.formulation]
         self._lag = thrust_lag_record(self.robot, p)
         self.added: AddedTasks | None = None
-        make = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
-        self._solving = TickSolver(self.problem, make)
-        self._solver = self._solving.solver
-        self._solution: QPSolution = self._solver.solution
+        self._make_solver = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
+        size = self.problem.program.shape[0]
         self._begin_tasks(
             WholeBodyTickRecord,
-            kept=np.zeros(self.problem.program.shape[0]),
+            **{name: np.zeros(size) for name in ("z", "found", "kept")},
             posture=self.gait.initial_state()[0][7:],
             torque_limit=self.robot.torque_limit,
             hold_ticks=np.int64(p.hold_ticks),
             lagging=np.int64(self._lag is not None),
         )
         record = self._record_
-        self._inputs, self._unlimited = field(record, "inputs"), field(record, "unlimited")
-        self._outcome, self._iterations = field(record, "outcome"), field(record, "iterations")
+        self._inputs, self._outcome = field(record, "inputs"), field(record, "outcome")
+        self._iterations = field(record, "iterations")
         self._violation, self._failures = field(record, "violation"), field(record, "failures")
-        of_solver = {"qp_status": self._outcome, "qp_iterations": self._iterations, "qp_violation": self._violation}
-        self._signals |= of_solver
-        self._prepare_tick()
+        self._solution = QPSolution(field(record, "z"))
+        self._signals |= {
+            "qp_status": self._outcome,
+            "qp_iterations": self._iterations,
+            "qp_violation": self._violation,
+            "desired_force": field(record, "force").reshape(-1, 3),
+        }
+        self._use(self.problem.program)
+
+    def _use(self, program: QuadraticProgram) -> None:
+        """Solve programs of this size, and begin to compile what a tick needs."""
+        self._program = program
+        checks.function("solver", self._make_solver, 1)
+        self._solver = made = self._make_solver(program)
+        if not (hasattr(made, "solve") and hasattr(made, "solution")):
+            raise InputError(f"solver must return a QPSolver, got {shown(made)}", name="solver", value=made)
+        self._other_active = np.zeros(len(program.lower), np.int64)
+        self._second = None if isinstance(made, WarmStartedActiveSet) else DualActiveSet(program)
+        self._make_anew()
+        example, kernels, parts = State(0.0, *self._sample), self._kernels_of_tick, self._parts_of_program
+        first = (self._record_, self.target.record, *self._measured(example))
+        if not self._in_python:
+            self._step.prepare(*first, *self._parts)
+            return
+        for solver in (made, self._second):
+            if isinstance(solver, QPSolver):
+                solver.prepare(program)
+        begin_tick.prepare(*first)
+        self.problem.prepare(self.dynamics, self.targets)
+        for one in (kernels.relax, kernels.give_way):
+            one.prepare(self._record_, *parts, False)
+        kernels.settle.prepare(self._record_, *parts[1:], False)
+        kernels.finish.prepare(self._record_, *parts, False, example.q, example.v)
 
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is Python's."""
         super()._make_anew()
-        solver, problem, formulation = self._solver, self.problem, self.parameters.formulation
+        solver, problem = getattr(self, "_solver", None), self.problem
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
-        self._in_python = True
-        if type(solver) is not WarmStartedActiveSet or self.added is not None or self._lag is not None:
-            return
-        self._in_python = False
-        self._step = QP_STEPS[formulation]
-        solutions = (solver.solution.z, solver.dual.solution.z)
-        records = (problem.record, problem.terms, problem.program._record_, solver._record_, solver.dual._record_)
-        self._parts = (*records, *solutions)
-
-    def _prepare_tick(self) -> None:
-        """Begin to compile the tick, and load what it needs, or may need once."""
-        record, target, example = self._record_, self.target.record, State(0.0, *self._sample)
-        if not self._in_python:
-            self._step.prepare(record, target, *self._measured(example), *self._parts)
-            return
-        begin_tick.prepare(record, target, *self._measured(example))
-        finish_tick.prepare(record, False, example.q, example.v)
-        self.problem.prepare(self.dynamics, self.targets)
-        self.problem._rehearse(self.dynamics, self.targets)
+        self._in_python = type(solver) is not WarmStartedActiveSet or self.added is not None or self._lag is not None
+        self._step = self._kernels_of_tick.step
+        self._parts_of_program = (problem._record_, problem._terms_, problem.program._record_)
+        if type(solver) is WarmStartedActiveSet:
+            self._parts = (*self._parts_of_program, solver._record_, solver.dual._record_)
 
     @property
     def solution(self) -> QPSolution:
@@ -180,18 +196,15 @@ class WholeBodyController(TaskController):
         feet = np.zeros((len(self.robot.feet), 3))
         result = added.add(task, State(0.0, q, v, feet, feet, feet), weight=weight, lower=lower, upper=upper)
         self.added = added
-        self._solving.add(added)
-        self._solver = self._solving.solver
-        self._solution = self._solver.solution
-        if not self._in_python:
-            self._make_anew()
-            self._prepare_tick()
+        if added.program is not self._program or not self._in_python:
+            self._use(added.program)
         return result
 
     def reset(self) -> None:
         """Forget the warm start, the last command, and the estimates."""
         super().reset()
-        self._solving.reset()
+        self._solver.reset()
+        self._other_active[:] = 0
         for name in ("inputs", "held_for", "failures"):
             self._record_[name] = 0
         if self._lag is not None:
@@ -219,18 +232,23 @@ class WholeBodyController(TaskController):
         Returns:
             Whether torques are beyond their limits in its solution without limits, which both programs share.
         """
-        lower, upper = self.problem.thrust_bounds
+        lower, upper, last = *self.problem.thrust_bounds, self._inputs.copy()
         keep_thrusts(lag, self.dynamics.rotation)
         count_from_kept(lag, self.dynamics.record, 1.0)
-        self._solving.swap_active()
+        self._swap_active()
         bound_thrusts(lag, False, lower, upper)
         self.build(state)
         if self.solve().usable:
-            self.problem.inputs(self.solution.z, self._unlimited)
-            command_thrusts(lag, self.dynamics.record, self._unlimited, self._command.thrust)
+            command_thrusts(lag, self.dynamics.record, self._inputs, self._command.thrust)
+        self._inputs[:] = last
         bound_thrusts(lag, True, lower, upper)
-        self._solving.swap_active()
-        return self._solving.beyond
+        self._swap_active()
+        return self._gave_way
+
+    def _swap_active(self) -> None:
+        """Take up the other one of the two programs of a tick in which thrusts lag, and its active set."""
+        if isinstance(self._solver, WarmStartedActiveSet):
+            self._solver.swap_active(self._other_active)
 
     def prepare(self, state: State) -> None:
         """Targets of the gait; the robot's dynamics, tasks and contact states.
@@ -267,14 +285,42 @@ class WholeBodyController(TaskController):
         return self._solve(gives_way=True)
 
     def _solve(self, *, gives_way: bool) -> QPSolution:
-        """Solve it, and again where tasks give way, if they may."""
-        solution = self._solving.solve()
-        if gives_way:
-            solution = self._solving.give_way(solution, self.dynamics, self.targets)
-        self._solution = solution
+        """The solutions of a tick as its kernel has them, by a solver that may be Python's."""
+        kernels, record, parts = self._kernels_of_tick, self._record_, self._parts_of_program
+        usable = self._solve_once(further=False)
+        self._gave_way = False
+        if gives_way and kernels.relax(record, *parts, usable):
+            self._copy_added()
+            self._gave_way = kernels.give_way(record, *parts, self._solve_once(further=True))
+            self._copy_added()
+            kernels.settle(record, *parts[1:], self._gave_way and self._solve_once(further=True))
+        elif usable:
+            self.problem.kernels.inputs(*parts[1:], self._solution.z, self._inputs)
+        return self.solution
+
+    def _solve_once(self, *, further: bool) -> bool:
+        """Solve the program as it is, where its solver does not finish by the dual method; whether that was possible.
+
+        Args:
+            further: whether it is not the first of the tick.
+        """
+        solver, program = self._solver, self._program
+        if further and isinstance(solver, WarmStartedActiveSet):
+            solution = solver.solve_further(program)
+        else:
+            solution = solver.solve(program)
+        if solution.status is not QPStatus.SOLVED and self._second is not None:
+            second = self._second.solve(program)
+            solution = second if second.usable else solution
+        self._solution.z[:] = solution.z
         self._outcome[...], self._iterations[...] = solution.status, solution.iterations
         self._violation[...] = solution.violation
-        return solution
+        return solution.usable
+
+    def _copy_added(self) -> None:
+        """Bring a change of the problem's program into that with added tasks."""
+        if self.added is not None:
+            self.added.copy()
 
     def finish(self, state: State) -> Command:
         """Torques and thrusts of the solution, or the fallback.
@@ -282,17 +328,11 @@ class WholeBodyController(TaskController):
         Args:
             state: as given to :meth:`prepare`.
         """
-        state, usable = as_state(state, self.robot), self._solution.usable
-        if usable:
-            self.problem.inputs(self._solution.z, self._inputs)
+        state, solution = as_state(state, self.robot), self.solution
+        if solution.usable:
             if self._lag is not None:
                 add_kept(self._lag, self._inputs)
             if self.added is not None:
-                self.added.read(self._solution.z)
-        finish_tick(self._record_, usable, state.q, state.v)
+                self.added.read(solution.z)
+        self._kernels_of_tick.finish(self._record_, *self._parts_of_program, solution.usable, state.q, state.v)
         return self._command
-
-    def telemetry(self) -> Mapping[str, ArrayLike]:
-        """x_r, planned and held feet, forces of the program, and the solver's status."""
-        force = self.targets.to_world(self.problem.contact_force(self._solution.z))
-        return {**super().telemetry(), "desired_force": force}

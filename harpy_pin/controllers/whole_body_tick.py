@@ -1,16 +1,19 @@
-"""The tick of the whole-body QP: one kernel for the library and the exported C, of the parts that its phases call.
+"""The tick of the whole-body QP, in every formulation: one kernel, made of the phases that Python may call apart.
 
-It has every formulation, with this library's own solver: the last active set and its exchange, then the dual method
-(:mod:`harpy_pin.wbc.active_set_warm_start`).
+The kernel has this library's own solver: the last active set and its exchange, then the dual method
+(:mod:`harpy_pin.wbc.active_set_warm_start`). A tick solves up to three programs (:mod:`harpy_pin.wbc.giving_way`): with
+limits of thrusts and torques; where one of them is reached, without them; and again with them, after tasks gave way.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harpy_pin.compiled import Kernel, kernel
+from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.joint_friction import note_inputs
 from harpy_pin.controllers.tasks import TasksRecord, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TickRecord, write_inputs
@@ -38,7 +41,7 @@ if TYPE_CHECKING:
     from harpy_pin.wbc.problem import FormulationRecord
     from harpy_pin.wbc.program import ProgramRecord
 
-__all__ = ["EXPORTED_QP_STEPS", "QP_STEPS", "ProgramTickRecord", "WholeBodyTickRecord"]
+__all__ = ["QP_TICKS", "ProgramTickRecord", "WholeBodyTickRecord"]
 
 STIFFNESS, DAMPING = 50.0, 1.0
 """Of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
@@ -49,10 +52,16 @@ class WholeBodyTickRecord(TasksRecord, TickRecord):
 
     inputs: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] of the command, N and N·m
     unlimited: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] without limits, N and N·m
+    force: Vector = sized("3 feet")  # contact forces of the solution, world axes, N
+    z: Vector  # (size,) solution
+    found: Vector  # (size,) work space for that of the dual method
     kept: Vector  # (size,) a solution with limits, while one without is looked for
     outcome: int = ZERO  # of the program, a :class:`~harpy_pin.wbc.QPStatus`
     iterations: int = ZERO  # of the solver
     violation: float = 0.0  # of the solution
+    kept_outcome: int = ZERO  # the same of the solution that is kept
+    kept_iterations: int = ZERO
+    kept_violation: float = 0.0
     posture: Vector  # (joints,) that the spring pulls to where there is no solution for long, rad
     torque_limit: Vector  # (joints,) of the motors, N·m
     hold_ticks: int  # ticks in a row for which the last inputs are held in the place of failed ones
@@ -64,15 +73,13 @@ class WholeBodyTickRecord(TasksRecord, TickRecord):
 class ProgramTickRecord(RecordOf):
     """The whole-body QP with its program and solver, in one record."""
 
-    control: WholeBodyTickRecord  # tasks, inputs and command
+    control: WholeBodyTickRecord  # tasks, solution and command
     problem: FormulationRecord  # what the formulation knows
     # what it keeps of the last state: formulation ``input_space``, or ``contact_force``
     terms: ContactMapRecord | ContactForceRecord
     program: ProgramRecord  # the quadratic program
     search: ActiveSetRecord  # the last active set and its exchange
     dual: DualRecord  # the dual method, which starts without active constraints
-    z: Vector = sized("size")  # solution
-    found: Vector = sized("size")  # work space for that of the dual method
 
 
 @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
@@ -85,18 +92,8 @@ def begin_tick(r: WholeBodyTickRecord, target: GaitTargetRecord, q: Vector, v: V
 
 
 @kernel
-def finish_tick(r: WholeBodyTickRecord, usable: bool, q: Vector, v: Vector) -> int:
-    """The command of the inputs; without a solution the last one for a while, then a soft spring without thrust.
-
-    Args:
-        r: element of the controller's record; its inputs are new if there is a solution.
-        usable: whether there is one.
-        q: as measured.
-        v: as measured.
-
-    Returns:
-        The status: 0, or ``FALLBACK``.
-    """
+def _write_command(r: WholeBodyTickRecord, usable: bool, q: Vector, v: Vector) -> None:
+    """The command of the inputs; without a solution the last one for a while, then a soft spring without thrust."""
     first = r.inputs.shape[0] - r.posture.shape[0]
     if usable:
         r.held_for = 0
@@ -116,15 +113,12 @@ def finish_tick(r: WholeBodyTickRecord, usable: bool, q: Vector, v: Vector) -> i
                     r.thrust[k, i] = 0.0
     note_inputs(r.joint_friction, r.inputs)
     write_inputs(r, r.inputs, True)
-    return 0 if usable else FALLBACK
 
 
 @kernel
-def _solve_once(
-    r: WholeBodyTickRecord, qp: ProgramRecord, search: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector
-) -> bool:
+def _solve_once(r: WholeBodyTickRecord, qp: ProgramRecord, search: ActiveSetRecord, dual: DualRecord) -> bool:
     """Solve one program of the tick, and say how; returns whether there is a solution."""
-    r.outcome = solve_further(qp, search, dual, z, found)
+    r.outcome = solve_further(qp, search, dual, r.z, r.found)
     r.iterations, r.violation = search.iterations, search.violation
     if r.outcome == ASK:
         search.active[:] = 0
@@ -132,81 +126,82 @@ def _solve_once(
     return r.outcome <= INACCURATE
 
 
-def _solve_of(name: str) -> Kernel[bool]:
-    """Kernel that solves the program of a formulation and reads the inputs off it; whether there is a solution."""
+@dataclass(frozen=True)
+class TickKernels:
+    """The tick of the whole-body QP in a formulation.
+
+    Attributes:
+        step: all of it, on the records of its parts.
+        step_of_one: the same on one record, a :class:`ProgramTickRecord`.
+        relax: after the program with limits was solved, takes them out where one is reached; whether it did.
+        give_way: after that was solved, puts the limits in again; whether tasks gave way, so that one more follows.
+        settle: takes that one's solution or, without one, what :func:`relax` kept; whether the tick has a solution.
+        finish: forces and command of the solution, or the fallback; the status of the tick.
+    """
+
+    step: Kernel[int]
+    step_of_one: Kernel[int]
+    relax: Kernel[bool]
+    give_way: Kernel[bool]
+    settle: Kernel[bool]
+    finish: Kernel[int]
+
+
+def _tick_of(name: str) -> TickKernels:
+    """The tick in a formulation."""
     kernels = FORMULATIONS[name].kernels
-    read, limit, give_way = kernels.inputs, kernels.limit, kernels.give_way
-    if limit is None or give_way is None:
-
-        @kernel
-        def solve(
-            r: WholeBodyTickRecord,
-            p: FormulationRecord,
-            terms: ContactForceRecord,
-            qp: ProgramRecord,
-            search: ActiveSetRecord,
-            dual: DualRecord,
-            z: Vector,
-            found: Vector,
-        ) -> bool:
-            start_tick(search)
-            usable = _solve_once(r, qp, search, dual, z, found)
-            if usable:
-                read(terms, qp, z, r.inputs)
-            return usable
-
-        return solve
+    build, read, read_force = kernels.build, kernels.inputs, kernels.force
+    limit, let_give_way = kernels.limit, kernels.give_way
 
     @kernel
-    def solve_giving_way(
+    def relax(
+        r: WholeBodyTickRecord, p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, usable: bool
+    ) -> bool:
+        if usable:
+            read(m, qp, r.z, r.inputs)
+        if p.give_way == 1.0 or (usable and not at_a_limit(r.inputs, p)):
+            return False
+        r.kept[:] = r.z
+        r.kept_outcome, r.kept_iterations, r.kept_violation = r.outcome, r.iterations, r.violation
+        limit(p, m, qp, False)
+        return True
+
+    @kernel
+    def give_way(
+        r: WholeBodyTickRecord, p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, usable: bool
+    ) -> bool:
+        beyond = False
+        if usable:
+            read(m, qp, r.z, r.unlimited)
+            beyond = beyond_torque_limit(r.unlimited[r.unlimited.shape[0] - p.torque_limit.shape[0] :], p.torque_limit)
+        limit(p, m, qp, True)
+        if beyond:
+            let_give_way(r.dynamics, r.targets, p, m, qp, r.z)
+        return beyond
+
+    @kernel
+    def settle(r: WholeBodyTickRecord, m: ContactMapRecord, qp: ProgramRecord, usable: bool) -> bool:
+        if usable:
+            read(m, qp, r.z, r.inputs)
+            return True
+        r.z[:] = r.kept
+        r.outcome, r.iterations, r.violation = r.kept_outcome, r.kept_iterations, r.kept_violation
+        return r.outcome <= INACCURATE
+
+    @kernel
+    def finish(
         r: WholeBodyTickRecord,
         p: FormulationRecord,
-        terms: ContactMapRecord,
+        m: ContactMapRecord,
         qp: ProgramRecord,
-        search: ActiveSetRecord,
-        dual: DualRecord,
-        z: Vector,
-        found: Vector,
-    ) -> bool:
-        """Where thrusts or torques are at their limits, tasks may give way (:mod:`harpy_pin.wbc.giving_way`).
-
-        The solution with limits stays where torques are within them in the one without, or nothing else is found.
-        """
-        start_tick(search)
-        usable = _solve_once(r, qp, search, dual, z, found)
-        if usable:
-            read(terms, qp, z, r.inputs)
-            if p.give_way == 1.0 or not at_a_limit(r.inputs, p):
-                return True
-            if search.left == search.budget:
-                r.iterations = 1  # the exchange has led to a limit, where another program may follow
-        if p.give_way == 1.0:
-            return usable
-        outcome, iterations, violation = r.outcome, r.iterations, r.violation
-        for c in range(z.shape[0]):
-            r.kept[c] = z[c]
-        limit(p, terms, qp, False)
-        beyond = False
-        if _solve_once(r, qp, search, dual, z, found):
-            read(terms, qp, z, r.unlimited)
-            beyond = beyond_torque_limit(r.unlimited[r.unlimited.shape[0] - p.torque_limit.shape[0] :], p.torque_limit)
-        limit(p, terms, qp, True)
-        if beyond:
-            give_way(r.dynamics, r.targets, p, terms, qp, z)
-            if _solve_once(r, qp, search, dual, z, found):
-                read(terms, qp, z, r.inputs)
-                return True
-        r.outcome, r.iterations, r.violation = outcome, iterations, violation
-        for c in range(z.shape[0]):
-            z[c] = r.kept[c]
-        return usable
-
-    return solve_giving_way
-
-
-def _step_of(name: str) -> tuple[Kernel[int], Kernel[int]]:
-    """The tick of the whole-body QP in a formulation: on the records of its parts, and on one."""
-    build, solve = FORMULATIONS[name].kernels.build, _solve_of(name)
+        usable: bool,
+        q: Vector,
+        v: Vector,
+    ) -> int:
+        read_force(p, m, qp, r.z, r.force)
+        forces_in_world(r.targets, r.force)
+        _write_command(r, usable, q, v)
+        return 0 if usable else FALLBACK
 
     @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
     def qp_step(
@@ -220,26 +215,29 @@ def _step_of(name: str) -> tuple[Kernel[int], Kernel[int]]:
         program: ProgramRecord,
         search: ActiveSetRecord,
         dual: DualRecord,
-        z: Vector,
-        found: Vector,
     ) -> int:
         """A tick of the whole-body QP; returns its status."""
         if begin_tick(r, target, q, v, foot_force) != GOOD:
             return BAD_SAMPLE
         build(r.dynamics, r.targets, problem, terms, program, v, r.dynamics.tree.rotation)
-        return finish_tick(r, solve(r, problem, terms, program, search, dual, z, found), q, v)
+        start_tick(search)
+        usable = _solve_once(r, program, search, dual)
+        if relax(r, problem, terms, program, usable):
+            if usable and search.left == search.budget:
+                r.kept_iterations = 1  # the exchange alone has led to a limit
+            usable = give_way(r, problem, terms, program, _solve_once(r, program, search, dual))
+            if usable:
+                usable = _solve_once(r, program, search, dual)
+            usable = settle(r, terms, program, usable)
+        return finish(r, problem, terms, program, usable, q, v)
 
     @kernel
     def qp_step_of_one(r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
         """The same on one record."""
-        parts = r.control
-        return qp_step(parts, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual, r.z, r.found)
+        return qp_step(r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual)
 
-    return qp_step, qp_step_of_one
+    return TickKernels(qp_step, qp_step_of_one, relax, give_way, settle, finish)
 
 
-_STEPS = {name: _step_of(name) for name in FORMULATIONS}
-QP_STEPS: dict[str, Kernel[int]] = {name: steps[0] for name, steps in _STEPS.items()}
-"""The tick by formulation, on the records of its parts."""
-EXPORTED_QP_STEPS: dict[str, Kernel[int]] = {name: steps[1] for name, steps in _STEPS.items()}
-"""The same on one record, a :class:`ProgramTickRecord`."""
+QP_TICKS: dict[str, TickKernels] = {name: _tick_of(name) for name in FORMULATIONS}
+"""The tick by formulation."""

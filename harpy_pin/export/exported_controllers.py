@@ -14,7 +14,7 @@ from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecor
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
-from harpy_pin.controllers.whole_body_tick import EXPORTED_QP_STEPS, ProgramTickRecord
+from harpy_pin.controllers.whole_body_tick import QP_TICKS, ProgramTickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
@@ -122,7 +122,6 @@ def _program(controller: WholeBodyController) -> Exportable:
     controller.reset()
     record = make_record(
         ProgramTickRecord,
-        {"size": program.shape[0]},
         control=controller._record_,
         problem=fresh.record,
         terms=fresh.terms,
@@ -131,7 +130,7 @@ def _program(controller: WholeBodyController) -> Exportable:
         dual=dual.record,
     )
     title = f"whole-body QP, formulation '{p.formulation}'"
-    return _exportable("wbc", title, controller.robot, record, EXPORTED_QP_STEPS[p.formulation], ProgramStatus)
+    return _exportable("wbc", title, controller.robot, record, QP_TICKS[p.formulation].step_of_one, ProgramStatus)
 
 
 def _governed(controller: GovernedController) -> Exportable:

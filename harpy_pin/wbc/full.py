@@ -69,10 +69,6 @@ class FullProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.acceleration`."""
         return self._solution(z)[-self.nv :].copy()
 
-    def contact_force(self, z: Vector) -> Vector:
-        """See :meth:`WholeBodyProblem.contact_force`."""
-        return self._solution(z)[self.n_thrust : -self.nv].reshape(-1, 3).copy()
-
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """See :meth:`WholeBodyProblem.motion_map`."""
         held = checks.array("held", held, self.feet)
@@ -163,6 +159,13 @@ def _inputs(m: FullRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
         for i in range(z.shape[0]):
             s += qp.inequality[start + j, i] * z[i]
         out[thrusts + j] = s
+
+
+@kernel
+def _force(p: FormulationRecord, m: FullRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
+    """Contact forces of a solution: variables themselves."""
+    for c in range(out.shape[0]):
+        out[c] = z[qp.bounded + c]
 
 
 @kernel
@@ -279,4 +282,4 @@ def _torque_rows(
         m.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
 
 
-FullProblem.kernels = FormulationKernels(_build, _inputs, _limit, _give_way)
+FullProblem.kernels = FormulationKernels(_build, _inputs, _force, _limit, _give_way)

@@ -56,14 +56,6 @@ class InputSpaceProblem(WholeBodyProblem):
         """See :meth:`WholeBodyProblem.acceleration`."""
         return np.asarray(self._views["drive"] + self._views["response"] @ self._solution(z))
 
-    def contact_force(self, z: Vector) -> Vector:
-        """See :meth:`WholeBodyProblem.contact_force`."""
-        count = int(self.record["directions"][0])
-        rows, gain, at_rest = (self._views[name][:count] for name in ("rows", "gain", "force"))
-        force = np.zeros(self.n_force)
-        force[rows] = at_rest + gain @ self._solution(z)
-        return force.reshape(-1, 3)
-
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """See :meth:`WholeBodyProblem.motion_map`."""
         count, terms = int(self.record["directions"][0]), self._views
@@ -251,4 +243,15 @@ def _inputs(m: ContactMapRecord, qp: ProgramRecord, z: Vector, out: Vector) -> N
         out[c] = z[c]
 
 
-InputSpaceProblem.kernels = FormulationKernels(build_inputs, _inputs, _limit, _give_way)
+@kernel
+def _force(p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
+    """Contact forces f₀ + A y of a solution y."""
+    out[:] = 0.0
+    for a in range(p.directions):
+        s = m.force[a]
+        for c in range(z.shape[0]):
+            s += m.gain[a, c] * z[c]
+        out[m.rows[a]] = s
+
+
+InputSpaceProblem.kernels = FormulationKernels(build_inputs, _inputs, _force, _limit, _give_way)

@@ -41,7 +41,6 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.giving_way import at_a_limit
 from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
 from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import (
@@ -109,15 +108,16 @@ class FormulationKernels:
     Attributes:
         build: fills in the program: (d, t, p, m, qp, v, rotation).
         inputs: reads [u; τ] off a solution: (m, qp, z, out).
-        limit: puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on). None where tasks
-            cannot give way.
+        force: reads the contact forces off it: (p, m, qp, z, out).
+        limit: puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on).
         give_way: lets tasks give way to a solution without these limits: (d, t, p, m, qp, z).
     """
 
     build: Kernel[None]
     inputs: Kernel[None]
-    limit: Kernel[None] | None = None
-    give_way: Kernel[None] | None = None
+    force: Kernel[None]
+    limit: Kernel[None]
+    give_way: Kernel[None]
 
 
 @fixed_arrays("record", "terms")
@@ -133,7 +133,6 @@ class WholeBodyProblem(KeepsViews):
         program: the quadratic program, filled by :meth:`build`.
         record: weights and limits, for kernels.
         terms: what a formulation keeps of the last :meth:`build`, for kernels.
-        gives_way: whether tasks give way where torques are at their limits.
     """
 
     name: ClassVar[str]
@@ -152,7 +151,6 @@ class WholeBodyProblem(KeepsViews):
         self.limits = limits if limits is not None else WholeBodyLimits()
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust
-        self.gives_way = self.kernels.limit is not None and self.limits.give_way < 1.0
         self.foot_rows = len(self.limits.pyramid) + 1  # the pyramid's faces, and the range of the normal force
         w, names = self.weights, joint_weights(robot)
         self.record = make_record(
@@ -181,16 +179,6 @@ class WholeBodyProblem(KeepsViews):
         """
         check_terms(self.robot, dynamics, targets)
         self.kernels.build.prepare(*self._records(dynamics, targets), np.zeros(self.nv), dynamics.rotation)
-
-    def _rehearse(self, dynamics: Dynamics, targets: WholeBodyTargets) -> None:
-        """Call what few ticks need, so that none of them waits for a compiler; the program is to be built anew."""
-        z, inputs = np.zeros(len(self.program.gradient)), np.zeros(self.n_thrust + self.joints)
-        if self.gives_way:
-            for on in (False, True):
-                self._put_limits(on)
-            self._let_give_way(dynamics, targets, z)
-        self.inputs(z, inputs)
-        at_a_limit(inputs, self.record)
 
     def build(self, dynamics: Dynamics, v: Vector, rotation: Vector, targets: WholeBodyTargets) -> None:
         """Fill in the program; the objective anew as a whole, whatever was done to it since the last tick.
@@ -244,23 +232,9 @@ class WholeBodyProblem(KeepsViews):
         Args:
             z: (n,) solution.
         """
-        raise NotImplementedError
-
-    def _put_limits(self, on: bool) -> None:
-        """Put the limits of thrusts and torques into the program last built, or take them out."""
-        assert self.kernels.limit is not None
-        self.kernels.limit(self._record_, self._terms_, self.program._record_, on)
-
-    def _let_give_way(self, dynamics: Dynamics, targets: WholeBodyTargets, z: Vector) -> None:
-        """Let tasks give way in the program last built (:mod:`harpy_pin.wbc.giving_way`).
-
-        Args:
-            dynamics: as of :meth:`build`.
-            targets: as of :meth:`build`.
-            z: (n,) solution without limits of thrusts and torques.
-        """
-        assert self.kernels.give_way is not None
-        self.kernels.give_way(*self._records(dynamics, targets), z)
+        force = np.zeros(self.n_force)
+        self.kernels.force(self._record_, self._terms_, self.program._record_, self._solution(z), force)
+        return force.reshape(-1, 3)
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """Accelerations and contact forces of any z of the program last built: [a; f] = X z + x₀.

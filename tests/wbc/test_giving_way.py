@@ -21,14 +21,14 @@ DAMPED = hp.Actuators(viscous_friction=4.9).damped(ROBOT)
 def give_way(problem, solver, dynamics, v, targets):
     """The solution by definition: without limits, then with limits about it; whether torques were beyond."""
     problem.build(dynamics, v, dynamics.rotation, targets)
-    problem._put_limits(False)
+    problem.kernels.limit(problem.record, problem.terms, problem.program.record, False)
     free = solver.solve(problem.program)
     inputs = np.zeros(12)
     problem.inputs(free.z, inputs)
     beyond = bool((np.abs(inputs[6:]) > problem.limits.torque_scale * ROBOT.torque_limit).any())
-    problem._put_limits(True)
+    problem.kernels.limit(problem.record, problem.terms, problem.program.record, True)
     if beyond:
-        problem._let_give_way(dynamics, targets, free.z.copy())
+        problem.kernels.give_way(*problem._records(dynamics, targets), free.z.copy())
     return solver.solve(problem.program), beyond
 
 
@@ -79,7 +79,7 @@ def test_objective_and_least_forces_are_the_ones_defined(formulation):
         size = len(problem.program.gradient)
         at, other = rng.standard_normal(size), 5.0 * rng.standard_normal(size)
         before, bound = problem.program.objective(at) - problem.program.objective(other), problem.program.lower.copy()
-        problem._let_give_way(dynamics, targets, other)
+        problem.kernels.give_way(*problem._records(dynamics, targets), other)
         after = problem.program.objective(at) - problem.program.objective(other)
         torque = np.zeros(12)
         problem.inputs(other, torque)

@@ -86,16 +86,13 @@ class ContactForceProblem(WholeBodyProblem):
         rows = self.foot_rows * self.feet + self.n_thrust + self.joints
         program = QuadraticProgram(self.n_force, equalities=0, inequalities=rows, bounded=0)
         enter_pyramids(program, self.limits.pyramid, self.feet, force=0)
+        self.record["give_way"] = 1.0  # no task can
         return program, make_record(ContactForceRecord, self.robot.sizes, root=condensation_record(self.robot))
 
     def acceleration(self, z: Vector) -> Vector:
         """See :meth:`WholeBodyProblem.acceleration`."""
         recover(self.terms["root"], self._solution(z))
         return field(self.terms["root"], "acceleration").copy()
-
-    def contact_force(self, z: Vector) -> Vector:
-        """See :meth:`WholeBodyProblem.contact_force`."""
-        return self._solution(z).reshape(-1, 3).copy()
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """See :meth:`WholeBodyProblem.motion_map`. Its rows on accelerations are zero: :meth:`check_rows` refuses those
@@ -189,5 +186,22 @@ def _inputs(m: ContactForceRecord, qp: ProgramRecord, z: Vector, out: Vector) ->
         out[c] = s
 
 
-ContactForceProblem.kernels = FormulationKernels(_build, _inputs)
-"""Tasks do not give way: the motion of swing feet is a function of the forces."""
+@kernel
+def _force(p: FormulationRecord, m: ContactForceRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
+    """Contact forces of a solution: the variables themselves."""
+    out[:] = z
+
+
+@kernel
+def _limit(p: FormulationRecord, m: ContactForceRecord, qp: ProgramRecord, on: bool) -> None:
+    """Nothing: where tasks do not give way, the program keeps its limits."""
+
+
+@kernel
+def _give_way(
+    d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, m: ContactForceRecord, qp: ProgramRecord, z: Vector
+) -> None:
+    """Nothing: the motion of swing feet is a function of the forces."""
+
+
+ContactForceProblem.kernels = FormulationKernels(_build, _inputs, _force, _limit, _give_way)
