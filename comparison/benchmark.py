@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
-from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -13,19 +12,15 @@ from typing import Any
 import numpy as np
 
 from comparison.campaign.execute import run_campaign
-from comparison.campaign.settings import QUICK, CampaignSettings
-from comparison.measure.controllers import CONTENDERS
-from comparison.measure.machine import describe_all_versions, describe_machine
-from comparison.measure.states import StateSequence, pushed_walk, record_states, walk
-from comparison.measure.timing import Bench, TimingSettings
-from comparison.sections.formulations import time_formulations
+from comparison.campaign.plan import QUICK, CampaignSettings
+from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
+from comparison.measure.walking import CONTENDERS, pushed_walk, record_states, recorded_walk, stage
 from comparison.sections.growth import FACES, time_growth
-from comparison.sections.simulator import WALKERS, WALKS, time_simulator
-from comparison.sections.ticks import time_ticks
-from comparison.sections.timing import count_passes, time_contenders
+from comparison.sections.ticks import WALKERS, WALKS, time_formulations, time_simulator, time_ticks
+from comparison.sections.timing import time_contenders
 from harpy_pin import checks, measure
 from harpy_pin.files import finite
-from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.robot import load_harpy
 
 FRICTION = 0.25
 """The paper's friction coefficient."""
@@ -84,136 +79,67 @@ class Settings:
         return cls(**given)
 
 
-@dataclass(frozen=True)
-class SectionInputs:
-    """What an optional section of the document may use.
-
-    Attributes:
-        robot: that walked.
-        settings: of the comparison.
-        pushed: states of walks with pushes on low friction: of the contact-force filter, and of the QP controller.
-        rows: file of the campaign's rows; None where they are not to be kept.
-        progress: of the comparison.
-    """
-
-    robot: Robot
-    settings: Settings
-    pushed: list[StateSequence]
-    rows: Path | None
-    progress: Progress
-
-    def stage(self, what: str, total: int) -> Callable[[], None]:
-        """Announce a stage of the work and its number of pieces; returns what to call after each piece."""
-        return _stage(self.progress, what, total)
-
-    def bench(self, name: str, stream: int, pieces: int | None = None) -> Bench:
-        """What a section needs to time: the friction, and random numbers of its own by their stream.
-
-        Progress has one piece for each repetition by default.
-        """
-        settings = self.settings
-        return Bench(
-            robot=self.robot,
-            friction=settings.friction,
-            settings=settings.timing,
-            rng=np.random.default_rng([settings.seed, stream]),
-            on_pass=self.stage(name, settings.timing.repetitions if pieces is None else pieces),
-        )
-
-
-def _ticks(inputs: SectionInputs) -> dict[str, Any]:
-    measured = time_ticks(inputs.bench("ticks", 1), inputs.pushed)
-    return {"friction": inputs.settings.friction, "impulse": inputs.settings.impulse, "contenders": measured}
-
-
-def _growth(inputs: SectionInputs) -> dict[str, Any]:
-    s, stage = inputs.settings, partial(inputs.stage, "growth")
-    return time_growth(inputs.robot, repetitions=s.timing.repetitions, seed=s.seed, faces=s.faces, stage=stage)
-
-
-def _simulator(inputs: SectionInputs) -> dict[str, Any]:
-    bench = inputs.bench("simulator", 4, WALKS * len(WALKERS))
-    return time_simulator(bench, duration=min(inputs.settings.duration, 4.0))
-
-
-def _campaign(inputs: SectionInputs) -> dict[str, Any]:
-    """Many walks; nothing is timed meanwhile."""
-    with TemporaryDirectory() as folder:
-        rows = inputs.rows or Path(folder) / "rows.jsonl"
-        return run_campaign(inputs.settings.campaign, rows, progress=partial(inputs.progress, "campaign"))
-
-
-SECTIONS: dict[str, Callable[[SectionInputs], dict[str, Any]]] = {
-    "ticks": _ticks,
-    "formulations": lambda inputs: time_formulations(inputs.bench("formulations", 3), inputs.pushed[1]),
-    "growth": _growth,
-    "simulator": _simulator,
-    "campaign": _campaign,
-}
-"""Optional sections of the document by name, in the order in which they are measured, one after the other.
-
-What a section returns stands in the document under its name; its tables are made in :mod:`comparison.report.contents`.
-"""
-
-
-def _stage(progress: Progress, what: str, total: int) -> Callable[[], None]:
-    progress(what, 0, total)
-    done = count(1)
-    return lambda: progress(what, next(done), total)
-
-
 def compare(
-    settings: Settings,
-    progress: Progress = lambda what, done, total: None,
-    *,
-    sections: Sequence[str] = (),
-    rows: Path | None = None,
+    settings: Settings, progress: Progress = lambda what, done, total: None, *, rows: Path | None = None
 ) -> dict[str, Any]:
     """Walk, time, check and describe.
 
     Progress is called between pieces of work, never while the clock runs. The campaign keeps its rows in the file
-    ``rows``, if there is one, and goes on from them; ``sections`` are names of :data:`SECTIONS`.
+    ``rows``, if there is one, and goes on from them.
 
     Returns:
-        The document: only dicts, lists, strings, finite numbers and null.
+        The document: only dicts, lists, strings, finite numbers and null. Its tables are made in
+        :mod:`comparison.report.html`.
 
     Raises:
         HarpyError: a setting is out of its domain, or a walk ended too early to give states.
     """
-    for name in sections:
-        checks.one_of("section", name, SECTIONS)
     document: dict[str, Any] = {"machine": describe_machine()}
-    robot, rng, least = load_harpy(), np.random.default_rng(settings.seed), settings.timing.warm_up + 50
-    step = _stage(progress, "walking", len(CONTENDERS))
+    robot, timing, least = load_harpy(), settings.timing, settings.timing.warm_up + 50
+    how: dict[str, Any] = {"friction": settings.friction, "duration": settings.duration}
+
+    def bench(name: str, stream: Sequence[int] | int, pieces: int = timing.repetitions) -> Bench:
+        """What a section needs to time: the friction, and random numbers of its own by their stream."""
+        step, rng = stage(progress, name, pieces), np.random.default_rng(stream)
+        return Bench(robot=robot, friction=settings.friction, settings=timing, rng=rng, on_pass=step)
+
+    step = stage(progress, "walking", len(CONTENDERS))
     runs = {}
     for name in CONTENDERS:  # nothing of these walks is timed: the first ones compile
-        runs[name] = walk(name, friction=settings.friction, duration=settings.duration)
+        runs[name] = recorded_walk(name, **how)
         step()
     sequences = [record_states(name, runs[name], least=least) for name in RECORDED]
     document["walk"] = {name: dict(measure(run).as_dict()) for name, run in runs.items()}
-    step = _stage(progress, "timing", count_passes(settings.timing, len(sequences)))
-    bench = Bench(robot=robot, friction=settings.friction, settings=settings.timing, rng=rng, on_pass=step)
-    document |= time_contenders(bench, sequences)
-    pushed = []
-    if sections:
-        step = _stage(progress, "pushed walks", len(PUSHED))
-        how = {"friction": settings.friction, "duration": settings.duration, "impulse": settings.impulse}
-        for name, contender in PUSHED.items():
-            pushed.append(record_states(name, pushed_walk(contender, **how), least=least))
-            step()
-    inputs = SectionInputs(robot, settings, pushed, rows, progress)
-    document |= {name: section(inputs) for name, section in SECTIONS.items() if name in sections}
+    passes = len(sequences) * (1 + timing.repetitions)
+    document |= time_contenders(bench("timing", settings.seed, passes), sequences)
+    step, pushed = stage(progress, "pushed walks", len(PUSHED)), []
+    for name, contender in PUSHED.items():
+        run = pushed_walk(contender, impulse=settings.impulse, **how)
+        pushed.append(record_states(name, run, least=least))
+        step()
+    document["ticks"] = {
+        "friction": settings.friction,
+        "impulse": settings.impulse,
+        "contenders": time_ticks(bench("ticks", [settings.seed, 1]), pushed),
+    }
+    document["formulations"] = time_formulations(bench("formulations", [settings.seed, 3]), pushed[1])
+    document["growth"] = time_growth(
+        robot,
+        repetitions=timing.repetitions,
+        seed=settings.seed,
+        faces=settings.faces,
+        stage=partial(stage, progress, "growth"),
+    )
+    whole = bench("simulator", [settings.seed, 4], WALKS * len(WALKERS))
+    document["simulator"] = time_simulator(whole, duration=min(settings.duration, 4.0))
+    with TemporaryDirectory() as folder:  # nothing is timed meanwhile
+        kept = rows or Path(folder) / "rows.jsonl"
+        document["campaign"] = run_campaign(settings.campaign, kept, progress=partial(progress, "campaign"))
     states = " and ".join(f"{len(s)} of the walk of '{s.name}'" for s in sequences)
     states += ", each replayed in the order of time by every contender"
     document["settings"] = asdict(settings) | {"states": states}
     document["versions"] = describe_all_versions()
-    names = ("limitations", *(["limitations_of_the_campaign"] if "campaign" in document else []))
-    document["limitations"] = [sentence for name in names for sentence in _limitations(name)]
+    text = (Path(__file__).parent / "report" / "limitations.txt").read_text(encoding="utf-8")
+    document["limitations"] = [" ".join(paragraph.split()) for paragraph in text.split("\n\n")]
     result: dict[str, Any] = finite(document)
     return result
-
-
-def _limitations(name: str) -> list[str]:
-    """What is printed with every result: the paragraphs of a file of the report."""
-    text = (Path(__file__).parent / "report" / f"{name}.txt").read_text(encoding="utf-8")
-    return [" ".join(part.split()) for part in text.split("\n\n")]

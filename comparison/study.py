@@ -22,11 +22,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from comparison.campaign.plan import code_digest
-from comparison.campaign.store import Store
-from comparison.measure.walking import Progress, Rows, one_by_one
+from comparison.campaign.store import Store, do_missing
+from comparison.measure.walking import Progress, Rows, silent
 from comparison.tables import Cell, Table
 from harpy_pin import Run, checks, measure
-from harpy_pin.files import finite
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -69,7 +68,7 @@ class Study:
     jobs: Callable[[Any], Iterable[Job]] = _nothing
     timed: Callable[[Any], Iterable[Job]] = _nothing
     measure: Callable[[Job], dict[str, Any]] = dict
-    all_at_once: Callable[[Any, Progress | None], Rows] | None = None
+    all_at_once: Callable[[Any, Progress], Rows] | None = None
     views: Sequence[View | Callable[[Rows], Iterable[Table]]]
     example: str = ""
     only: str = ""
@@ -91,7 +90,7 @@ class Study:
         return SimpleNamespace(**{**self.defaults, **(self.quick if quick else {}), **changes})
 
     def run(
-        self, progress: Progress | None = None, *, quick: bool = False, path: Path | None = None, **changes: Any
+        self, progress: Progress = silent, *, quick: bool = False, path: Path | None = None, **changes: Any
     ) -> Rows:
         """Every row, in the order of the jobs.
 
@@ -111,18 +110,9 @@ class Study:
         own = hashlib.sha256(Path(inspect.getfile(self.measure)).read_bytes()).hexdigest()[:8]
         code = f"{code_digest()} {own}"
         jobs, timed = ({f"{code} {job}": job for job in part(settings)} for part in (self.jobs, self.timed))
-        row, keys = partial(_row, self.measure), [*jobs, *timed]
-        if progress is not None:
-            progress(0, len(keys))
         with tempfile.TemporaryDirectory() as folder, Store(path or Path(folder) / "walks") as store:
-            together = one_by_one(row, [job for key, job in jobs.items() if key not in store.rows])
-            alone = map(row, [job for key, job in timed.items() if key not in store.rows])
-            for done, key in enumerate(keys, start=1):
-                if key not in store.rows:
-                    store.append(key, finite(next(together if key in jobs else alone)))
-                if progress is not None:
-                    progress(done, len(keys))
-            return [store.rows[key] for key in keys]
+            do_missing(store, jobs | timed, partial(_row, self.measure), progress, alone=timed)
+            return [store.rows[key] for key in (*jobs, *timed)]
 
     def tables(self, rows: Rows) -> list[Table]:
         """Every table of the rows."""

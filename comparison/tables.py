@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -146,31 +145,3 @@ def to_csv(tables: Iterable[Table]) -> str:
     rows = [(table.name, *cell) for table in tables for cell in table.cells]
     frame = pd.DataFrame(rows, columns=["table", *Cell._fields], dtype=object)
     return str(frame.to_csv(index=False, lineterminator="\n"))
-
-
-def from_csv(text: str) -> dict[str, Table]:
-    """The tables of :func:`to_csv`, by name; titles and notes are not in the file."""
-    frame = pd.read_csv(io.StringIO(text), dtype=str, keep_default_na=False)
-    return {
-        str(name): Table(
-            str(name),
-            str(name),
-            tuple(
-                Cell(c.row, c.column, _value(c.value), c.unit, *(float(x) if x else None for x in (c.low, c.high)))
-                for c in part.itertuples()
-            ),
-        )
-        for name, part in frame.groupby("table", sort=False)
-    }
-
-
-def _value(text: str) -> Value:
-    known: dict[str, Value] = {"": None, "True": True, "False": False}
-    if text in known:
-        return known[text]
-    for kind in (int, float):
-        try:
-            return kind(text)
-        except ValueError:
-            continue
-    return text

@@ -4,6 +4,6 @@ from harpy_pin.cli.signals import leave_at_signals
 
 if __name__ == "__main__":
     leave_at_signals()
-    from reproduction.cli.app import main
+    from reproduction.cli import main
 
     main()

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-__all__ = ["CLAIMS", "DEPARTURES", "Claim", "Departure", "Finding", "Verdict", "judge"]
-
 
 class Verdict(StrEnum):
     """What the reproduction says of a claim."""

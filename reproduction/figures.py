@@ -11,23 +11,13 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 from harpy_pin.view.figures import grid, legend_above, styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, TARGET
-from reproduction.reduced_order import model_force, model_rows
 from reproduction.vlip_claims import polar_of
 from reproduction.vlip_simulation import VlipRun
+from reproduction.walk_claims import model_force, model_rows
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-__all__ = [
-    "chattering_figure",
-    "vlip_constraints",
-    "vlip_forces",
-    "vlip_states",
-    "walk_constraints",
-    "walk_forces",
-    "walk_states",
-]
 
 ACTUAL = "#222222"
 LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 0.9}

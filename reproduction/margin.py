@@ -31,8 +31,6 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["MarginGovernor"]
-
 GAIN = 20.0
 """κ_m, of the margin (relative to the normal force's Γ), 1/s."""
 SMOOTHING = 0.01

@@ -19,14 +19,11 @@ from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import Robot
 from reproduction import figures
 from reproduction.claims import DEPARTURES, Finding, Verdict
-from reproduction.cost import study_cost
 from reproduction.vlip_claims import VlipCase, VlipStudy, study_vlip
-from reproduction.walk_claims import MU, WALKS, WalkStudy, study_gait, study_walk
+from reproduction.walk_claims import MU, WALKS, WalkStudy, study_cost, study_gait, study_walk
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-__all__ = ["Reproduction", "prepare_folder", "reproduce", "write_report"]
 
 SETTINGS = ("paper-curves", "optimised", "hand")
 """Gaits of the 3D walks; the first is what the paper prints."""
@@ -203,7 +200,7 @@ def _numbers(result: Reproduction) -> dict[str, Any]:
             for f in result.findings
         ],
         "gait": dict(result.gait),
-        "vlip": {case.command: run.summary().as_dict() for case, run in result.vlip.runs.items()},
+        "vlip": {case.command: vars(run.summary()) for case, run in result.vlip.runs.items()},
         "walk": {
             setting: {name: measures.as_dict() for name, measures in walk.measures.items()}
             for setting, walk in result.walks.items()

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
+from harpy_pin.governors.rows import EVALUATE_AT
 from harpy_pin.log.measures import Chattering, chattering
 from harpy_pin.model.state import Vector
 from reproduction.claims import CLAIMS, Finding, judge
-from reproduction.vlip_simulation import VlipParameters, VlipRun, simulate_vlip, vlip_governor
+from reproduction.vlip_simulation import COORDINATES, STARTS, VlipParameters, VlipRun, simulate_vlip, vlip_governor
 
-__all__ = ["VlipCase", "VlipStudy", "polar_of", "study_vlip"]
-
-Reading = Literal["measured", "tracked"]
-Coordinates = Literal["polar", "cartesian"]
-Start = Literal["paper", "inside"]
 DIVISORS = (1, 2, 4)
 """Of the step, where chattering is measured."""
 
@@ -31,9 +27,9 @@ class VlipCase:
         start: of body and reference.
     """
 
-    evaluate_at: Reading | None
-    coordinates: Coordinates = "polar"
-    start: Start = "paper"
+    evaluate_at: str | None
+    coordinates: str = "polar"
+    start: str = "paper"
 
     @property
     def command(self) -> str:
@@ -43,14 +39,9 @@ class VlipCase:
         options = f"--evaluate-at {self.evaluate_at} --coordinates {self.coordinates} --start {self.start}"
         return f"python -m reproduction vlip {options}"
 
-    def parameters(self) -> VlipParameters:
-        """Settings of the run."""
-        return VlipParameters(coordinates=self.coordinates, start=self.start)
-
     def run(self, *, divide: int = 1) -> VlipRun:
         """Run it, with the step divided."""
-        parameters = self.parameters()
-        parameters = replace(parameters, dt=parameters.dt / divide)
+        parameters = VlipParameters(coordinates=self.coordinates, start=self.start, dt=VlipParameters.dt / divide)
         governor = None if self.evaluate_at is None else vlip_governor(parameters, evaluate_at=self.evaluate_at)
         return simulate_vlip(governor, parameters)
 
@@ -84,11 +75,8 @@ def polar_of(position: Vector) -> Vector:
 
 def study_vlip() -> VlipStudy:
     """Run every case, measure chattering at divided steps, and judge Q1 to Q3."""
-    readings: tuple[Reading, ...] = ("measured", "tracked")
-    frames: tuple[Coordinates, ...] = ("polar", "cartesian")
-    starts: tuple[Start, ...] = ("paper", "inside")
-    cases = [VlipCase(None, start=start) for start in starts]
-    cases += [VlipCase(evaluate_at, frame, start) for evaluate_at in readings for frame in frames for start in starts]
+    cases = [VlipCase(None, start=start) for start in STARTS]
+    cases += [VlipCase(*case) for case in product(EVALUATE_AT, COORDINATES, STARTS)]
     runs = {case: case.run() for case in cases}
     measured: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]] = {}
     for case in cases:

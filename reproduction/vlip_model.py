@@ -13,8 +13,6 @@ from harpy_pin.governors.rows import ConstraintRows, check_outputs
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.state import Vector
 
-__all__ = ["AngleRow", "PolarAngleRow", "PolarRows", "leg_force", "multiplier", "polar_to_cartesian"]
-
 
 class PolarRows(KeepsViews):
     """Rows on a Cartesian reference [c_w; ċ_w], seen from a polar one: h(x, c(w)), J_w = J_c ∂c/∂w (chain rule).

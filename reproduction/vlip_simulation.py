@@ -7,8 +7,7 @@ foot in heading, angle and length (paper, section VLIP Model).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,27 +17,13 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.point_mass import Law, PointMassRecord, model_record
-from harpy_pin.governors.rows import ForceRows, StackedRows
+from harpy_pin.governors.rows import ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governors.thrust import CentreGains, centre_feedback
 from harpy_pin.log.measures import chattering
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 from reproduction.margin import MarginGovernor
 from reproduction.vlip_model import AngleRow, PolarAngleRow, PolarRows, leg_force, polar_to_cartesian
-
-__all__ = [
-    "COORDINATES",
-    "STARTS",
-    "VLIP_GOVERNORS",
-    "VlipParameters",
-    "VlipRun",
-    "VlipSummary",
-    "cartesian",
-    "paper_reference",
-    "simulate_vlip",
-    "vlip_governor",
-    "vlip_setting",
-]
 
 STARTS = ("paper", "inside")
 COORDINATES = ("polar", "cartesian")
@@ -78,8 +63,8 @@ class VlipParameters:
     g: float = 9.81
     dt: float = 1e-3
     duration: float = 4.0
-    coordinates: Literal["polar", "cartesian"] = "polar"
-    start: Literal["paper", "inside"] = "paper"
+    coordinates: str = "polar"
+    start: str = "paper"
     gains: CentreGains = PAPER_GAINS
     gravity_compensation: bool = False
 
@@ -182,10 +167,6 @@ class VlipSummary:
     thrust_rms_n: float
     infeasible_share: float
 
-    def as_dict(self) -> dict[str, float]:
-        """Names and values, ready for JSON."""
-        return asdict(self)
-
 
 def cartesian(theta: float, phi: float, length: float) -> Vector:
     """(3,) position c − u of the body at leg angle θ from the vertical, heading φ (rad), leg length l (m)."""
@@ -221,10 +202,7 @@ def vlip_setting(name: str, parameters: VlipParameters | None = None) -> VlipPar
 
 
 def vlip_governor(
-    parameters: VlipParameters | None = None,
-    *,
-    name: str = "paper",
-    evaluate_at: Literal["measured", "tracked"] = "measured",
+    parameters: VlipParameters | None = None, *, name: str = "paper", evaluate_at: str = "measured"
 ) -> Governor | None:
     """A governor of the VLIP run.
 
@@ -241,15 +219,9 @@ def vlip_governor(
     checks.one_of("governor", name, VLIP_GOVERNORS)
     if name == "none":
         return None
-    if name == "paper":
-        return _paper_governor(p, evaluate_at)
-    least = p.min_normal_force
-    return MarginGovernor(
-        mass=p.mass, mu=p.mu, k_p=p.gains.k_pr, k_d=p.gains.k_dr, min_normal_force=least, leg=LEG, g=p.g
-    )
-
-
-def _paper_governor(p: VlipParameters, evaluate_at: Literal["measured", "tracked"]) -> ExplicitReferenceGovernor:
+    if name == "margin":
+        least, k_p, k_d = p.min_normal_force, p.gains.k_pr, p.gains.k_dr
+        return MarginGovernor(mass=p.mass, mu=p.mu, k_p=k_p, k_d=k_d, min_normal_force=least, leg=LEG, g=p.g)
     force = ForceRows(
         mass=p.mass,
         mu=p.mu,
@@ -259,12 +231,10 @@ def _paper_governor(p: VlipParameters, evaluate_at: Literal["measured", "tracked
         evaluate_at=evaluate_at,
         g=p.g,
     )
-    rows = (
-        StackedRows([PolarRows(force), PolarAngleRow(min_angle=p.min_angle)])
-        if p.coordinates == "polar"
-        else StackedRows([force, AngleRow(min_angle=p.min_angle)])
-    )
-    return ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
+    rows: list[ConstraintRows] = [force, AngleRow(min_angle=p.min_angle)]
+    if p.coordinates == "polar":
+        rows = [PolarRows(force), PolarAngleRow(min_angle=p.min_angle)]
+    return ExplicitReferenceGovernor(StackedRows(rows), alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
 
 
 class VlipRecord(PointMassRecord):

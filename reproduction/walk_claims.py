@@ -1,26 +1,89 @@
-"""The second simulation: the full robot at the paper's friction, and claims Q4 to Q7."""
+"""The second simulation: the full robot at the paper's friction, what the model expects of the ground, and Q4 to Q8."""
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from time import perf_counter_ns
 
 import numpy as np
 
+from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
+from harpy_pin.controllers.named_controllers import make_governor
+from harpy_pin.errors import InputError
+from harpy_pin.governors.point_mass import Law, axial_force, model_record
+from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.ground import Ground
 from harpy_pin.log.measures import Chattering, Measures, chattering, measure
 from harpy_pin.log.run import Run
+from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.state import State, Vector
 from harpy_pin.scenario import Governed, Scenario, walk
+from harpy_pin.simulation.simulator import GRAVITY
+from harpy_pin.wbc import WholeBodyLimits
 from reproduction.claims import CLAIMS, Finding, judge
-from reproduction.gait.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
 from reproduction.gait.periodicity import analyse_periodicity
+from reproduction.gait.planar_gait import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
 from reproduction.gait.planar_model import PlanarModel
 from reproduction.gait.planar_walk import PlanarWalk
 from reproduction.gait.spatial import make_named_gait
-from reproduction.reduced_order import model_rows
 
-__all__ = ["MU", "WALKS", "WalkStudy", "study_gait", "study_walk", "walk_run"]
+
+def body_velocity(run: Run) -> Vector:
+    """(n, 3) velocity of the body's origin, world axes, m/s."""
+    velocity, rotation = np.empty((len(run), 3)), np.empty((3, 3))
+    for q, v, out in zip(run["q"], run["v"], velocity, strict=True):
+        body_rotation(q, rotation)
+        out[:] = rotation @ v[:3]
+    return velocity
+
+
+def _measured(run: Run) -> Vector:
+    """(n, 9) [c; ċ; u] along the run."""
+    for name in ("centre_of_pressure", "x_r", "x_w"):
+        if name not in run:
+            raise InputError(f"the run has no signal '{name}': it was not made by the governed controller", name="run")
+    return np.concatenate((run["q"][:, :3], body_velocity(run), run["centre_of_pressure"]), axis=1)
+
+
+def model_rows(run: Run, *, mu: float, reference: str = "x_w") -> Vector:
+    """(n, 5) force rows at the measured state (equations.md R1) for a logged reference, N.
+
+    Args:
+        run: of the governed controller.
+        mu: friction coefficient of the rows.
+        reference: signal to evaluate at, ``x_w`` or ``x_r``.
+
+    Raises:
+        InputError: the run lacks a signal.
+    """
+    rows = ForceRows(mass=float(run.metadata["mass"]), mu=mu, g=GRAVITY)
+    out, jacobian = np.empty((len(run), len(rows.names))), np.empty((len(rows.names), 6))
+    for x, w, h in zip(_measured(run), run[reference], out, strict=True):
+        rows.evaluate(x, w, h, jacobian)
+    return out
+
+
+def model_force(run: Run, *, reference: str = "x_w") -> Vector:
+    """(n, 3) contact force that the reduced-order model expects for a logged reference, world axes, N.
+
+    Args:
+        run: of the governed controller.
+        reference: signal to evaluate at, ``x_w`` or ``x_r``.
+
+    Raises:
+        InputError: the run lacks a signal.
+    """
+    model = model_record(mass=float(run.metadata["mass"]), g=GRAVITY, gains=None, law=Law.FULL)[0]
+    out, jacobian = np.empty((len(run), 3)), np.empty(6)
+    for x, w, force in zip(_measured(run), run[reference], out, strict=True):
+        r = x[:3] - x[6:]
+        d = axial_force(r, x[:3], x[3:6], model, jacobian)
+        force[:] = (jacobian @ w + d) * r / np.linalg.norm(r)
+    return out
+
 
 MU = 0.25
 """μ_s of the paper's 3D run; μ_c is 0.225."""
@@ -208,3 +271,74 @@ def study_gait(robot: Robot) -> dict[str, str]:
                     f"residual of the fixed point {p.residual:.1e}"
                 )
     return rows
+
+
+REPETITIONS = 3
+"""Passes over the states, alternating between the two; the median of their ratios counts."""
+
+
+def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
+    """Claim Q8: replay a governed walk's states through the governor and through the whole-body program.
+
+    The full measurement, with whole ticks and phases, is ``python -m comparison``; this one is what the report needs.
+
+    Args:
+        run: of the governed controller.
+        robot: that walked.
+        gait_name: of the gait that it walked.
+        mu: friction coefficient both assume.
+    """
+    governor = make_governor("paper", robot, mu=mu)
+    if governor is None:
+        raise InputError("there is no governor to time", name="governor")
+    measured, targets = _measured(run), run["x_r"]
+    limits = WholeBodyLimits(mu=mu)
+    controllers = [
+        WholeBodyController(make_named_gait(robot, gait_name), WholeBodyParameters(limits=limits, reuse=reuse))
+        for reuse in (True, False)
+    ]
+    ratios, updates, failed = [], [], 0
+    solves: tuple[list[float], list[float]] = ([], [])
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        for repetition in range(REPETITIONS + 1):  # the first pass warms up
+            governor.reset(targets[0])
+            spent = np.empty(len(run))
+            for k, (x, x_r) in enumerate(zip(measured, targets, strict=True)):
+                begin = perf_counter_ns()
+                governor.update(x, x_r, 1e-3)
+                spent[k] = perf_counter_ns() - begin
+            solving = np.empty((len(run), 2))
+            for column, controller in enumerate(controllers):
+                controller.reset()
+                for k in range(len(run)):
+                    state = State(
+                        float(run["t"][k]),
+                        *(run[name][k] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")),
+                    )
+                    controller.prepare(state)
+                    controller.build(state)
+                    begin = perf_counter_ns()
+                    solution = controller.solve()
+                    solving[k, column] = perf_counter_ns() - begin
+                    failed += repetition > 0 and not solution.usable
+            if repetition > 0:
+                updates.append(float(np.median(spent)) / 1e3)
+                for column in range(2):
+                    solves[column].append(float(np.median(solving[:, column])) / 1e3)
+                ratios.append(updates[-1] / solves[0][-1])
+    finally:
+        if collecting:
+            gc.enable()
+    ratio = float(np.median(ratios))
+    update, solve, proxqp = (float(np.median(times)) for times in (updates, *solves))
+    return Finding(
+        CLAIMS["Q8"],
+        judge(ratio <= 0.1, ratio <= 0.5),
+        f"a governor update takes {ratio:.2f} of the program's solve (the last active set, else ProxQP) and "
+        f"{update / proxqp:.2f} of that by ProxQP only: medians {update:.2f}, {solve:.1f} and {proxqp:.1f} µs over "
+        f"{len(run)} states, {failed} solves failed",
+        "python -m comparison",
+        {"ratio": ratio, "update_us": update, "solve_us": solve, "solve_alone_us": proxqp},
+    )

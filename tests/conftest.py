@@ -147,7 +147,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def whole_document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
-    """A result of the comparison with every section, as small as it gets.
+    """A result of the comparison, as small as it gets.
 
     Two numbers of faces give a slope, and one robot from elsewhere, where it is installed, shows that there may be
     others.
@@ -156,8 +156,7 @@ def whole_document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object
     if root not in sys.path:
         sys.path.insert(0, root)  # the comparison lives in the checkout, not in the wheel
     from comparison.benchmark import Settings, compare
-    from comparison.campaign.plan import code_digest, plan
-    from comparison.campaign.settings import CampaignSettings
+    from comparison.campaign.plan import CampaignSettings, code_digest, plan
     from comparison.campaign.store import Store
     from comparison.campaign.walks import walk_task
     from comparison.measure.timing import TimingSettings
@@ -172,5 +171,4 @@ def whole_document(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object
     settings = Settings(duration=0.25, faces=(4, 8), timing=timing, campaign=campaign)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(growth, "ROBOTS", {"Bolt": growth.ROBOTS["Bolt"]})
-        sections = ("ticks", "formulations", "growth", "simulator", "campaign")
-        return compare(settings, sections=sections, rows=rows)
+        return compare(settings, rows=rows)

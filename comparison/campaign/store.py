@@ -4,21 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable, Container, Mapping
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
+from comparison.measure.walking import Progress, one_by_one
 from harpy_pin.errors import RunFileError
+from harpy_pin.files import finite
 
-
-def read_rows(path: Path) -> dict[str, dict[str, Any]]:
-    """Rows by key; a last line that is not whole is left out.
-
-    Raises:
-        RunFileError: the file cannot be read, or a line before the last is not a row.
-    """
-    rows, _ = _read(path)
-    return rows
+_Job = TypeVar("_Job")
 
 
 class Store:
@@ -41,7 +37,7 @@ class Store:
             raise RunFileError(f"cannot write '{path}': {error.strerror or error}", path=path) from error
         try:
             _lock(self._file.fileno(), path)
-            self.rows, whole = _read(path)
+            self.rows, whole = read_rows(path)
             if whole < path.stat().st_size:
                 self._file.truncate(whole)
         except BaseException:
@@ -74,8 +70,33 @@ class Store:
         self.rows[key] = row
 
 
-def _read(path: Path) -> tuple[dict[str, dict[str, Any]], int]:
-    """Rows by key, and how many bytes of the file are whole lines."""
+def do_missing(
+    store: Store,
+    jobs: Mapping[str, _Job],
+    work: Callable[[_Job], dict[str, Any]],
+    progress: Progress,
+    *,
+    alone: Container[str] = (),
+) -> None:
+    """Do the jobs that a store lacks; the row of each is stored as soon as it and all before it are done.
+
+    Many are done in processes of their own, but for those whose keys are in ``alone``, which come last among the jobs.
+    """
+    missing, total = [key for key in jobs if key not in store.rows], len(jobs)
+    together = one_by_one(work, [jobs[key] for key in missing if key not in alone])
+    rows = chain(together, map(work, (jobs[key] for key in missing if key in alone)))
+    progress(total - len(missing), total)
+    for left, (key, row) in enumerate(zip(missing, rows, strict=True), start=1 - len(missing)):
+        store.append(key, finite(row))
+        progress(total + left, total)
+
+
+def read_rows(path: Path) -> tuple[dict[str, dict[str, Any]], int]:
+    """Rows by key, and how many bytes of the file are whole lines; a last line that is not whole is left out.
+
+    Raises:
+        RunFileError: the file cannot be read, or a line before the last is not a row.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:

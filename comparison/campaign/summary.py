@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binomtest, quantile_test
 
-from comparison.campaign.plan import Task, code_digest
-from comparison.campaign.settings import FACTORS, level_key
+from comparison.campaign.plan import FACTORS, Task, code_digest, level_key
 from comparison.contenders import label
 from comparison.tables import Cell, Table, number_text, with_interval
 from harpy_pin.errors import RunFileError

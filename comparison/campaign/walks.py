@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.plan import Task
-from comparison.campaign.settings import ENGINES, JOINT_DAMPING
+from comparison.campaign.plan import ENGINES, JOINT_DAMPING, Task
 from comparison.contenders import controller_part
 from comparison.measure.walking import walk_as_far_as_it_goes
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Straight, load_harpy, make_gait, measure

@@ -7,13 +7,9 @@ from collections.abc import Callable
 
 import typer
 
-from comparison.cli.peers import peers
-from comparison.cli.public import public
+from comparison.cli.commands import campaign, peers, public, tune, whole
 from comparison.cli.results import results
 from comparison.cli.studies import STUDIES, command_of, films
-from comparison.cli.tuning import tune
-from comparison.cli.walks import campaign
-from comparison.cli.whole import whole
 from harpy_pin.cli.ending import one_line_errors, stopping
 
 app = typer.Typer(

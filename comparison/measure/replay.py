@@ -7,16 +7,19 @@ timed can be compared with what should have come out. It goes on block by block,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from time import perf_counter_ns
+from dataclasses import dataclass, replace
+from time import perf_counter_ns, thread_time_ns
 from typing import Any
 
 import numpy as np
 
 from comparison.measure.timing import Laps
 from harpy_pin.governors import Governor
+from harpy_pin.log.run import Run
 from harpy_pin.model.record import Record
 from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.scenario.build import Walk
+from harpy_pin.simulation.loop import Controller
 from harpy_pin.wbc import QuadraticProgram, make_solver
 
 WBC_PHASES = ("kinematics", "build", "solve", "finish")
@@ -184,3 +187,51 @@ class IsolatedSolver:
                 self.gaps[i] = (program.objective(solution.z) - best) / max(abs(best), 1.0)
             else:
                 self.failures += 1
+
+
+FIRST = 10
+"""Ticks that are not timed: they load what every tick needs."""
+
+
+class _Timed:
+    """A controller whose ticks are timed, and of another one that is given the same states.
+
+    Attributes:
+        ticks: of both, ns.
+        apart: largest difference of the torques, as a share of the largest torque.
+    """
+
+    def __init__(self, controller: Any, other: Controller | None) -> None:
+        self._controller, self._other = controller, other
+        self.ticks: list[tuple[int, int]] = []
+        self.apart: list[float] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._controller, name)
+
+    def step(self, state: State) -> Command:
+        begin = thread_time_ns()
+        command: Command = self._controller.step(state)
+        between = thread_time_ns()
+        if self._other is not None:
+            torque = self._other.step(state).torque
+            end = thread_time_ns()
+            self.apart.append(float(np.abs(command.torque - torque).max() / np.abs(torque).max()))
+        self.ticks.append((between - begin, 0 if self._other is None else end - between))
+        return command
+
+
+def time_ticks(walk: Walk, other: Controller | None = None) -> tuple[Run, Vector, Vector]:
+    """Walk with every tick called from Python, and with another controller that is given the same states.
+
+    Returns:
+        The run; (ticks, 2) times of both, µs; and (ticks,) how far their torques are apart, as a share of the largest
+        torque. Times and shares are without the first ten.
+    """
+    timed = _Timed(walk.controller, other)
+    run = replace(walk, controller=timed).run(on_tick=_nothing)  # or the loop would be compiled as a whole
+    return run, 1e-3 * np.array(timed.ticks[FIRST:]), np.array(timed.apart[FIRST:])
+
+
+def _nothing(state: State) -> None:
+    """Called before a tick."""

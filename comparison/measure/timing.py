@@ -1,4 +1,4 @@
-"""How everything is timed and what is said about times: candidates take turns, block by block.
+"""How everything is timed, on which machine, and what is said about times: candidates take turns, block by block.
 
 The order is drawn anew for each block, so a drift of the machine's speed affects all candidates alike, and none always
 runs after the same other one.
@@ -7,15 +7,20 @@ runs after the same other one.
 from __future__ import annotations
 
 import gc
+import os
+import platform
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from time import perf_counter_ns
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import Robot
 
 Laps = NDArray[np.int64]
@@ -172,3 +177,34 @@ def ratio_of_medians(slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: fl
     each = [median(a) / median(b) for a, b in zip(slow, fast, strict=True)]
     whole = median(np.concatenate(slow)) / median(np.concatenate(fast))
     return {"p50": float(np.median(each)), "min": min(each), "max": max(each), "pooled": whole, "repetitions": each}
+
+
+def describe_machine() -> dict[str, Any]:
+    """Processor, cores, operating system, and how busy the machine is already."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return {
+        "cpu": _cpu_model(),
+        "cores": os.cpu_count(),
+        "usable_cores": len(affinity(0)) if affinity is not None else os.cpu_count(),
+        "os": f"{platform.system()} {platform.release()}",
+        "architecture": platform.machine(),
+        "load_1min": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+    }
+
+
+def describe_all_versions() -> dict[str, str]:
+    """Versions of everything that decides a number here."""
+    versions = describe_versions()
+    for name in ("scipy", "daqp"):
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions
+
+
+def _cpu_model() -> str:
+    file = Path("/proc/cpuinfo")
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines() if file.exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.lower().startswith("model name")]
+    return models[0] if models else platform.processor() or "unknown"

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from comparison.measure.controllers import make_contender
 from comparison.measure.replay import GovernorTrace, TickReplay, replay
-from comparison.measure.states import StateSequence
+from comparison.measure.walking import StateSequence, make_contender
 from harpy_pin.governors import Governor
 from harpy_pin.model.record import Record
 from harpy_pin.model.robot import Robot

@@ -1,21 +1,30 @@
-"""Walks of a study: one after the other with progress, each to its end or to the failure of its controller."""
+"""Walks, contenders by name, and the states that controllers were given; a study's walks one after the other."""
 
 from __future__ import annotations
 
+import hashlib
 import multiprocessing
 import os
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
 from functools import partial
+from itertools import count
 from typing import Any, TypeVar
 
-from harpy_pin.errors import ControlError, HarpyError
+import numpy as np
+
+from comparison.contenders import controller_part
+from harpy_pin import Disturbances, Ground, Robot, checks, make_controller, make_gait
+from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
+from harpy_pin.model.state import State
 from harpy_pin.scenario import Scenario, walk
 from harpy_pin.simulation.loop import Controller
+from harpy_pin.simulation.push import Push
 
 Progress = Callable[[int, int], None]
 """Called after every piece of work with how many are done, and of how many."""
@@ -29,12 +38,22 @@ ALONE = 40
 _Job = TypeVar("_Job")
 
 
-def tracked(jobs: Sequence[_Job], progress: Progress | None) -> Iterator[_Job]:
+def silent(done: int, total: int) -> None:
+    """Progress that nobody is told of."""
+
+
+def tracked(jobs: Sequence[_Job], progress: Progress) -> Iterator[_Job]:
     """The jobs one by one; progress is called when the next one is asked for."""
     for done, job in enumerate(jobs, start=1):
         yield job
-        if progress is not None:
-            progress(done, len(jobs))
+        progress(done, len(jobs))
+
+
+def stage(progress: Callable[[str, int, int], None], what: str, total: int) -> Callable[[], None]:
+    """Announce a stage of the work and its number of pieces; returns what to call after each piece."""
+    progress(what, 0, total)
+    done = count(1)
+    return lambda: progress(what, next(done), total)
 
 
 def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Iterator[dict[str, Any]]:
@@ -90,3 +109,78 @@ def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
             raise
         run: Run = error.run
         return run
+
+
+CONTENDERS = {"ungoverned": "governed/none", "governed": "governed/paper", "condensed": "condensed", "wbc": "wbc"}
+"""The paper's controller without a governor and with the paper's, the condensed controller, and the whole-body QP."""
+
+
+def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
+    """A contender's walk at the gait's default speed.
+
+    The name is that of :func:`comparison.contenders.controller_part`; the controller knows the ground's static friction
+    coefficient unless changes of the scenario say otherwise.
+    """
+    return Scenario(controller=controller_part(name), ground=Ground(mu_s=friction), **changes)
+
+
+def make_contender(name: str, robot: Robot, friction: float) -> Any:
+    """A new controller with a gait of its own, by its name in :data:`CONTENDERS`."""
+    checks.one_of("contender", name, CONTENDERS)
+    controller, _, governor = CONTENDERS[name].partition("/")
+    return make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
+
+
+@dataclass(frozen=True)
+class StateSequence:
+    """States of one walk, in the order of time, one per control tick; ``name`` is the contender that walked."""
+
+    name: str
+    states: tuple[State, ...]
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def digest(self) -> str:
+        """SHA-256 of every number, to show that replays leave the states as they were."""
+        total = hashlib.sha256()
+        for s in self.states:
+            for array in (np.float64(s.t), s.q, s.v, s.foot_position, s.foot_velocity, s.foot_force):
+                total.update(array.tobytes())
+        return total.hexdigest()
+
+
+def recorded_walk(name: str, *, friction: float, duration: float) -> Run:
+    """Walk in closed loop; the log ends early if the robot falls.
+
+    The controller knows the ground's static friction coefficient; the duration is in s.
+    """
+    return walk(scenario_of(CONTENDERS[name], friction, duration=duration))
+
+
+def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) -> Run:
+    """Walk with a lateral push to alternating sides in every second of time: many touchdowns and recoveries.
+
+    The name is that of :func:`~comparison.measure.walking.scenario_of`. The duration is in s, the impulse of each
+    push in N·s.
+    """
+    times = np.arange(0.6, duration - 0.1, 1.0)
+    pushes = tuple(Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times))
+    return walk(scenario_of(name, friction, duration=duration, disturbances=Disturbances(pushes=pushes)))
+
+
+def record_states(name: str, run: Run, *, least: int) -> StateSequence:
+    """The states of a walk.
+
+    Raises:
+        InputError: the walk has fewer ticks.
+    """
+    if len(run) < least:
+        raise InputError(
+            f"the walk of '{name}' {run.ending} after {len(run)} ticks; the timing needs {least} (more friction helps)",
+            name="friction",
+        )
+    arrays = [run[key] for key in ("q", "v", "foot_position", "foot_velocity", "foot_force")]
+    return StateSequence(
+        name, tuple(State(float(t), *(array[i].copy() for array in arrays)) for i, t in enumerate(run["t"]))
+    )

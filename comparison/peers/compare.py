@@ -1,82 +1,49 @@
-"""All peers on recorded states: checked first, then timed, beside our own controller on the same states."""
+"""All peers on recorded states and on standing robots: checked first, then timed, beside our own controllers.
+
+The robots of the table of growth stand and sway on points, as the peers' contacts are, a humanoid on its two ankles,
+without thrusters. The condensed WBC takes no point foot at the end of six joints.
+"""
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping, Sequence
-from itertools import count
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
-from comparison.measure.controllers import make_contender
-from comparison.measure.machine import describe_all_versions, describe_machine
-from comparison.measure.states import StateSequence, record_states, walk
-from comparison.measure.timing import TimingSettings
-from comparison.peers.environment import PEERS, Peer
-from comparison.peers.growth_of_peers import ROBOTS, measure_growth
-from comparison.peers.measure_peer import TOLERANCE, PeerSettings, measure_peer, summarise_times
-from comparison.peers.ours import OURS, Ours, the_peers_program, time_inside_c
-from comparison.peers.peer_problem import make_problem
-from harpy_pin.controllers import CondensedController, WholeBodyController
+from comparison.measure.timing import TimingSettings, describe_all_versions, describe_machine
+from comparison.measure.walking import StateSequence, make_contender, record_states, recorded_walk, stage
+from comparison.peers.environment import PEERS
+from comparison.peers.measure_peer import (
+    OURS,
+    TOLERANCE,
+    Ours,
+    WholeBody,
+    measure_peer,
+    peers_parameters,
+    summarise_times,
+    the_peers_program,
+    time_inside_c,
+)
+from comparison.peers.peer_problem import PeerProblem, make_problem
+from comparison.tables import Cell, Table, percentiles
+from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import finite
-from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.gaits import Gait, Standing
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.robot import Robot, load_harpy, load_robot
+from harpy_pin.model.state import State
+from harpy_pin.wbc import WholeBodyWeights
 
 RECORDED = ("governed", "wbc")
 """Whose walks give the states."""
-
-
-def measure_peers(
-    robot: Robot,
-    sequences: Sequence[StateSequence],
-    *,
-    friction: float,
-    settings: PeerSettings,
-    folder: Path,
-    peers: Mapping[str, Peer] = PEERS,
-    on_step: Callable[[], None] = lambda: None,
-) -> dict[str, Any]:
-    """Check and time every peer and our own controller.
-
-    ``folder`` has the peers' environments. ``on_step`` is called ``len(peers) + 2`` times, never while
-    a clock runs.
-
-    Returns:
-        Only dicts, lists and scalars. ``contenders``: for each either a ``reason`` why it has no times, or the
-        differences from our solutions and the times of ``tick`` and ``solve`` in single and double support.
-    """
-    most, repetitions = settings.most, settings.repetitions
-    problem = make_problem(robot, sequences, friction=friction, warm_up=settings.warm_up, most=most)
-    # Ours before and after the others: a drift of the machine's speed shows in the spread of its medians.
-    before = (repetitions + 1) // 2
-    ours = Ours(lambda: make_contender("wbc", robot, friction), sequences, most)
-    mine = {
-        "WBC QP": Ours(lambda: WholeBodyController(*the_peers_program(robot, friction)), sequences, most),
-        "condensed WBC": Ours(lambda: CondensedController(*the_peers_program(robot, friction)), sequences, most),
-    }
-    for controller in (ours, *mine.values()):
-        controller.replay(before)
-    on_step()
-    others: dict[str, Any] = {}
-    for name, peer in peers.items():
-        others |= measure_peer(name, peer, problem, folder, repetitions)
-        on_step()
-    for controller in (ours, *mine.values()):
-        controller.replay(repetitions - before)
-    on_step()
-    contenders: dict[str, Any] = {
-        OURS: {"reason": "", "times": summarise_times(problem, ours.times(), ours.overhead)},
-        **{f"{OURS}, the peers' program, {name}": c.entry(problem) for name, c in mine.items()},
-        **others,
-    }
-    return {
-        "friction": friction,
-        "ticks": len(problem),
-        "unsolved_by_us": {name: int(np.count_nonzero(~e.solved)) for name, e in problem.expected.items()},
-        "repetitions": repetitions,
-        "tolerance": dict(TOLERANCE),
-        "contenders": contenders,
-    }
 
 
 def compare_peers(
@@ -86,35 +53,278 @@ def compare_peers(
     duration: float,
     timing: TimingSettings,
     folder: Path,
-    growth: Sequence[str] = tuple(ROBOTS),
+    growth: Sequence[str],
 ) -> dict[str, Any]:
-    """Walk, then measure every peer on the states.
+    """Walk, then check and time every peer and our own controllers on the states.
 
     The duration of a walk is in s; ``folder`` has the peers' environments; ``growth`` are the robots of the table
-    of growth.
+    of growth. Progress is never called while a clock runs.
 
     Returns:
-        ``peers``, ``machine`` and ``versions``, ready for JSON.
+        ``machine``, ``versions`` and ``peers``, of which ``contenders`` has for each either a ``reason`` why it has no
+        times, or the differences from our solutions and the times of ``tick`` and ``solve`` in single and double
+        support. Ready for JSON.
     """
-    machine, sequences, settings = describe_machine(), [], PeerSettings.of(timing)
-    for i, name in enumerate(RECORDED):
-        progress("walking", i, len(RECORDED))
-        run = walk(name, friction=friction, duration=duration)
+    machine, robot, sequences = describe_machine(), load_harpy(), []
+    step = stage(progress, "walking", len(RECORDED))
+    for name in RECORDED:
+        run = recorded_walk(name, friction=friction, duration=duration)
         sequences.append(record_states(name, run, least=timing.warm_up + 50))
-    progress("walking", len(RECORDED), len(RECORDED))
-    total, steps = len(PEERS) + 3, count(1)
-    progress("peers", 0, total)
-    peers = measure_peers(
-        load_harpy(),
-        sequences,
-        friction=friction,
-        settings=settings,
-        folder=folder,
-        on_step=lambda: progress("peers", next(steps), total),
-    )
-    inside = {"reason": "", "times": time_inside_c(friction, duration)}
-    peers["contenders"] = {f"{OURS}, condensed WBC inside C, a walk of its own": inside, **peers["contenders"]}
-    peers["growth"] = measure_growth(folder, settings, robots=growth)
-    progress("peers", total, total)
+        step()
+    step = stage(progress, "peers", len(PEERS) + 3)
+    most, repetitions = 2 * max(timing.programs, timing.warm_up), min(timing.repetitions, 5)
+    problem = make_problem(robot, sequences, friction=friction, warm_up=timing.warm_up, most=most)
+    makers: dict[str, Callable[[], WholeBody]] = {
+        OURS: lambda: make_contender("wbc", robot, friction),
+        f"{OURS}, the peers' program, WBC QP": lambda: WholeBodyController(*the_peers_program(robot, friction)),
+        f"{OURS}, the peers' program, condensed WBC": lambda: CondensedController(*the_peers_program(robot, friction)),
+    }
+    mine = {name: Ours(make, sequences, most) for name, make in makers.items()}
+    # Ours before and after the others: a drift of the machine's speed shows in the spread of its medians.
+    before = (repetitions + 1) // 2
+    for controller in mine.values():
+        controller.replay(before)
+    step()
+    others: dict[str, Any] = {}
+    for name, peer in PEERS.items():
+        others |= measure_peer(name, peer, problem, folder, repetitions)
+        step()
+    for controller in mine.values():
+        controller.replay(repetitions - before)
+    step()
+    ours = mine.pop(OURS)
+    contenders: dict[str, Any] = {
+        f"{OURS}, condensed WBC inside C, a walk of its own": {
+            "reason": "",
+            "times": time_inside_c(friction, duration),
+        },
+        OURS: {"reason": "", "times": summarise_times(problem, ours.times(), ours.overhead)},
+        **{name: controller.entry(problem) for name, controller in mine.items()},
+        **others,
+    }
+    peers = {
+        "friction": friction,
+        "ticks": len(problem),
+        "unsolved_by_us": {name: int(np.count_nonzero(~e.solved)) for name, e in problem.expected.items()},
+        "repetitions": repetitions,
+        "tolerance": dict(TOLERANCE),
+        "contenders": contenders,
+        "growth": {
+            name: _growth_of(name, folder, warm_up=timing.warm_up, most=most // 5, repetitions=repetitions)
+            for name in growth
+        },
+    }
+    step()
     document: dict[str, Any] = finite({"peers": peers, "machine": machine, "versions": describe_all_versions()})
     return document
+
+
+SHORT_LEGS = WholeBodyWeights(body=1e3, orientation=1e2, swing=5e3, arms=1e3, thrust=5.0, force=1e-2)
+"""For legs of three joints: the default weights times 1,000 but that of the legs' posture, 1e-6.
+
+The condensed WBC has no cost of posture there, and its torques differ in proportion to that cost's share: by up to
+0.06 N·m on Go2 with the default weights, by 7e-5 with these."""
+
+LONG_LEGS = WholeBodyWeights(posture=1e-2)
+"""On two points the ankles are free, and only the cost of posture decides their accelerations."""
+
+ROBOTS: dict[str, tuple[WholeBodyWeights, tuple[str, ...]]] = {
+    "bolt": (SHORT_LEGS, ()),
+    "solo12": (SHORT_LEGS, ()),
+    "go2": (SHORT_LEGS, ()),
+    "g1": (LONG_LEGS, ("left_ankle_roll_link", "right_ankle_roll_link")),
+    "talos": (LONG_LEGS, ("leg_left_6_link", "leg_right_6_link")),
+}
+"""By name: weights, and the links that stand on the ground as points; none where the robot's own feet are points."""
+
+_FRICTION = 0.5
+_SWAYS = 800
+"""States of a robot: two periods."""
+_PERIOD = 0.4
+_AMPLITUDE = 0.02
+"""Standard deviation over the directions of the sway, m and rad."""
+
+
+def standing_problem(
+    name: str, folder: Path, *, warm_up: int, most: int = _SWAYS
+) -> tuple[PeerProblem, Callable[[], Gait], StateSequence]:
+    """A robot that stands and sways: the problem, what makes its gait, and its states.
+
+    Args:
+        name: of the robot.
+        folder: for a copy of its URDF without meshes, which placo would load.
+        warm_up: ticks that are not counted.
+        most: ticks.
+
+    Raises:
+        HarpyError: there is no such robot here.
+    """
+    robot, posture = load_robot(name), None
+    weights, feet = ROBOTS[name]
+    if feet:
+        posture = Standing(robot).initial_state()[0][7:]
+        robot = load_robot(robot.urdf, feet=feet)
+    sequence = _sway(name, robot, Standing(robot, posture), most)
+    problem = make_problem(
+        robot,
+        [sequence],
+        friction=_FRICTION,
+        warm_up=warm_up,
+        most=most,
+        gait=Standing(robot, posture),
+        weights=weights,
+    )
+    tree, urdf = ElementTree.parse(robot.urdf), folder / f"{name}.urdf"
+    for link in tree.getroot().iter("link"):
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
+    tree.write(urdf)
+    return (
+        replace(problem, settings={**problem.settings, "urdf": str(urdf)}),
+        partial(Standing, robot, posture),
+        sequence,
+    )
+
+
+def _sway(name: str, robot: Robot, gait: Gait, most: int) -> StateSequence:
+    model, dynamics = robot.model, Dynamics(robot)
+    rest, _ = gait.initial_state()
+    amplitude = _AMPLITUDE * np.random.default_rng(0).standard_normal(model.nv)
+    rate = 2.0 * np.pi / _PERIOD
+    force = np.zeros((len(robot.feet), 3))
+    force[:, 2] = robot.mass * 9.81 / len(robot.feet)
+    states = []
+    for t in 0.001 * np.arange(most):
+        q, v = pin.integrate(model, rest, amplitude * np.sin(rate * t)), rate * np.cos(rate * t) * amplitude
+        dynamics.update(q, v)
+        states.append(State(t, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force))
+    return StateSequence(name, tuple(states))
+
+
+def _growth_of(robot: str, folder: Path, *, warm_up: int, most: int, repetitions: int) -> dict[str, Any]:
+    """A tick of everybody on one of :data:`ROBOTS`; a reason where there is none."""
+    with TemporaryDirectory() as scratch:
+        try:
+            problem, gait, sequence = standing_problem(robot, Path(scratch), warm_up=warm_up, most=most)
+        except HarpyError as error:
+            return {"reason": str(error).splitlines()[0]}
+        entries: dict[str, Any] = {}
+        parameters = peers_parameters(_FRICTION, ROBOTS[robot][0])
+        for name, kind in (("WBC QP", WholeBodyController), ("condensed WBC", CondensedController)):
+            try:
+                ours = Ours(partial(_made, kind, gait, parameters), [sequence], len(sequence))
+                ours.replay(repetitions)
+                entries[f"{OURS}, {name}"] = ours.entry(problem)
+            except InputError as error:
+                entries[f"{OURS}, {name}"] = {"reason": str(error).splitlines()[0]}
+        for name, peer in PEERS.items():
+            # Without thrusters both variants pose the same program.
+            entries[name] = measure_peer(name, peer, problem, folder, repetitions)[f"{name}, thrusts decided"]
+    return {
+        "joints": problem.expected["decided"].torque.shape[1],
+        "feet": len(problem.settings["feet"]),
+        "ticks": len(problem),
+        "unsolved_by_us": int(np.count_nonzero(~problem.expected["decided"].solved)),
+        "contenders": {name: _summary(entry) for name, entry in entries.items()},
+    }
+
+
+def _made(kind: type[WholeBody], gait: Callable[[], Gait], parameters: WholeBodyParameters) -> WholeBody:
+    """A controller with a gait of its own."""
+    return kind(gait(), parameters)
+
+
+def _summary(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What the table says of a contender: its median tick, µs, or why there is none."""
+    times = next(iter(entry.get("times", {}).values()), None)
+    return {
+        "reason": entry["reason"],
+        "p50_us": None if times is None else times["tick"]["p50_us"],
+        "difference": entry.get("difference_max", {}).get("torque"),
+    }
+
+
+UNITS = {"acceleration": "m/s², rad/s²", "torque": "N·m", "force": "N", "thrust": "N"}
+_WHICH = {"max": "largest", "median": "median"}
+_COUNTS = {"ticks": "compared", "differing": "differing"}
+_TIMES = {
+    "tick": (
+        "complete tick",
+        "Each peer runs in its own process, called from Python (TSID-C++: without Python), on the same states in "
+        "the order of time; tasks and given thrusts are made outside its clock, and it holds neither a range of the "
+        "normal force nor limits of thrust, and four faces of friction. Our tick includes the gait and holds all that "
+        "and eight faces; on the peers' program it holds what they hold, gait included.",
+    ),
+    "solve": (
+        "solver's call only",
+        "The calls do not span the same: placo's contains rigid-body terms and assembly, TSID's the solver's "
+        "arrays and the solver, ours the solver.",
+    ),
+}
+
+
+def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
+    """Times, growth, differences and versions."""
+    contenders = peers["contenders"]
+    versions = (Cell(n, *item) for n, entry in contenders.items() for item in entry.get("versions", {}).items())
+    tables = [*(_times(peers, what) for what in _TIMES), _growth(peers), _differences(peers)]
+    tables.append(Table("peers_versions", "Peers: versions", tuple(versions)))
+    return [table for table in tables if table.cells]
+
+
+def _p50(row: str, column: str, times: Mapping[str, Any]) -> Cell:
+    """A median between those of the repetitions."""
+    return Cell(row, column, times["p50_us"], "µs", times["low_us"], times["high_us"])
+
+
+def _times(peers: Mapping[str, Any], what: str) -> Table:
+    text, note = _TIMES[what]
+    cells: list[Cell] = []
+    for name, entry in peers["contenders"].items():
+        if "times" not in entry:
+            cells.append(Cell(name, "no times", entry["reason"]))
+        for support, times in entry.get("times", {}).items():
+            if what in times:
+                row = f"{name}: {support}"
+                cells += [_p50(row, "p50", times[what]), *percentiles(row, times[what], first="p95_us")]
+    title = f"Peers: {text} in single and double support, µs, friction {peers['friction']:g}"
+    note = f"In brackets: least and largest median of a repetition. {note}"
+    return Table(f"peers_{what}", title, tuple(cells), note)
+
+
+def _growth(peers: Mapping[str, Any]) -> Table:
+    cells: list[Cell] = []
+    reasons = []
+    for robot, entry in peers.get("growth", {}).items():
+        if "contenders" not in entry:
+            reasons.append(f"{robot}: {entry['reason']}")
+            continue
+        cells += [Cell(robot, name, entry[name]) for name in ("joints", "feet", "unsolved_by_us")]
+        for name, found in entry["contenders"].items():
+            if found["p50_us"] is not None:
+                cells.append(Cell(robot, name, found["p50_us"], "µs"))
+            if found["difference"] is not None:
+                cells.append(Cell(f"{robot}: torque differs by", name, found["difference"], "N·m"))
+            if found["reason"]:
+                reasons.append(f"{robot}, {name}: {found['reason']}")
+    note = (
+        "Standing and swaying on point feet, all held, no thrusters, friction 0.5; the cost of posture is next to "
+        "nothing on legs of three joints. Times count only within the same tolerance. " + "; ".join(reasons)
+    )
+    return Table("peers_growth", "Peers: complete tick against the number of joints, p50, µs", tuple(cells), note)
+
+
+def _differences(peers: Mapping[str, Any]) -> Table:
+    cells: list[Cell] = []
+    for name, entry in peers["contenders"].items():
+        if "compared" not in entry:
+            if entry["reason"]:
+                cells.append(Cell(name, "no result", entry["reason"]))
+            continue
+        for which, text in _WHICH.items():
+            found = entry[f"difference_{which}"]
+            cells += [Cell(f"{name}: {text}", q, found[q], unit) for q, unit in UNITS.items() if q in found]
+        cells += [Cell(f"{name}: largest", column, entry[key]) for column, key in _COUNTS.items()]
+    limits = ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in peers["tolerance"].items())
+    note = f"Times count only if no tick differs by more than: {limits}."
+    return Table("peers_check", "Peers: differences from our solution of the same program", tuple(cells), note)

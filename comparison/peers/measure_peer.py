@@ -1,20 +1,29 @@
-"""One peer: posed the problem, checked, and its times. Without the check that it solved the problem no time counts."""
+"""One peer, or a controller of ours: posed the problem, checked, and its times. Without the check no time counts."""
 
 from __future__ import annotations
 
 import json
 import zipfile
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.timing import Laps, TimingSettings, summarise_repetitions
+from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
+from comparison.measure.timing import Laps, summarise_repetitions, timer_overhead, without_gc
+from comparison.measure.walking import StateSequence
 from comparison.peers.environment import Peer, WorkerError, interpreter, run_worker
-from comparison.peers.peer_problem import VARIANTS, Expected, PeerProblem
+from comparison.peers.peer_problem import FACES, VARIANTS, Expected, PeerProblem
+from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.gaits import Gait, make_gait
+from harpy_pin.ground.ground import Ground
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.scenario import Scenario, build
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
 
 TOLERANCE = {"acceleration": 1e-4, "torque": 1e-3, "force": 1e-3, "thrust": 1e-3}
 """Largest accepted difference from our solution, in the unit of each quantity.
@@ -22,21 +31,6 @@ TOLERANCE = {"acceleration": 1e-4, "torque": 1e-3, "force": 1e-3, "thrust": 1e-3
 The program is strictly convex, so that its solution is one point; but how forces share a load weighs 1e-5 per N²,
 and where two solvers stop at a gap of 1e-8 their forces may differ by some 1e-2 N in theory, by 2e-5 N as measured.
 """
-
-
-@dataclass(frozen=True, kw_only=True)
-class PeerSettings:
-    """How much to measure: ticks of each sequence from its start, those not counted, and repetitions of the replay."""
-
-    most: int = 4000
-    warm_up: int = 50
-    repetitions: int = 5
-
-    @classmethod
-    def of(cls, timing: TimingSettings) -> PeerSettings:
-        """As thorough as the rest of a comparison."""
-        most = max(2 * timing.programs, 2 * timing.warm_up)
-        return cls(most=most, warm_up=timing.warm_up, repetitions=min(timing.repetitions, 5))
 
 
 @dataclass(frozen=True)
@@ -152,3 +146,79 @@ def summarise_times(problem: PeerProblem, laps: dict[str, Laps], overhead: float
                 what: summarise_repetitions([row[chosen] for row in rows], overhead) for what, rows in laps.items()
             }
     return result
+
+
+OURS = "harpy_pin"
+"""Our own controller's row; its tick includes the gait and decides the thrusts within their limits."""
+
+_SETTLED = 500
+"""Ticks of a walk inside C that are not counted: it begins from rest."""
+
+_DEFAULT = WholeBodyWeights()
+
+WholeBody = WholeBodyController | CondensedController
+
+
+def the_peers_program(robot: Robot, friction: float) -> tuple[Gait, WholeBodyParameters]:
+    """Without what the peers lack: limits of thrust, a range of normal forces, more than four faces."""
+    return make_gait(replace(robot, thrust_limit=np.inf)), peers_parameters(friction)
+
+
+def peers_parameters(friction: float, weights: WholeBodyWeights = _DEFAULT) -> WholeBodyParameters:
+    """That program's settings of ours."""
+    limits = WholeBodyLimits(mu=friction, faces=FACES)
+    return WholeBodyParameters(min_normal_force=0.0, max_normal_force=1e4, limits=limits, weights=weights)
+
+
+class Ours:
+    """A controller of ours on the states of the problem; one in a single call has no solver's time."""
+
+    def __init__(self, make: Callable[[], WholeBody], sequences: Sequence[StateSequence], most: int) -> None:
+        self.states = [sequence.states[:most] for sequence in sequences]
+        chain = make()
+        self.timers = {"tick": TickReplay(make())}
+        if isinstance(chain, WholeBodyController):
+            self.timers["solve"] = WholeBodyChain(chain)
+        self.laps: dict[str, list[Laps]] = {what: [] for what in self.timers}
+        self.commands = np.zeros((0, 0))
+        self.overhead = timer_overhead()
+
+    def replay(self, repetitions: int) -> None:
+        """Time all states so many times."""
+        for _ in range(repetitions):
+            with without_gc():
+                for what, timer in self.timers.items():
+                    column = WBC_PHASES.index("solve") if what == "solve" else 0
+                    laps, commands = [], []
+                    for states in self.states:
+                        done = replay(timer, states)
+                        laps.append(done.laps[:, column])
+                        commands.append(done.commands)
+                    self.laps[what].append(np.concatenate(laps))
+                    if what == "tick":
+                        self.commands = np.concatenate(commands)
+
+    def times(self) -> dict[str, Laps]:
+        """(repetitions, ticks) of the tick, and of the solver's call."""
+        return {what: np.array(rows) for what, rows in self.laps.items()}
+
+    def entry(self, problem: PeerProblem) -> dict[str, Any]:
+        """Checked as the peers are, on the commands of the last timed replay."""
+        joints = problem.expected["decided"].torque.shape[1]
+        thrust = self.commands[:, joints:].reshape(len(self.commands), -1, 3)
+        quantities = {"torque": self.commands[:, :joints], "thrust": thrust}
+        return Answer(quantities, self.times(), self.overhead, {}).entry(problem, "decided")
+
+
+def time_inside_c(friction: float, duration: float) -> dict[str, Any]:
+    """The condensed controller's ticks of a walk in one compiled call, gait and a reading of the clock included."""
+    scenario = Scenario(controller="condensed", ground=Ground(mu_s=friction), duration=duration)
+    runs = [build(scenario).run() for _ in range(3)]
+    held = runs[0]["held"][_SETTLED:].sum(axis=1)
+    laps = [run["tick_ns"][_SETTLED:] for run in runs]
+    masks = {"single": held == 1.0, "double": held == 2.0}
+    return {
+        name: {"tick": summarise_repetitions([row[mask] for row in laps], 0.0)}
+        for name, mask in masks.items()
+        if mask.any()
+    }

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from comparison.measure.states import StateSequence
+from comparison.measure.walking import StateSequence
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import Gait, make_gait
 from harpy_pin.model.robot import Robot

@@ -14,13 +14,14 @@ from qpsolvers import Problem, Solution
 from scipy.sparse import csc_matrix
 
 from comparison.measure.timing import without_gc
-from comparison.measure.walking import Progress
-from comparison.public.problems import KEYS
+from comparison.measure.walking import Progress, silent
 from harpy_pin.model.record import field
 from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, DualActiveSet
 from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPStatus
 
+KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
+"""Fields of a program, of qpsolvers and in files."""
 LEVELS = {"low": 1e-3, "mid": 1e-6, "high": 1e-9}
 """Bound on both residuals and on the gap, at each of qpbenchmark's accuracies."""
 TIME_LIMIT, SHIFT = 10.0, 10.0
@@ -168,7 +169,7 @@ def _shifted_mean(times: Sequence[float]) -> float:
 
 
 def time_solvers(
-    problems: Sequence[tuple[str, Problem]], repetitions: int, progress: Progress | None = None
+    problems: Sequence[tuple[str, Problem]], repetitions: int, progress: Progress = silent
 ) -> dict[str, dict[str, Any]]:
     """All solvers on all programs to all accuracies, one after the other on each program.
 
@@ -184,8 +185,7 @@ def time_solvers(
             for level, eps in LEVELS.items():
                 for solver, contender in CONTENDERS.items():
                     kept[solver, level].append(_solved(name, *contender(p, eps), repetitions))
-            if progress is not None:
-                progress(done, len(problems))
+            progress(done, len(problems))
     return {name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()} for name in CONTENDERS}
 
 

@@ -1,15 +1,103 @@
-"""What other people published, through ours: their quadratic programs beside their solvers."""
+"""Public benchmarks: programs that other people published, read from clones that the user made, by all solvers.
+
+minimise ½ xᵀP x + qᵀx  subject to  G x ≤ h,  A x = b,  lb ≤ x ≤ ub
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
-from comparison.measure.walking import Progress
-from comparison.public.problems import is_convex, mat_problems, npz_problems
-from comparison.public.solvers import LEVELS, time_solvers
+import numpy as np
+from qpsolvers import Problem
+from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
+from scipy.sparse import csc_matrix
+
+from comparison.measure.walking import Progress, silent
+from comparison.public.solvers import KEYS, LEVELS, time_solvers
 from comparison.tables import Cell, Table
 from harpy_pin.errors import InputError
+from harpy_pin.model.state import Vector
+
+MPC_DENSE = ("LIPMWALK", "WHLIPBAL")
+"""How the names of the dense programs of mpc_qpbenchmark begin."""
+LARGEST = 1000
+"""Most variables, and most constraints, of the dense subset of maros_meszaros_qpbenchmark."""
+INFINITE = 9e19
+"""A bound beyond this is none in the files of maros_meszaros_qpbenchmark."""
+EQUAL = 1e-10
+"""Bounds that differ by less make an equality there."""
+
+
+def is_convex(named: tuple[str, Problem]) -> bool:
+    """Whether P is positive definite by qpbenchmark's test: every computed eigenvalue is positive."""
+    return bool((np.linalg.eigvals(named[1].P) > 0.0).all())
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Whatever goes wrong while a program is read becomes one error that names its file."""
+    try:
+        yield
+    except (OSError, EOFError, RuntimeError, ValueError, TypeError, LookupError, BadZipFile, MatReadError) as error:
+        raise InputError(f"'{path}' is no program: {error}", name="data", value=path) from error
+
+
+def npz_problems(folder: Path) -> Iterator[tuple[str, Problem]]:
+    """The dense programs of mpc_qpbenchmark in a folder, in files of NumPy as qpsolvers saves them.
+
+    What a program lacks is a pickled None there: it is recognised and never unpickled.
+    """
+    for path in sorted(folder.glob("*.npz")):
+        if path.name.startswith(MPC_DENSE):
+            with _reading(path), np.load(path, allow_pickle=False) as file:
+                arrays: dict[str, Any] = {key: _array(file, key) for key in KEYS}
+            yield path.stem, Problem(**arrays)
+
+
+def _array(file: np.lib.npyio.NpzFile, key: str) -> Vector | None:
+    try:
+        return np.asarray(file[key], dtype=np.float64)
+    except ValueError:  # an array of objects
+        if key in ("P", "q"):
+            raise
+        return None
+
+
+def mat_problems(folder: Path) -> Iterator[tuple[str, Problem]]:
+    """Programs of the dense subset of maros_meszaros_qpbenchmark: l ≤ [C; I] x ≤ u in files of Matlab."""
+    for path in sorted(folder.glob("*.mat")):
+        with _reading(path):
+            file = loadmat(path, variable_names=["P", "q", "A", "l", "u", "n", "m"])
+            n, m = int(file["n"].flat[0]), int(file["m"].flat[0])
+            small = n <= LARGEST and m <= 3 * LARGEST
+            problem = _one_sided(file, n) if small else None
+        if problem is not None and _count(problem) <= LARGEST:
+            yield path.stem, problem
+
+
+def _one_sided(file: dict[str, Vector], n: int) -> Problem:
+    hessian, rows = (np.asarray(csc_matrix(file[key]).toarray(), dtype=np.float64) for key in ("P", "A"))
+    lower, upper = (np.asarray(file[key], dtype=np.float64).ravel() for key in ("l", "u"))
+    lower[lower < -INFINITE], upper[upper > INFINITE] = -np.inf, np.inf
+    low, high, constraint = lower[:-n], upper[:-n], rows[:-n]
+    equal = high - low < EQUAL
+    g, h = np.vstack((constraint[~equal], -constraint[~equal])), np.concatenate((high[~equal], -low[~equal]))
+    g, h = g[np.isfinite(h)], h[np.isfinite(h)]
+    inequalities: dict[str, Any] = {"G": g, "h": h} if h.size else {}
+    equalities: dict[str, Any] = {"A": constraint[equal], "b": high[equal]} if equal.any() else {}
+    q = np.asarray(file["q"], dtype=np.float64).ravel()
+    return Problem(hessian, q, **inequalities, **equalities, lb=lower[-n:], ub=upper[-n:])
+
+
+def _count(p: Problem) -> int:
+    """Constraints as that subset counts them: bounds once."""
+    return sum(len(value) for value in (p.h, p.b, p.lb) if value is not None)
+
 
 SOURCES = {"mpc": "qpsolvers/mpc_qpbenchmark", "maros": "qpsolvers/maros_meszaros_qpbenchmark"}
 """Repositories on GitHub whose folder ``data`` is read; their licence is Apache-2.0. Nothing of theirs is part of this
@@ -24,7 +112,7 @@ _NOTE = (
 
 
 def measure_public(
-    folder: Path, progress: Progress | None = None, *, problems: int = 1000, repetitions: int = 5
+    folder: Path, progress: Progress = silent, *, problems: int = 1000, repetitions: int = 5
 ) -> dict[str, Any]:
     """Everything that the clones in a folder allow.
 

@@ -55,10 +55,8 @@ class Answer:
         return "\n".join([*lines, *([f"Everything else: {report}"] if report else [])])
 
 
-def answer_of(document: Mapping[str, Any]) -> Answer | None:
-    """Which controller keeps the feet from slipping, and what a tick costs; None where one was not measured."""
-    if "ticks" not in document or "campaign" not in document:
-        return None
+def answer_of(document: Mapping[str, Any]) -> Answer:
+    """Which controller keeps the feet from slipping, and what a tick costs."""
     ticks, whole = document["ticks"]["contenders"], document["campaign"]["whole"]
     values = {
         key: {name: _value(entry[name].get(key)) for entry in (ticks, whole) for name in COLUMNS if key in entry[name]}

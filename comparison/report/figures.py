@@ -1,6 +1,6 @@
 """Figures of the comparison: what a tick costs against how well the feet hold, and how times grow.
 
-They are drawn from the report's tables only, so that they can be drawn again from the CSV.
+They are drawn from the report's tables only, which the CSV holds.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from PIL import Image, ImageSequence
 
-from comparison.measure.walking import Progress, tracked
+from comparison.measure.walking import Progress, silent, tracked
 from comparison.studies.flights import FIRST_SEED, FLIGHTS, FRICTION, flown
 from comparison.tables import number_text
 from harpy_pin.files import check_writable, replacing
@@ -39,7 +39,7 @@ LAST = 1500
 """For how long the last one is shown, ms."""
 
 
-def film_flights(path: Path, names: Sequence[str] = tuple(FILMS), progress: Progress | None = None) -> None:
+def film_flights(path: Path, names: Sequence[str] = tuple(FILMS), progress: Progress = silent) -> None:
     """Film manoeuvres under the condensed controller, and save the page.
 
     Args:

@@ -1,26 +1,26 @@
-"""The complete tick of every controller and governor, interleaved on the same states.
-
-The states are those of walks with pushes: touchdowns, recoveries, ticks where constraints are active.
-"""
+"""Complete ticks of every controller, formulation and solver on the same states; whole walks beside the wall clock."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from time import perf_counter_ns
+from functools import partial
+from time import perf_counter_ns, process_time_ns
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import CONTENDERS, FORCES, controller_part, label
-from comparison.measure.replay import TickReplay
-from comparison.measure.states import StateSequence
+from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
+from comparison.measure.walking import StateSequence, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State
-from harpy_pin.wbc import WholeBodyLimits, installed_solvers
+from harpy_pin.scenario import build
+from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, WholeBodyLimits, installed_solvers
+from harpy_pin.wbc.solvers import ProxQPSolver
 
 RATES = (1, 2, 5, 10)
 """Control rates, kHz, whose periods a tick may miss."""
@@ -103,3 +103,156 @@ def ticks_tables(ticks: Mapping[str, Any]) -> list[Table]:
         Table("ticks", title, tuple(times), "In brackets: least and largest median of a repetition."),
         Table("misses", f"Deadlines and cold ticks, friction {friction:g}", tuple(misses), of_misses),
     ]
+
+
+STATES = 500
+"""States of the walk that are used, from its middle."""
+
+EXACT = ("daqp", "quadprog")
+"""Active-set methods end at the optimum to rounding: the first of these that is installed is the reference."""
+
+LOOSE = "command, proxqp to 1e-6 without duality gap"
+"""ProxQP with its own settings but for the tolerance."""
+
+COLUMNS = {
+    "tick_p50_us": ("tick", "µs"),
+    "build_p50_us": ("build", "µs"),
+    "solve_p50_us": ("solve", "µs"),
+    "solve_p99_us": ("solve, p99", "µs"),
+    "unsolved": ("not solved", ""),
+    "violation_max": ("largest violation", ""),
+    "difference_max": ("largest difference", "N, N·m"),
+}
+
+
+class _CheckedChain(WholeBodyChain):
+    """Keeps status and violation of every solve beside its times."""
+
+    def start(self, states: Any) -> None:
+        """See :meth:`TickReplay.start`."""
+        super().start(states)
+        self.unsolved, self.violation = 0, 0.0
+
+    def _keep(self, i: int, command: Any) -> None:
+        super()._keep(i, command)
+        solution = self.controller.solution
+        self.unsolved += solution.status is not QPStatus.SOLVED
+        if solution.usable:
+            self.violation = max(self.violation, solution.violation)
+
+
+def _configurations(friction: float) -> dict[str, WholeBodyParameters]:
+    limits = WholeBodyLimits(mu=friction)
+    found: dict[str, WholeBodyParameters] = {}
+    for formulation in FORMULATIONS:
+        for solver in (name for name in SOLVERS if name in installed_solvers()):
+            for reuse in (False, True) if solver in ("proxqp", "daqp") else (False,):
+                name = f"{formulation}, {solver}" + (", active set reused" if reuse else "")
+                found[name] = WholeBodyParameters(formulation=formulation, solver=solver, reuse=reuse, limits=limits)
+    return found
+
+
+def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
+    """Time every formulation with every solver that is installed.
+
+    Returns:
+        For each configuration medians of the tick and its phases, the tail of the solve, ticks that were not solved,
+        the largest violation of a constraint, and the largest difference of a command (N, N·m) from that of the
+        ``full`` formulation solved by an active-set method (null where none is installed).
+    """
+    robot, settings = bench.robot, bench.settings
+    begin = max((len(sequence) - STATES) // 2, 0)
+    states = sequence.states[begin : begin + STATES]
+    timed = {
+        name: _CheckedChain(WholeBodyController(make_gait(robot), parameters))
+        for name, parameters in _configurations(bench.friction).items()
+    }
+    plain = WholeBodyParameters(limits=WholeBodyLimits(mu=bench.friction))
+    loose = partial(ProxQPSolver, tolerance=1e-6, gap=None)
+    timed[LOOSE] = _CheckedChain(WholeBodyController(make_gait(robot), plain, solver=loose))
+
+    def start(_: int) -> dict[str, _CheckedChain]:
+        for timer in timed.values():
+            timer.start(states)
+        return timed
+
+    laps, overhead = bench.repeat(start, [len(states)], block=max(settings.block // 5, 2 * settings.settle))
+    reference = next((timed[key].commands for key in (f"full, {name}" for name in EXACT) if key in timed), None)
+    result: dict[str, Any] = {}
+    for name, timer in timed.items():
+        tick = summarise([part.sum(axis=1) for part in laps[name]], len(WBC_PHASES) * overhead)
+        build, solve = (
+            summarise([part[:, WBC_PHASES.index(phase)] for part in laps[name]], overhead)
+            for phase in ("build", "solve")
+        )
+        result[name] = {
+            "tick_p50_us": tick["p50_us"],
+            "build_p50_us": build["p50_us"],
+            "solve_p50_us": solve["p50_us"],
+            "solve_p99_us": solve["p99_us"],
+            "unsolved": int(timer.unsolved),
+            "violation_max": timer.violation,
+            "difference_max": None if reference is None else float(np.abs(timer.commands - reference).max()),
+        }
+    return result
+
+
+def formulations_table(entry: dict[str, Any], friction: float) -> Table:
+    """The table of :func:`time_formulations`, and what is not installed."""
+    cells = [cell for name, row in entry.items() for cell in in_columns(name, row, COLUMNS)]
+    absent = [name for name in SOLVERS if not any(f", {name}" in row for row in entry)]
+    note = (
+        f"Medians unless stated, on {STATES} states of the pushed walk of the QP controller. "
+        "The difference is that of the commands from the full formulation solved by an active-set method. 'full' and "
+        "'input_space' are the same problem: where it is not small, the solver stopped short. 'contact_force' has no "
+        "posture task, and holds the limits of the motors by choosing other forces."
+    )
+    note += f" Not installed: {', '.join(absent)}." if absent else ""
+    return Table("formulations", f"Formulations and solvers of the program, friction {friction:g}", tuple(cells), note)
+
+
+WALKERS = CONTENDERS
+"""Controllers whose walks are timed as a whole."""
+
+WALKS = 3
+"""Walks of each controller beside the wall clock."""
+
+
+def time_simulator(bench: Bench, *, duration: float) -> dict[str, Any]:
+    """Time whole walks on ground of the bench's friction, known to the controllers; the duration is in s.
+
+    Returns:
+        By ``walk`` of each controller how many times faster than real time it was (median, least and largest of three;
+        and by processor time, which other processes disturb less), and how it ended.
+    """
+    found: dict[str, list[tuple[float, float, str]]] = {name: [] for name in WALKERS}
+    for name in WALKERS:
+        build(scenario_of(name, bench.friction, duration=0.02)).run()  # loads what is compiled
+    for _ in range(WALKS):
+        for k in bench.rng.permutation(len(WALKERS)):
+            name = WALKERS[int(k)]
+            walk = build(scenario_of(name, bench.friction, duration=duration))
+            begin, begin_busy = perf_counter_ns(), process_time_ns()
+            run = walk.run()
+            busy, elapsed = process_time_ns() - begin_busy, perf_counter_ns() - begin
+            end = 1e9 * run.metadata["end_time"]
+            found[name].append((end / elapsed, end / max(busy, 1), run.ending))
+            bench.on_pass()
+    walks = {}
+    for name, rows in found.items():
+        wall, processor, endings = zip(*rows, strict=True)
+        times = {"real_time": float(np.median(wall)), "low": min(wall), "high": max(wall)}
+        walks[name] = {**times, "processor_time": float(np.median(processor)), "ending": endings[-1]}
+    return {"walk": walks}
+
+
+def simulator_table(entry: Mapping[str, Any]) -> Table:
+    """The table of :func:`time_simulator`."""
+    cells: list[Cell] = []
+    for name, row in entry["walk"].items():
+        cells.append(Cell(label(name), "times real time", row["real_time"], "", row["low"], row["high"]))
+        cells.append(Cell(label(name), "by processor time", row["processor_time"]))
+        cells.append(Cell(label(name), "ending", row["ending"]))
+    title = "Closed-loop walks: simulated time over wall clock, log included"
+    note = "Median of three; in brackets the slowest and the fastest."
+    return Table("simulator_walk", title, tuple(cells), note)

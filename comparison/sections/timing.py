@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from comparison.measure.controllers import CONTENDERS, make_contender
 from comparison.measure.replay import WBC_PHASES, IsolatedGovernor, IsolatedSolver, TickReplay, WholeBodyChain
-from comparison.measure.states import StateSequence
-from comparison.measure.timing import Bench, Laps, Timed, TimingSettings, ratio_of_medians, summarise
+from comparison.measure.timing import Bench, Laps, Timed, ratio_of_medians, summarise
 from comparison.measure.verification import ExpectedReplay, record_expected
+from comparison.measure.walking import CONTENDERS, StateSequence, make_contender
 from comparison.tables import Cell, Table, percentiles
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
@@ -51,11 +50,6 @@ PHASES = {
 """What is timed, as readers see it."""
 
 _CHAINS = {"wbc/chain": WBC_PHASES}
-
-
-def count_passes(settings: TimingSettings, sequences: int) -> int:
-    """How often :func:`time_contenders` reports progress."""
-    return sequences * (1 + settings.repetitions)
 
 
 def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, dict[str, Any]]:

@@ -10,7 +10,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -46,7 +46,7 @@ FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
 WEAK = 0.2
 """Share of the motors' torque that the condensed controller has where the dearest tick is looked for."""
-Bound = Callable[[str, str], int | None]
+Bound = Callable[[str, str], int]
 WALK = 10.0
 """Length of a motion whose states tell single from double precision, s."""
 
@@ -61,7 +61,7 @@ def _build(r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector,
     return 0
 
 
-def _counted(settings: Any, progress: Progress | None) -> Rows:
+def _counted(settings: Any, progress: Progress) -> Rows:
     """Count every controller on every chip.
 
     Returns:
@@ -91,84 +91,63 @@ def _jobs(name: str, settings: Any, place: Path, daqp: Path | None) -> list[Call
     many = _many(robot, settings)
     jobs: list[Callable[[], dict[str, Any]]] = []
 
-    def export(what: Exportable, kind: str, *, single: bool) -> _Program:
-        own = f"{name}_{kind}_{'float' if single else 'double'}"
-        written = write_folder(what, states, place / own, name=own, single=single, readme=False)
-        return _Program(name, kind, single, place / own, written.code.ram)
+    def exported(what: Exportable, kind: str, *, single: bool) -> tuple[Path, int]:
+        """The folder with its C, named as the controller in it, and its memory, B."""
+        precision = "float" if single else "double"
+        folder = place / f"{name}_{kind}_{precision}"
+        return folder, write_folder(what, states, folder, name=folder.name, single=single, readme=False).code.ram
 
     for kind in CONTROLLERS if name == "harpy" else ("condensed", "wbc"):
         for single in (True, False):
             what = exportable(ready(robot, kind, duration=0.1, friction=_friction(robot), single=single).controller)
-            targets = [
-                (chip, level) for chip in settings.chips if single or CHIPS[chip].double for level in settings.levels
-            ]
+            precision, chips = "float" if single else "double", [c for c in settings.chips if single or CHIPS[c].double]
             bound = _bound(kind, what, states, place / f"{name}_{kind}_{single}_limited", single=single)
-            if targets:
-                program = export(what, kind, single=single)
-                jobs += [partial(program.count, *target, bound) for target in targets]
-            if kind == "wbc" and daqp is not None and targets and not single:  # in floats it does not end
-                peer = export(replace(what, step=_build, kind="daqp"), "daqp", single=False)
-                daqp_count(peer.folder, peer.folder.name, what)
-                jobs += [partial(peer.count, *target, _no_bound, daqp) for target in targets]
+            rows = [
+                {"robot": name, "controller": kind, "precision": precision, "chip": chip, "level": level}
+                for chip in chips
+                for level in settings.levels
+            ]
+            if rows:
+                program = exported(what, kind, single=single)
+                jobs += [partial(_count, row, *program, bound) for row in rows]
+            if kind == "wbc" and daqp is not None and rows and not single:  # in floats it does not end
+                folder, ram = exported(replace(what, step=_build, kind="daqp"), "daqp", single=False)
+                daqp_count(folder, folder.name, what)
+                jobs += [partial(_count, row | {"controller": "daqp"}, folder, ram, None, daqp) for row in rows]
             if single:
                 jobs.append(partial(_difference, name, kind, what, many))
     return jobs
 
 
-@dataclass(frozen=True)
-class _Program:
-    """An exported controller.
-
-    Attributes:
-        robot: its name.
-        controller: one of :data:`LABELS`.
-        single: precision.
-        folder: with its C, named as the controller in it.
-        ram: bytes.
-    """
-
-    robot: str
-    controller: str
-    single: bool
-    folder: Path
-    ram: int
-
-    def count(self, chip: str, level: str, bound: Bound, daqp: Path | None = None) -> dict[str, Any]:
-        """Its row: what was counted on a chip at a level of optimisation; DAQP's source if that solves it."""
-        flags, sources = [level], ["count.c"]
-        if daqp is not None:
-            flags += ["-I", str(daqp / "include")]
-            sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
-        found = measure(self.folder, self.folder.name, CHIPS[chip], flags=flags, sources=sources)
-        return {
-            "robot": self.robot,
-            "controller": self.controller,
-            "precision": "float" if self.single else "double",
-            "chip": chip,
-            "level": level,
-            "ticks": len(found.instructions),
-            "median": float(np.median(found.instructions)),
-            "worst": int(found.instructions.max()),
-            "flash": None if daqp is not None else found.flash,
-            "ram": None if daqp is not None else self.ram,
-            "stack": found.stack,
-            "equal": None if daqp is not None else found.different == 0,
-            "bound": bound(chip, level),
-        }
+def _count(
+    row: dict[str, Any], folder: Path, ram: int, bound: Bound | None, daqp: Path | None = None
+) -> dict[str, Any]:
+    """The row with what was counted on its chip at its level of optimisation; DAQP's source if that solves it."""
+    flags, sources = [row["level"]], ["count.c"]
+    if daqp is not None:
+        flags += ["-I", str(daqp / "include")]
+        sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
+    found = measure(folder, folder.name, CHIPS[row["chip"]], flags=flags, sources=sources)
+    return row | {
+        "ticks": len(found.instructions),
+        "median": float(np.median(found.instructions)),
+        "worst": int(found.instructions.max()),
+        "flash": None if daqp is not None else found.flash,
+        "ram": None if daqp is not None else ram,
+        "stack": found.stack,
+        "equal": None if daqp is not None else found.different == 0,
+        "bound": None if bound is None else bound(row["chip"], row["level"]),
+    }
 
 
-def _no_bound(chip: str, level: str) -> int | None:
-    return None
-
-
-def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, single: bool) -> Bound:
+def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, single: bool) -> Bound | None:
     """An upper end of a tick beside its searches' own: see :mod:`comparison.studies.exchange_bound`.
 
     The rest is at most the worst tick that was counted, of the condensed controller with motors so weak that it always
     enters the larger program, with thrusts and torques as unknowns, too.
     """
     if kind not in ("condensed", "wbc"):
-        return _no_bound
+        return None
     record = what.record.copy()
     if kind == "condensed":
         record["condensed"]["torque_limit"] *= WEAK
@@ -176,11 +155,11 @@ def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, sing
     search = "exchange" if kind == "condensed" else "search"
     write_folder(replace(what, record=record), states, folder, name="weak", single=single, readme=False)
 
-    def bound(chip: str, level: str) -> int | None:
+    def bound(chip: str, level: str) -> int:
         rest = int(measure(folder, "weak", CHIPS[chip], flags=[level]).instructions.max())
         for part in places:
             records = [np.array([part[name]], part[name].dtype) for name in ("program", search, "dual")]
-            rest += search_bound(tuple(records), chip, single=single, level=level, again=kind == "wbc")
+            rest += search_bound(tuple(records), folder, chip, single=single, level=level, again=kind == "wbc")
         return rest
 
     return bound

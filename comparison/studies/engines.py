@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from comparison.contenders import label
-from comparison.measure.controllers import scenario_of
+from comparison.measure.walking import scenario_of
 from comparison.study import Job, Study, Value, View, shown
 from harpy_pin import walk
 from harpy_pin.errors import InputError

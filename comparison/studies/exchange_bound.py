@@ -10,7 +10,6 @@ counted one by one.
 from __future__ import annotations
 
 import tempfile
-from importlib.resources import files
 from pathlib import Path
 from string import Template
 
@@ -20,7 +19,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.compiled.types import INTEGER, REAL, Struct
 from harpy_pin.compiled.unit import Unit
 from harpy_pin.errors import HarpyError
-from harpy_pin.export.board import CHIPS, Chip, board_text, build, run
+from harpy_pin.export.board import CHIPS, Chip, build, run
 from harpy_pin.export.code import initial_values
 from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.model.cholesky import factorise
@@ -129,11 +128,14 @@ def _exchange(r: BoundRecord, size: int, drops: int, sign: float) -> int:
     return outcome
 
 
-def search_bound(records: tuple[Record, ...], chip: str, *, single: bool, level: str, again: bool = False) -> int:
+def search_bound(
+    records: tuple[Record, ...], folder: Path, chip: str, *, single: bool, level: str, again: bool = False
+) -> int:
     """Most instructions of one search.
 
-    The records are those of the program, of the reused active set and of the dual method; ``again`` says whether the
-    reused active set is asked once more after the dual method.
+    The records are those of the program, of the reused active set and of the dual method; the folder is that of an
+    exported controller, whose board is used; ``again`` says whether the reused active set is asked once more after the
+    dual method.
 
     Raises:
         HarpyError: it does not compile, or the program failed.
@@ -154,21 +156,17 @@ def search_bound(records: tuple[Record, ...], chip: str, *, single: bool, level:
     table, statements = initial_values(unit, state)
     main = _MAIN.substitute(texts, statements="\n    ".join(statements))
     text = "\n\n".join([unit.header(), "#include <stdio.h>", unit.types(), unit.code(), table, main])
-    found = _run(text, CHIPS[chip], level)
+    found = _run(text, folder, CHIPS[chip], level)
     limit = EXCHANGES_PER_ROW * rows
     return int(found["frame"] + (1 + again) * EXCHANGES * found["system"] + limit * found["exchange"])
 
 
-def _run(text: str, chip: Chip, level: str) -> dict[str, float]:
+def _run(text: str, folder: Path, chip: Chip, level: str) -> dict[str, float]:
     """The dearest of each kind, in instructions."""
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(place)
-        (folder / "board").mkdir()
-        startup = (files("harpy_pin.export") / "files" / "board" / "startup.c").read_text(encoding="utf-8")
-        (folder / "board" / "startup.c").write_text(startup, encoding="utf-8")
-        (folder / "board" / f"{chip.machine}.ld").write_text(board_text(chip), encoding="utf-8")
-        (folder / "bench.c").write_text(text, encoding="utf-8")
-        output, code = run(build(folder, ["bench.c"], chip, folder / "bench.elf", flags=[level]), chip)
+        source = Path(place) / "bench.c"
+        source.write_text(text, encoding="utf-8")
+        output, code = run(build(folder, [source], chip, source.with_suffix(".elf"), flags=[level]), chip)
     if code:
         raise HarpyError(f"the count of exchanges failed on {chip.title}: {output[-200:]}")
     found: dict[str, float] = {}

@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from comparison.contenders import label
-from comparison.measure.controllers import scenario_of
-from comparison.measure.walking import Rows
+from comparison.measure.walking import Rows, scenario_of
 from comparison.study import Job, Study, Value, View, grid, shown, where
 from harpy_pin import Ground, Mujoco, Scenario, walk
 from harpy_pin.gaits import GaitParameters

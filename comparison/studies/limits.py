@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.settings import JOINT_DAMPING
+from comparison.campaign.plan import JOINT_DAMPING
 from comparison.campaign.walks import damped_harpy
 from comparison.contenders import LIMITED
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 import harpy_pin as hp
-from comparison.measure.thread_ticks import time_ticks
+from comparison.measure.replay import time_ticks
 from comparison.study import Job, Study, Value, View, grid, shown, where
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.state import Vector

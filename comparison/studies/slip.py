@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from comparison.contenders import CONTENDERS, label
-from comparison.measure.controllers import scenario_of
-from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
+from comparison.measure.walking import Rows, grouped, scenario_of, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, grid
 from comparison.tables import number_text
 from harpy_pin import measure

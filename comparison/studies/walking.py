@@ -16,7 +16,7 @@ import numpy as np
 import harpy_pin as hp
 from comparison.contenders import label
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
-from comparison.measure.thread_ticks import time_ticks
+from comparison.measure.replay import time_ticks
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, commands, fell, grid, kept, median, most, shown, where
 from harpy_pin.model.state import Vector

@@ -1,34 +1,124 @@
-"""The search: every variant gets the same number of settings, on the same walks."""
+"""The search for settings: every variant gets the same number of settings, on the same walks.
+
+What counts is falls first, then slip, then tracking. The walks are of the wide campaign's distribution, from seeds of
+their own.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from math import log1p
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from comparison.campaign.plan import Task, code_digest
-from comparison.campaign.settings import JOINT_DAMPING
+from comparison.campaign.plan import JOINT_DAMPING, CampaignSettings, Task, code_digest, plan
 from comparison.campaign.store import Store
-from comparison.measure.walking import Progress
+from comparison.campaign.walks import scenario
+from comparison.measure.walking import Progress, silent, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from comparison.tuning import walks
 from comparison.tuning.variants import PAPER, VARIANTS, Point, Range, Variant
-from comparison.tuning.walks import (
-    JUDGING_SEED,
-    TRAINING_SEED,
-    Outcome,
-    Score,
-    judging_tasks,
-    scenario_with,
-    training_tasks,
-    walk_scenario,
-)
-from harpy_pin import checks
+from harpy_pin import Scenario, checks, measure
+from harpy_pin.scenario import Compliant, ControllerPart
+
+TRAINING_SEED, JUDGING_SEED = 61211, 86028
+"""Seeds of the walks; the wide campaign has another one, 40427."""
+
+FALL = 1000.0
+"""Cost of a fall: more than the slip of all walks of a search together, so that falls come first."""
+
+MAX_SLIP = 1000.0
+"""Slip per step beyond which more of it counts no more, mm."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one walk.
+
+    Attributes:
+        fell: whether the robot fell, or its controller failed.
+        slip: per step, mm.
+        tracking: rms distance of the body from its target, mm.
+    """
+
+    fell: bool
+    slip: float
+    tracking: float
+
+    @property
+    def cost(self) -> float:
+        """1000 for a fall; otherwise log(1 + slip / 1 mm) + tracking / 1 m.
+
+        The logarithm lets a walk count by the factor of its slip, so that no single bad walk decides, and a decimetre
+        of tracking error counts as a tenth more slip.
+        """
+        return FALL if self.fell else log1p(min(self.slip, MAX_SLIP)) + min(self.tracking, MAX_SLIP) / 1000.0
+
+
+@dataclass(frozen=True)
+class Score:
+    """What came of several walks.
+
+    Attributes:
+        walks: how many.
+        falls: how many of them fell.
+        slip_median: per step, mm, where a fall counts as more than any; None if half or more fell.
+        tracking_median: of the walks that did not fall, mm; None if all fell.
+        cost: sum over all walks.
+    """
+
+    walks: int
+    falls: int
+    slip_median: float | None
+    tracking_median: float | None
+    cost: float
+
+    @classmethod
+    def of(cls, outcomes: Iterable[Outcome]) -> Score:
+        """The score of walks."""
+        found = list(outcomes)
+        slip = float(np.median([np.inf if one.fell else one.slip for one in found]))
+        tracking = [one.tracking for one in found if not one.fell]
+        return cls(
+            walks=len(found),
+            falls=sum(one.fell for one in found),
+            slip_median=slip if np.isfinite(slip) else None,
+            tracking_median=float(np.median(tracking)) if tracking else None,
+            cost=float(sum(one.cost for one in found)),
+        )
+
+
+def walk_scenario(scenario: Scenario) -> Outcome:
+    """Walk, and measure."""
+    run = walk_as_far_as_it_goes(scenario)
+    measures = measure(run)
+    return Outcome(run.ending != "completed", measures.slip_mm_per_step, measures.tracking_rms_mm)
+
+
+def training_tasks(count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
+    """Walks to search on, all in the library's own engine; MuJoCo is kept for judging."""
+    return [replace(task, plant=Compliant.name) for task in _tasks(count, duration, joint_damping, TRAINING_SEED)]
+
+
+def judging_tasks(count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
+    """Walks that judge what the search found, in both engines."""
+    return _tasks(count, duration, joint_damping, JUDGING_SEED)
+
+
+def _tasks(count: int, duration: float, joint_damping: float, seed: int) -> list[Task]:
+    alone = {"contenders": ("governed/none",), "joint_dampings": (joint_damping,)}
+    return plan(CampaignSettings.wide(walks=count, duration=duration, seed=seed, **alone))
+
+
+def scenario_with(task: Task, controller: ControllerPart) -> Scenario:
+    """The scenario of a task, walked by another controller with the task's error of friction."""
+    drawn = scenario(task)
+    return replace(drawn, controller=replace(controller, mu=drawn.mu))
+
 
 RANDOM_SHARE = 0.3
 """Share of the budget that is drawn from the whole space."""
@@ -77,7 +167,7 @@ class TuneSettings:
         object.__setattr__(self, "variants", tuple(name for name in VARIANTS if name in self.variants))
 
 
-def tune(settings: TuneSettings, path: Path, progress: Progress | None = None) -> dict[str, Any]:
+def tune(settings: TuneSettings, path: Path, progress: Progress = silent) -> dict[str, Any]:
     """Search the settings of every variant, and judge the best ones.
 
     Args:
@@ -97,8 +187,7 @@ def tune(settings: TuneSettings, path: Path, progress: Progress | None = None) -
         for k, name in enumerate(settings.variants):
 
             def done(index: int, first: int = k * each) -> None:
-                if progress is not None:
-                    progress(first + index, each * len(settings.variants))
+                progress(first + index, each * len(settings.variants))
 
             start = found.get(f"none/{name.rpartition('/')[2]}", {}).get("factors")
             found[name] = _search(name, settings, store, start, done)
@@ -183,7 +272,7 @@ def _row(name: str, point: Point, tasks: Sequence[Task], store: Store, best: Seq
     variant = VARIANTS[name]
     # Settings, walks, what ends them early, and the code that does them.
     what = {
-        "code": [code_digest(), hashlib.sha256(Path(walks.__file__).read_bytes()).hexdigest()[:24]],
+        "code": [code_digest(), hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:24]],
         "controller": variant.settings(point),
         "tasks": [asdict(t) for t in tasks],
         "best": list(best),

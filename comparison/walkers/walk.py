@@ -1,22 +1,186 @@
-"""One walk in MuJoCo: the policy's actuators and rate, or torques of the condensed WBC at every step."""
+"""One walk of Go1 in MuJoCo: the policy's actuators and rate, or torques of the condensed WBC at every step."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import thread_time_ns
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
-from comparison.walkers.go1 import FEET, described, robot_of, torque_driven
 from comparison.walkers.policy import PERIOD, Policy, package_in
-from comparison.walkers.watch import Watch
 from harpy_pin import Robot, State, WalkingGait, make_controller
 from harpy_pin.errors import ControlError
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco
+
+SCENE = Path("_src", "locomotion", "go1", "xmls", "scene_mjx_feetonly_flat_terrain.xml")
+FEET = ("FR", "FL", "RR", "RL")
+"""Names of the feet's spheres, and of the sites at their centres."""
+
+
+def described(package: Path) -> Any:
+    """``mujoco.MjSpec`` of robot and floor, without what is only drawn.
+
+    The floor lies one radius of a foot lower than the wheel has it: the centres of feet on the ground are at height
+    zero, as the gait expects of points.
+
+    Args:
+        package: folder of ``mujoco_playground``.
+    """
+    mujoco = import_mujoco()
+    spec = mujoco.MjSpec.from_file(str(package / SCENE))
+    for geom in list(spec.geoms):
+        if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
+            spec.delete(geom)
+    for mesh in list(spec.meshes):
+        spec.delete(mesh)
+    radius = spec.compile().geom(FEET[0]).size[0]
+    spec.geom("floor").pos = (0.0, 0.0, -radius)
+    for key in spec.keys:
+        key.qpos[2] -= radius
+    return spec
+
+
+def robot_of(spec: Any) -> Robot:
+    """The robot that MuJoCo has: kinematics, masses, armature and damping of the joints, torque limits, posture.
+
+    Dry friction in the joints is left to be found out.
+
+    Args:
+        spec: as :func:`described`; the first keyframe is the posture.
+    """
+    model = spec.compile()
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.xml"
+        file.write_text(spec.to_xml(), encoding="utf-8")
+        read = pin.buildModelFromMJCF(str(file))
+    driven = {model.joint(joint).name: k for k, joint in enumerate(model.actuator_trnid[:, 0])}
+    limit = np.array(read.effortLimit)
+    limit[6:] = [model.actuator_forcerange[driven[name], 1] for name in list(read.names)[2:]]
+    read.effortLimit = limit
+    return Robot(read, file, FEET, (), np.inf, posture=np.array(model.key_qpos[0, 7:]))
+
+
+def torque_driven(model: Any) -> None:
+    """Make every actuator one that takes a torque, with the limits that it had.
+
+    Args:
+        model: ``mujoco.MjModel``, changed in place.
+    """
+    model.actuator_gainprm[:, 0], model.actuator_biasprm[:, :3] = 1.0, 0.0
+    model.actuator_ctrllimited[:] = 0
+
+
+AIR = 0.05
+"""A foot that was off the ground for so long has made a step when it lands, s."""
+SETTLED = 2.0
+"""After a new command, s."""
+LOWEST, UPRIGHT = 0.5, 0.5
+"""Share of the first height, and cosine of the tilt, below which the robot fell."""
+GRAVITY = 9.81
+
+
+class Watch:
+    """Sums over a walk; :meth:`look` after every step of MuJoCo.
+
+    Args:
+        model: ``mujoco.MjModel``, whose first body is the robot's.
+        data: ``mujoco.MjData`` at the start.
+        feet: names of the feet's spheres.
+    """
+
+    def __init__(self, model: Any, data: Any, feet: Sequence[str]) -> None:
+        self._model, self._data = model, data
+        self._feet = [int(model.geom(name).id) for name in feet]
+        self._height = float(data.qpos[2])
+        self._air = np.zeros(len(feet))
+        self._all: list[float] = []
+        self._settled: list[float] = []
+        self._turn: list[float] = []
+        self._command, self._since = np.zeros(3), 0.0
+        self.slip = self.energy = self.path = self.time = 0.0
+        self.steps = 0
+        self.fell = False
+
+    def look(self, command: Vector) -> None:
+        """Take up the state at which the last step began, and its forces.
+
+        Args:
+            command: (3,) forward, to the left, turning, m/s and rad/s.
+        """
+        mujoco = import_mujoco()
+        model, data, dt = self._model, self._data, float(self._model.opt.timestep)
+        if not np.array_equal(command, self._command):
+            self._command, self._since = np.array(command), 0.0
+        speed, on = sliding(model, data, self._feet)
+        self.slip += dt * float(speed.sum())
+        self.steps += int(np.sum(on & (self._air >= AIR)))
+        self._air = np.where(on, 0.0, self._air + dt)
+        self.energy += dt * float(np.maximum(data.actuator_force * data.actuator_velocity, 0.0).sum())
+        turned = data.xmat[1].reshape(3, 3)
+        heading = turned[:2, 0] / np.linalg.norm(turned[:2, 0])
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, 1, velocity, 0)
+        ahead, aside = velocity[3:5] @ heading, velocity[4] * heading[0] - velocity[3] * heading[1]
+        self.path += dt * float(np.hypot(velocity[3], velocity[4]))
+        error = float((ahead - command[0]) ** 2 + (aside - command[1]) ** 2)
+        self._all.append(error)
+        if self._since >= SETTLED:
+            self._settled.append(error)
+            self._turn.append(float(velocity[2] - command[2]) ** 2)
+        self._since, self.time = self._since + dt, self.time + dt
+        self.fell = bool(data.xpos[1, 2] < LOWEST * self._height or turned[2, 2] < UPRIGHT)
+
+    def measures(self) -> dict[str, Any]:
+        """Of the walk so far; None where there was nothing to measure."""
+        weight = GRAVITY * float(self._model.body_subtreemass[1])
+        return {
+            "fell": self.fell,
+            "stood_s": self.time,
+            "slip_mm_per_step": 1e3 * self.slip / max(self.steps, 1),
+            "steps_per_s": self.steps / self.time,
+            "error_m_s": _rms(self._all),
+            "settled_error_m_s": _rms(self._settled),
+            "settled_turn_error_rad_s": _rms(self._turn),
+            "joint_power_w": self.energy / self.time,
+            "cost_of_transport": self.energy / (weight * self.path),
+        }
+
+
+def sliding(model: Any, data: Any, feet: Sequence[int]) -> tuple[Vector, np.ndarray]:
+    """(feet,) speed along the ground of what touches it, m/s, and whether a foot is in contact.
+
+    A foot that rolls does not slide.
+
+    Args:
+        model: ``mujoco.MjModel``; the ground is level.
+        data: ``mujoco.MjData``.
+        feet: numbers of geoms.
+    """
+    mujoco = import_mujoco()
+    speed, on = np.zeros(len(feet)), np.zeros(len(feet), dtype=bool)
+    force, velocity = np.zeros(6), np.zeros(6)
+    for k in range(data.ncon):
+        contact = data.contact[k]
+        foot = next((geom for geom in contact.geom if geom in feet), None)
+        mujoco.mj_contactForce(model, data, k, force)
+        if foot is None or force[0] <= 0.0:
+            continue
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, foot, velocity, 0)
+        (p, q, r), (x, y, z) = velocity[:3], contact.pos - data.geom_xpos[foot]
+        place = feet.index(foot)
+        speed[place], on[place] = np.hypot(velocity[3] + q * z - r * y, velocity[4] + r * x - p * z), True
+    return speed, on
+
+
+def _rms(squares: list[float]) -> float | None:
+    return float(np.sqrt(np.mean(squares))) if squares else None
+
 
 NETWORK, LAW, LEARNING = "policy", "condensed", "condensed, joint friction"
 WALKERS = (NETWORK, LAW, LEARNING)

@@ -19,12 +19,9 @@ from harpy_pin.errors import HarpyError, RunFileError, shown
 from harpy_pin.files import check_writable, write_json
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from reproduction.gait.gait_file import OptimisedGait
-from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_gait import OptimisedGait, PlanarGait
 from reproduction.gait.planar_model import PlanarModel
 from reproduction.gait.search import PlanarTask
-
-__all__ = ["SearchProgress", "optimise_gait"]
 
 DRAWS = 60
 """Random gaits of which the best starts a run of CMA-ES."""

@@ -17,12 +17,9 @@ from harpy_pin.errors import InputError
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from reproduction.gait.joints import PlanarJoints
 from reproduction.gait.planar_gait import PlanarGait
 from reproduction.gait.planar_model import PlanarModel
-from reproduction.gait.planar_walk import PlanarWalk
-
-__all__ = ["Periodicity", "StepMap", "analyse_periodicity", "poincare_map"]
+from reproduction.gait.planar_walk import PlanarJoints, PlanarWalk
 
 SWAP = np.array([0, 1, 4, 5, 2, 3, 6, 7, 8, 11, 12, 9, 10, 15, 16, 13, 14])
 """Order of the section's entries with left and right exchanged."""

@@ -20,8 +20,6 @@ from harpy_pin.model.record import Records, field, fields, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["NV", "PlanarModel", "planar_robot", "planar_terms"]
-
 NV = 7
 """Degrees of freedom."""
 LOCKED = ("left_hip_frontal", "right_hip_frontal")

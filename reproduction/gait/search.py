@@ -20,8 +20,6 @@ from reproduction.gait.planar_model import PlanarModel
 from reproduction.gait.planar_walk import PlanarSummary, PlanarWalk
 from reproduction.gait.spatial import SpatialGait
 
-__all__ = ["SEARCHES", "PlanarTask", "SpaceCost"]
-
 Bounds = Mapping[str, tuple[float, float]]
 
 PAPER: Bounds = {"half_step": (0.01, 0.2), "swing_mid_height": (0.45, 0.55), "stance_mid_height": (0.55, 0.7)}

@@ -15,12 +15,9 @@ from harpy_pin.gaits.straight import GaitParameters, StraightGait, make_gait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from reproduction.gait.gait_file import PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
-from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_gait import PAPER_CURVES_GAIT, SPACE_GAIT, PlanarGait, load_gait
 from reproduction.gait.planar_model import PlanarModel
 from reproduction.gait.planar_walk import PlanarWalk
-
-__all__ = ["GAITS", "REFERENCES", "SpatialGait", "make_named_gait"]
 
 REFERENCES = ("constant", "planar")
 SAMPLES = 301

@@ -14,10 +14,9 @@ import pandas as pd
 import pytest
 
 import harpy_pin as hp
-from comparison.campaign import exceptions
-from comparison.campaign.exceptions import exceptions_table
-from comparison.campaign.plan import Task, code_digest, plan
-from comparison.campaign.settings import FACTORS, JOINT_DAMPING, KINDS, CampaignSettings, level_key
+from comparison.campaign import execute
+from comparison.campaign.execute import exceptions_table
+from comparison.campaign.plan import FACTORS, JOINT_DAMPING, KINDS, CampaignSettings, Task, code_digest, level_key, plan
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.summary import exceptions_of, summarise_rows, summary_tables, variants_table
 from comparison.campaign.walks import scenario, walk_task
@@ -225,11 +224,11 @@ def test_rows_survive_and_are_never_doubled(tmp_path: Path) -> None:
             Store(path)
     with path.open("ab") as file:
         file.write(b'{"key": "b", "x"')  # killed while writing
-    assert read_rows(path) == {"a": {"x": 1}}
+    assert read_rows(path)[0] == {"a": {"x": 1}}
     with Store(path) as store:
         assert store.rows == {"a": {"x": 1}}
         store.append("b", {"x": 3})
-    assert read_rows(path) == {"a": {"x": 1}, "b": {"x": 3}}
+    assert read_rows(path)[0] == {"a": {"x": 1}, "b": {"x": 3}}
     assert path.read_bytes().count(b"\n") == 2
 
 
@@ -335,13 +334,13 @@ def test_reasons_are_the_levels_without_which_a_walk_stands(tmp_path: Path, monk
             fell = task.push > 0.0 and task.delay > 0.0 and (task.contender == "condensed" or task.bandwidth > 0.0)
             store.append(task.key(code_digest()), {"measures": {"fell": fell}})
 
-    monkeypatch.setattr(exceptions, "execute", done)
-    (entry,) = exceptions.with_reasons([both], tasks, tmp_path / "rows.jsonl")
+    monkeypatch.setattr(execute, "execute", done)
+    (entry,) = execute.with_reasons([both], tasks, tmp_path / "rows.jsonl")
     assert entry["reasons"] == ["push 8 N·s", "delay 2 ms"]
     only = {"seed": tasks[0].seed, "fell": {"wbc": 2.0}}
-    (entry,) = exceptions.with_reasons([only], tasks, tmp_path / "rows.jsonl")
+    (entry,) = execute.with_reasons([only], tasks, tmp_path / "rows.jsonl")
     assert entry["reasons"] == ["push 8 N·s", "delay 2 ms", "motors 20 Hz"]
-    usual = replace(tasks[0], **exceptions.USUAL)
-    assert exceptions.variations(usual) == {}
-    assert exceptions.variations(replace(usual, ice=0.15)) == {"ice": usual}
-    assert set(exceptions.USUAL) == set(FACTORS) - {"friction"}
+    usual = replace(tasks[0], **execute.USUAL)
+    assert execute.variations(usual) == {}
+    assert execute.variations(replace(usual, ice=0.15)) == {"ice": usual}
+    assert set(execute.USUAL) == set(FACTORS) - {"friction"}

@@ -15,8 +15,7 @@ import pytest
 
 from comparison.campaign import execute
 from comparison.campaign.execute import run_campaign
-from comparison.campaign.plan import code_digest, plan
-from comparison.campaign.settings import CampaignSettings
+from comparison.campaign.plan import CampaignSettings, code_digest, plan
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.walks import walk_task
 from comparison.contenders import CONTENDERS
@@ -35,7 +34,7 @@ def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.Mo
     path = tmp_path / "rows.jsonl"
     with pytest.raises(HarpyError, match=r"MuJoCo, which is not installed: pip install 'harpy-pin\[mujoco\]'"):
         run_campaign(CampaignSettings.wide(walks=16), path)
-    assert read_rows(path) == {}
+    assert read_rows(path)[0] == {}
 
 
 def killed(job: int) -> dict[str, Any]:
@@ -94,7 +93,7 @@ def test_a_killed_campaign_goes_on_where_it_was(undisturbed: str, tmp_path: Path
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
-    before = read_rows(path)
+    before = read_rows(path)[0]
     assert 4 <= len(before) < WALKS  # killed in the middle
     path.write_bytes(path.read_bytes() + b'{"key": "half a li')
     done = finished(path)

@@ -9,11 +9,17 @@ import numpy as np
 import pytest
 
 import comparison.measure.replay as replays
-from comparison.measure.controllers import CONTENDERS, make_contender
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
-from comparison.measure.states import StateSequence, pushed_walk, record_states, walk
 from comparison.measure.timing import Bench, TimingSettings, counted, interleave, ratio_of_medians, summarise
 from comparison.measure.verification import stationarity
+from comparison.measure.walking import (
+    CONTENDERS,
+    StateSequence,
+    make_contender,
+    pushed_walk,
+    record_states,
+    recorded_walk,
+)
 from comparison.sections.timing import time_contenders
 from harpy_pin import InputError, State, load_harpy
 from harpy_pin.files import finite
@@ -36,7 +42,10 @@ class CountingClock:
 
 @pytest.fixture(scope="module")
 def sequences() -> list[StateSequence]:
-    return [record_states(name, walk(name, friction=FRICTION, duration=0.3), least=1) for name in ("governed", "wbc")]
+    return [
+        record_states(name, recorded_walk(name, friction=FRICTION, duration=0.3), least=1)
+        for name in ("governed", "wbc")
+    ]
 
 
 def test_percentiles_of_known_samples() -> None:
@@ -166,7 +175,7 @@ def test_interleaving_reaches_every_piece_once() -> None:
 
 def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> None:
     robot = load_harpy()
-    run = walk("governed", friction=FRICTION, duration=0.05)
+    run = recorded_walk("governed", friction=FRICTION, duration=0.05)
     with pytest.raises(InputError, match="50 ticks"):
         record_states("governed", run, least=100)
     settings, rng = TimingSettings(warm_up=10_000), np.random.default_rng(0)

@@ -14,9 +14,8 @@ from scipy.sparse import csc_matrix
 
 from comparison.cli import app
 from comparison.public import solvers
-from comparison.public.problems import KEYS, is_convex, mat_problems, npz_problems
-from comparison.public.solvers import solve_with_dual, time_solvers
-from comparison.public.study import SOURCES, measure_public
+from comparison.public.solvers import KEYS, solve_with_dual, time_solvers
+from comparison.public.study import SOURCES, is_convex, mat_problems, measure_public, npz_problems
 from harpy_pin.errors import InputError
 
 MPC = Problem(np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, 1.0]), -np.eye(2), np.array([0.0, -0.2]))

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import comparison.cli.results as command
 from comparison.cli import app
-from comparison.results import markdown, read_blocks, rewritten, sources_of
+from comparison.cli.results import markdown, read_blocks, rewritten, sources_of
 from comparison.tables import Cell, Table, cell_text
 from harpy_pin.errors import HarpyError, InputError
 

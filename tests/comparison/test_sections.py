@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from comparison.measure.states import pushed_walk, record_states
 from comparison.measure.timing import Bench, TimingSettings
-from comparison.sections import growth, simulator
-from comparison.sections.formulations import formulations_table
-from comparison.sections.ticks import make_all
+from comparison.measure.walking import pushed_walk, record_states
+from comparison.sections import growth, ticks
+from comparison.sections.ticks import formulations_table, make_all
 from harpy_pin.model import catalogue
 from harpy_pin.wbc import FORMULATIONS, installed_solvers
 
@@ -89,13 +88,13 @@ def test_exponent_of_a_power() -> None:
 
 
 def test_walks_beside_the_wall_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(simulator, "WALKERS", ("governed/paper", "wbc"))
+    monkeypatch.setattr(ticks, "WALKERS", ("governed/paper", "wbc"))
     pieces: list[int] = []
     settings, rng = TimingSettings(repetitions=2), np.random.default_rng(0)
     bench = Bench(robot=hp.load_harpy(), friction=0.8, settings=settings, rng=rng, on_pass=lambda: pieces.append(1))
-    entry = simulator.time_simulator(bench, duration=0.1)
-    assert len(pieces) == 2 * simulator.WALKS
+    entry = ticks.time_simulator(bench, duration=0.1)
+    assert len(pieces) == 2 * ticks.WALKS
     for row in entry["walk"].values():
         assert row["ending"] == "completed"
         assert 0.0 < row["low"] <= row["real_time"] <= row["high"]
-    assert simulator.simulator_table(entry).rows == ["paper's governor", "whole-body QP"]
+    assert ticks.simulator_table(entry).rows == ["paper's governor", "whole-body QP"]

@@ -11,10 +11,8 @@ import pytest
 from comparison.cli import app
 from comparison.peers.environment import PLAYGROUND, WorkerError, default_folder, interpreter
 from comparison.studies.walkers import RANGE, STUDY
-from comparison.walkers.go1 import FEET, robot_of
 from comparison.walkers.policy import WEIGHTS, Policy, observation
-from comparison.walkers.walk import LAW, NETWORK, Law, followed, walked
-from comparison.walkers.watch import Watch, sliding
+from comparison.walkers.walk import FEET, LAW, NETWORK, Law, Watch, followed, robot_of, sliding, walked
 from harpy_pin import InputError
 from harpy_pin.simulation.mujoco import Conventions
 

@@ -19,9 +19,9 @@ from harpy_pin.governors.point_mass import Law, model_record
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.simulation.step import step_record
-from reproduction.gait.joints import PlanarJoints, walk_record
 from reproduction.gait.planar_gait import PlanarGait
 from reproduction.gait.planar_model import PlanarModel
+from reproduction.gait.planar_walk import PlanarJoints, walk_record
 
 GUARD, CANARY = 32, 1.2345e67
 COMPILED = {

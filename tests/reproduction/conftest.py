@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import harpy_pin as hp
-from reproduction.gait.gait_file import load_gait
+from reproduction.gait.planar_gait import load_gait
 from reproduction.gait.planar_model import PlanarModel
 
 

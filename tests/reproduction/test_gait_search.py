@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from harpy_pin.errors import HarpyError, InputError, RunFileError
-from reproduction.gait.gait_file import OptimisedGait, load_gait
 from reproduction.gait.optimise import optimise_gait
-from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_gait import OptimisedGait, PlanarGait, load_gait
 from reproduction.gait.search import SEARCHES, PlanarTask
 
 

@@ -19,11 +19,9 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.record import field
 from harpy_pin.simulation.step import step_record
-from reproduction.gait.gait_file import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait
-from reproduction.gait.joints import PlanarJoints, joint_targets, walk_record
-from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_gait import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, PlanarGait, load_gait
 from reproduction.gait.planar_model import PlanarModel
-from reproduction.gait.planar_walk import PlanarWalk, planar_step
+from reproduction.gait.planar_walk import PlanarJoints, PlanarWalk, joint_targets, planar_step, walk_record
 
 
 def random_state(rng):

@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 import harpy_pin as hp
 from harpy_pin.log.measures import chattering
 from reproduction.claims import CLAIMS, DEPARTURES, Verdict
-from reproduction.gait.gait_file import SPACE_GAIT, load_gait
+from reproduction.gait.planar_gait import SPACE_GAIT, load_gait
 from reproduction.gait.search import SpaceCost
-from reproduction.reduced_order import body_velocity, model_force, model_rows
 from reproduction.report import SETTINGS, prepare_folder, reproduce, write_report
 from reproduction.vlip_claims import VlipCase, polar_of
 from reproduction.vlip_simulation import cartesian
-from reproduction.walk_claims import MU, walk_run
+from reproduction.walk_claims import MU, body_velocity, model_force, model_rows, walk_run
 
 
 @given(st.integers(1, 40), st.floats(0.1, 10.0))

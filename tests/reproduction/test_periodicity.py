@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from harpy_pin.errors import InputError
-from reproduction.gait.joints import PlanarJoints
 from reproduction.gait.periodicity import SCALE, StepMap, analyse_periodicity, poincare_map
 from reproduction.gait.planar_gait import PlanarGait
+from reproduction.gait.planar_walk import PlanarJoints
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,14 @@ from harpy_pin.governors.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.rows import force_rows_measured
 from harpy_pin.governors.thrust import CentreGains, centre_feedback
 from reproduction.vlip_model import PolarRows, leg_force, multiplier, polar_to_cartesian
-from reproduction.vlip_simulation import VlipParameters, cartesian, paper_reference, simulate_vlip, vlip_governor
+from reproduction.vlip_simulation import (
+    PAPER_GAINS,
+    VlipParameters,
+    cartesian,
+    paper_reference,
+    simulate_vlip,
+    vlip_governor,
+)
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 vectors = arrays(np.float64, 3, elements=st.floats(-2.0, 2.0))
@@ -94,7 +101,7 @@ def test_polar_reference_by_complex_step(w, foot):
 def test_polar_rows_are_the_cartesian_rows(evaluate_at, theta, phi, length, seed):
     """The same constraints at the same reference, with the Jacobian by central differences."""
     rng = np.random.default_rng(seed)
-    cart = ForceRows(mass=4.0, mu=0.45, law=Law.PROJECTED, gains=VlipParameters().gains, evaluate_at=evaluate_at)
+    cart = ForceRows(mass=4.0, mu=0.45, law=Law.PROJECTED, gains=PAPER_GAINS, evaluate_at=evaluate_at)
     rows = PolarRows(cart)
     x = np.concatenate((cartesian(0.4, 0.2, 0.4), rng.normal(size=3), np.zeros(3)))
     w = np.concatenate(([theta, phi, length], 0.3 * rng.normal(size=3)))
@@ -162,17 +169,6 @@ def test_too_long_a_step_is_reported():
 # --- Equations as they are printed ------------------------------------------------------------------------------------
 
 
-GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
-
-
-def parameters(law):
-    rows = ForceRows(mass=4.0, mu=0.45, min_normal_force=20.0, gains=GAINS, law=law)
-    return rows.record[0]
-
-
-vectors_equations = arrays(np.float64, 6, elements=st.floats(-1.0, 1.0))
-
-
 def measured(theta, phi, length, rate):
     return np.concatenate((cartesian(theta, phi, length), rate, np.zeros(3)))
 
@@ -186,10 +182,10 @@ states = st.builds(
 )
 
 
-@given(states, vectors_equations)
+@given(states, arrays(np.float64, 6, elements=st.floats(-1.0, 1.0)))
 def test_w2_deadlock(x, x_r):
     """v_n is proportional to x_r − x_w: where both coincide and violate, nothing moves, however long."""
-    rows = ForceRows(mass=4.0, mu=0.0, gains=GAINS, law=Law.PROJECTED, min_normal_force=1e6)
+    rows = ForceRows(mass=4.0, mu=0.0, gains=PAPER_GAINS, law=Law.PROJECTED, min_normal_force=1e6)
     governor = ExplicitReferenceGovernor(rows, alpha_r=1.0, alpha_t=5.0, alpha_n=2.0)
     governor.reset(x_r)
     for _ in range(50):
@@ -203,17 +199,17 @@ def test_w7_finite_differences_give_the_wrong_rank():
     """The five rows are parallel: rank one. Differences of a step of 1e-6 make it more, and with too small
     a null space the reference stands still where it need not; the analytic rows, normalised, have the right one."""
     rng = np.random.default_rng(0)
-    wrong, p = 0, parameters(Law.PROJECTED)
+    wrong, rows = 0, ForceRows(mass=4.0, mu=0.45, gains=PAPER_GAINS, law=Law.PROJECTED)
     for _ in range(100):
         x = measured(rng.uniform(0.1, 1.0), rng.uniform(-3.0, 3.0), rng.uniform(0.2, 0.8), rng.uniform(-1.0, 1.0, 3))
         w = rng.uniform(-1.0, 1.0, 6)
         h, jacobian, scratch = np.empty(5), np.empty((5, 6)), np.empty((5, 6))
-        force_rows_measured(x, w, p, h, jacobian)
+        force_rows_measured(x, w, rows.record[0], h, jacobian)
         differences = np.empty((5, 6))
         for i in range(6):
             moved, ahead = w.copy(), np.empty(5)
             moved[i] += 1e-6
-            force_rows_measured(x, moved, p, ahead, scratch)
+            force_rows_measured(x, moved, rows.record[0], ahead, scratch)
             differences[:, i] = (ahead - h) / 1e-6
         wrong += np.linalg.matrix_rank(differences) > 1
         assert np.linalg.matrix_rank(jacobian) == 1

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from harpy_pin.cli import app as cli
-from reproduction.cli import app as reproduction
+from reproduction import cli as reproduction
 
 ROOT = Path(__file__).resolve().parents[2]
 

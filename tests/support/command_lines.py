@@ -15,7 +15,7 @@ from typer.models import ArgumentInfo, OptionInfo
 
 from comparison import cli as comparison
 from harpy_pin.cli import app as harpy
-from reproduction.cli import app as reproduction
+from reproduction import cli as reproduction
 
 PROGRAMS = {"harpy": harpy, "comparison": comparison, "reproduction": reproduction}
 WORK = (
@@ -31,13 +31,13 @@ WORK = (
     "webbrowser.open",
     "reproduction.vlip_simulation.simulate_vlip",
     "reproduction.report.reproduce",
-    "reproduction.gait.optimise_gait",
-    "comparison.cli.whole.compare",
-    "comparison.cli.peers.compare_peers",
-    "comparison.cli.public.measure_public",
-    "comparison.cli.peers._install",
-    "comparison.cli.walks.run_campaign",
-    "comparison.cli.tuning.search_settings",
+    "reproduction.gait.optimise.optimise_gait",
+    "comparison.cli.commands.compare",
+    "comparison.cli.commands.compare_peers",
+    "comparison.cli.commands.measure_public",
+    "comparison.cli.commands._install",
+    "comparison.cli.commands.run_campaign",
+    "comparison.cli.commands.search_settings",
     "comparison.cli.studies.film_flights",
     "comparison.study.Study.run",
 )

@@ -7,7 +7,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command
-from reproduction.gait.joints import PlanarJoints, planar_control, walk_record
+from reproduction.gait.planar_walk import PlanarJoints, planar_control, walk_record
 
 
 class PlanarWalkController:

@@ -30,7 +30,7 @@ from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.scenario import Walk
 from harpy_pin.wbc import FORMULATIONS, WholeBodyTargets, make_problem
 from harpy_pin.wbc.condensed import CondensedSolver
-from reproduction.gait.gait_file import load_gait
+from reproduction.gait.planar_gait import load_gait
 from reproduction.gait.planar_walk import PlanarWalk
 from reproduction.gait.spatial import make_named_gait
 from reproduction.margin import MarginGovernor

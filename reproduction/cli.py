@@ -1,7 +1,8 @@
-"""The command ``python -m reproduction gait``: print a gait, judge it, or search for one."""
+"""The commands of ``python -m reproduction``: the paper's simulations and claims, and the planar gait."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -9,19 +10,92 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Table
 
 from harpy_pin import checks
-from harpy_pin.cli.ending import say
-from harpy_pin.cli.output import INTERRUPTED, console, stderr, values_table
+from harpy_pin.cli.ending import one_line_errors, say, stopping
+from harpy_pin.cli.output import BAD_INPUT, INTERRUPTED, JsonOption, console, stderr, values_table
 from harpy_pin.errors import InputError
-from harpy_pin.files import check_outputs
+from harpy_pin.files import check_outputs, check_writable, write_json
 
 if TYPE_CHECKING:
     from harpy_pin.model.robot import Robot
-    from reproduction.gait.gait_file import OptimisedGait
     from reproduction.gait.optimise import SearchProgress
+    from reproduction.gait.planar_gait import OptimisedGait
 
-__all__ = ["gait"]
+
+def paper(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report; made if it is not there.")],
+    duration: Annotated[float, typer.Option(help="Length of each 3D walk, s.")] = 10.0,
+) -> None:
+    """Reproduce the paper: both simulations, every claim with a verdict and a number, and the figures.
+
+    Writes DIR/report.html (one self-contained page), DIR/numbers.json and DIR/figures/*.pdf. Exit code 0 only if every
+    number was produced.
+    """
+    checks.ticks(checks.number("duration", duration, low=0.1), 1e-3)
+    from harpy_pin.model.robot import load_harpy
+    from reproduction.report import prepare_folder, reproduce, write_report
+
+    prepare_folder(out)
+    with stderr.status("preparing") as status:
+        result = reproduce(load_harpy(), duration=duration, on_stage=lambda stage: status.update(f"{stage} …"))
+    table = Table("", "gait", "verdict", "number", title="Claims of the paper")
+    for finding in result.findings:
+        table.add_row(finding.claim.key, finding.setting, str(finding.verdict), finding.number)
+    console.print(table)
+    try:
+        page = write_report(result, out)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"interrupted; what '{out}' holds may be of two runs") from None
+    console.print(f"report: {page}", markup=False, highlight=False)
+
+
+def vlip(
+    governor: Annotated[str, typer.Option(help="Governor: none, paper or margin.")] = "paper",
+    evaluate_at: Annotated[
+        str,
+        typer.Option(
+            help="Where the paper's governor evaluates its constraints: measured (state) or tracked (reference)."
+        ),
+    ] = "tracked",
+    start: Annotated[
+        str,
+        typer.Option(
+            help="Start state: paper (on the target, which violates the constraints) or inside (the friction cone)."
+        ),
+    ] = "paper",
+    coordinates: Annotated[
+        str, typer.Option(help="Coordinates of the governed reference: polar (θ, φ, l) or cartesian.")
+    ] = "polar",
+    mass: Annotated[float, typer.Option(help="Mass, kg.")] = 4.0,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of the constraints.")] = 0.45,
+    duration: Annotated[float, typer.Option(help="Simulated time, s.")] = 4.0,
+    dt: Annotated[float, typer.Option(help="Control and integration step, s.")] = 1e-3,
+    json: JsonOption = None,
+) -> None:
+    """Run the paper's first simulation: a point mass on a variable-length leg (VLIP) under its thruster law.
+
+    \b
+    python -m reproduction vlip --governor none
+    python -m reproduction vlip --evaluate-at tracked --start inside
+    python -m reproduction vlip --governor margin --start inside
+    """
+    from harpy_pin.governors.rows import EVALUATE_AT
+    from reproduction.vlip_simulation import VLIP_GOVERNORS, VlipParameters, simulate_vlip, vlip_governor, vlip_setting
+
+    checks.one_of("governor", governor, VLIP_GOVERNORS)
+    checks.one_of("evaluate_at", evaluate_at, EVALUATE_AT)
+    if json is not None:
+        check_writable(json)
+    given = VlipParameters(mass=mass, mu=friction, duration=duration, dt=dt, coordinates=coordinates, start=start)
+    parameters = vlip_setting(governor, given)
+    chosen = vlip_governor(parameters, name=governor, evaluate_at=evaluate_at)
+    summary = vars(simulate_vlip(chosen, parameters).summary())
+    title = f"VLIP, governor {governor}" + (f" ({evaluate_at})" if governor == "paper" else "")
+    console.print(values_table(title, summary))
+    if json is not None:
+        write_json(json, summary)
 
 
 def gait(
@@ -78,11 +152,10 @@ def gait(
     checks.whole("budget", budget, low=1, high=10**9)
     from harpy_pin.gaits import GaitParameters
     from harpy_pin.model.robot import load_harpy
-    from reproduction.gait import PlanarTask, optimise_gait
-    from reproduction.gait.gait_file import load_gait
-    from reproduction.gait.planar_gait import PlanarGait
+    from reproduction.gait.optimise import optimise_gait
+    from reproduction.gait.planar_gait import PlanarGait, load_gait
     from reproduction.gait.planar_model import PlanarModel
-    from reproduction.gait.search import SpaceCost
+    from reproduction.gait.search import PlanarTask, SpaceCost
 
     robot = load_harpy()
     if search is None:
@@ -157,7 +230,7 @@ def _search_bar(budget: int) -> Iterator[Callable[[SearchProgress], None]]:
 
 def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability: bool) -> None:
     from harpy_pin.ground.ground import Ground
-    from reproduction.gait import analyse_periodicity
+    from reproduction.gait.periodicity import analyse_periodicity
     from reproduction.gait.planar_model import PlanarModel
     from reproduction.gait.planar_walk import PlanarWalk
 
@@ -171,3 +244,24 @@ def _show_gait(robot: Robot, found: OptimisedGait, *, friction: float, stability
             values[name] = f"{periodic.spectral_radius:.3f} ({periodic.spread[0]:.3f} to {periodic.spread[1]:.3f})"
     console.print(values_table(f"planar walk of 30 s without thrusters, friction {friction:g}", values))
     console.print(f"found by: {found.record.get('command', 'unknown')}", highlight=False)
+
+
+NAME = "python -m reproduction"
+
+app = typer.Typer(
+    name=NAME,
+    help="Reproduce the paper of 2021 whose governor the library has: its simulations, its claims, and its gait.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+for command in (paper, vlip, gait):
+    app.command()(stopping(command))
+
+
+def main() -> None:
+    """Entry point: errors of ours become one line and an exit code."""
+    with one_line_errors("reproduction", BAD_INPUT):
+        sys.exit(app(prog_name=NAME, standalone_mode=False))

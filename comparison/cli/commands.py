@@ -1,0 +1,266 @@
+"""The commands that are not studies: the comparison itself, campaigns, the search for settings, other libraries."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from comparison.benchmark import FRICTION, Settings, compare
+from comparison.campaign.execute import exceptions_table, run_campaign, with_reasons
+from comparison.campaign.plan import KINDS, QUICK, plan
+from comparison.campaign.summary import variants_table
+from comparison.cli.output import NumbersFile, print_tables, stages, writing
+from comparison.peers.compare import ROBOTS, compare_peers, peer_tables
+from comparison.peers.environment import PEERS, PLAYGROUND, default_folder
+from comparison.peers.environment import install as install_peer
+from comparison.public.study import measure_public, public_tables
+from comparison.report.answer import answer_of, passed
+from comparison.report.html import figures_of, tables_of, write_report
+from comparison.tuning.tune import TuneSettings, tuning_tables
+from comparison.tuning.tune import tune as search_settings
+from comparison.tuning.variants import VARIANTS
+from harpy_pin import checks
+from harpy_pin.errors import RunFileError
+from harpy_pin.files import check_writable, write_json
+
+
+def whole(
+    context: typer.Context,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Shorter walks and fewer repetitions: a look in under two minutes.")
+    ] = False,
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="DIR", help="Folder for report.html, results.json and .csv, campaign.jsonl."),
+    ] = Path("out/comparison"),
+    json: NumbersFile = None,
+    figures: Annotated[
+        Path | None, typer.Option("--figures", metavar="DIR", help="Also save the figures there (pareto.png, ...).")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the pushes and of the order in which controllers are timed.")] = 0,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of the walks whose states are timed.")] = 0.25,
+    duration: Annotated[
+        float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]", show_default=False)
+    ] = None,
+) -> None:
+    """Compare reference governors, the condensed controller and a QP whole-body controller.
+
+    Walks of the same robot are recorded. Their states are then replayed through every controller and timed: the
+    complete tick, its phases, isolated governor updates and isolated solves. Every timed command is checked against an
+    untimed one. Then every controller walks a campaign of randomly drawn scenarios. The command prints its answer:
+    which controllers keep the feet from slipping, and what a tick costs. One HTML page has all tables and figures, what
+    was checked, and the limitations; JSON and CSV files have every number.
+
+    The full run takes some minutes. Do not use the machine for other work meanwhile: other processes change the medians
+    little, but the tails a lot. Walks of the campaign that an earlier run of the same code left in the folder are not
+    repeated.
+    """
+    if context.invoked_subcommand is not None:
+        return
+    if json is not None:
+        check_writable(json)
+    given: dict[str, Any] = {"friction": friction, "seed": seed}
+    if duration is not None:
+        given["duration"] = duration
+    settings = Settings.quick(**given) if quick else Settings(**given)
+    for folder in (out, figures):
+        if folder is not None:
+            _make_folder(folder)
+    with stages() as progress:
+        document = compare(settings, progress, rows=out / "campaign.jsonl")
+    if json is not None:
+        write_json(json, document)
+    write_report(out, document)
+    if figures is not None:
+        for name, figure in figures_of({table.name: table for table in tables_of(document)}).items():
+            figure.savefig(figures / f"{name}.png")
+    typer.echo(answer_of(document).to_string(out / "report.html"))
+    if not passed(document):
+        typer.echo("error: a timed command was not what it should be; do not use these times", err=True)
+        raise typer.Exit(1)
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder, and find out now whether it can be written to."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFileError(f"cannot make the folder '{folder}': {error.strerror or error}", path=folder) from error
+    check_writable(folder / "report.html")
+
+
+def campaign(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help=f"One of {', '.join(KINDS)}.")] = "plain",
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
+    ] = False,
+    joint_damping: Annotated[
+        float | None,
+        typer.Option(
+            metavar="D",
+            help="Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5.  "
+            "[default: 0.1]",
+        ),
+    ] = None,
+    walks: Annotated[int | None, typer.Option(metavar="N", help="Number of walks.  [default: by kind]")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of a walk, s.  [default: 5]")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the scenarios.  [default: by kind]")] = None,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="File for the finished walks, one line of JSON each.")
+    ] = Path("campaign.jsonl"),
+    json: NumbersFile = None,
+) -> None:
+    """Walk every controller and governor through drawn scenarios.
+
+    All walk the same ones.
+    Scenarios vary the friction of the ground, lateral pushes, the body's mass and the friction that the controller
+    assumes. "wide": wider ranges, noise, delay, ice, stiffness and damping of the ground, speed and engine, from a seed
+    that nothing was tuned on. "variants": the same scenarios, walked by every variant of the paper's governor and by
+    what it is compared with, with published settings and with those that "tune" found. "harsh": what "wide" varies,
+    joint damping, weak and slow motors, and MuJoCo's default contact; every variant walks, too, with the same torque
+    limits. All but "plain" need MuJoCo. Every finished walk is written to disk at once, so a campaign that was stopped
+    continues when the same command is given again. Rows of other settings or other code in the file are ignored.
+    """
+    checks.one_of("kind", kind, KINDS)
+    check_writable(out)
+    damped = None if joint_damping is None else (joint_damping,)
+    given: dict[str, Any] = {"walks": walks, "duration": duration, "seed": seed, "joint_dampings": damped}
+    changes = (QUICK if quick else {}) | {name: value for name, value in given.items() if value is not None}
+    settings = KINDS[kind](**changes)
+    with writing(json) as summary, stages() as progress:
+        summary |= run_campaign(settings, out, progress=partial(progress, "campaign"))
+        if kind == "harsh":
+            again = partial(progress, "reasons")
+            summary["exceptions"] = with_reasons(summary["exceptions"], plan(settings), out, progress=again)
+    print_tables([variants_table(summary), *([exceptions_table(summary)] if kind == "harsh" else [])])
+
+
+def tune(
+    budget: Annotated[
+        int, typer.Option(metavar="N", help="Settings that each variant gets, the published ones among them.")
+    ] = TuneSettings.budget,
+    train: Annotated[int, typer.Option(metavar="N", help="Walks of each setting.")] = TuneSettings.train,
+    judge: Annotated[
+        int, typer.Option(metavar="N", help="Walks, apart from those, of the published and of the best settings.")
+    ] = TuneSettings.judge,
+    duration: Annotated[float, typer.Option(help="Length of a walk, s.")] = TuneSettings.duration,
+    joint_damping: Annotated[
+        float,
+        typer.Option(
+            metavar="D",
+            help="Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5.",
+        ),
+    ] = TuneSettings.joint_damping,
+    seed: Annotated[int, typer.Option(help="Seed of the proposed settings.")] = TuneSettings.seed,
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="VARIANT", help=f"This one; may be given several times: {', '.join(VARIANTS)}."),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="FILE", help="File for the tried settings, one line of JSON each.")
+    ] = Path("tune.jsonl"),
+    json: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write settings and scores to this file.")
+    ] = None,
+) -> None:
+    """Search settings of every variant of the paper's governor.
+
+    And of what it is compared with.
+    Each variant gets the same number of settings: the published ones, random ones, then changes of the best so far.
+    Governed variants also try the gains that were found without a governor.
+    Fewest falls come first; among equals the least mean of log(1 + slip in mm per step) + tracking error in metres
+    decides. The walks are drawn as those of the wide campaign, from other seeds; what is found is judged on further
+    walks. Every tried setting is written to disk at once, so a search that was stopped continues when the same command
+    is given again. --budget 20 --train 12 --judge 24 takes minutes, the default an hour or more. Needs MuJoCo.
+    """
+    check_writable(out)
+    settings = TuneSettings(
+        budget=budget,
+        train=train,
+        judge=judge,
+        duration=duration,
+        joint_damping=joint_damping,
+        seed=seed,
+        variants=tuple(only) if only else TuneSettings.variants,
+    )
+    with writing(json) as document, stages() as progress:
+        document |= search_settings(settings, out, partial(progress, "settings"))
+    print_tables(tuning_tables(document))
+
+
+def peers(
+    install: Annotated[
+        bool,
+        typer.Option(
+            "--install",
+            help="Download and install the peers in their virtual environments, then exit: with 1 if one of them "
+            "cannot be installed.",
+        ),
+    ] = False,
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--folder",
+            metavar="DIR",
+            help="Folder of these environments.  [default: in the user's cache]",
+            show_default=False,
+        ),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Shorter walks, fewer repetitions, one robot.")] = False,
+    json: NumbersFile = None,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of the walks.")] = FRICTION,
+) -> None:
+    """Time other libraries' controllers.
+
+    They get the same states as our whole-body controllers. placo and TSID need other versions of Pinocchio than this
+    library: each runs in a virtual environment of its own, which --install makes once. Each is given our program and
+    has to find our solution before its times count. A library that is not installed, fails, or finds another solution
+    is reported without times.
+    """
+    folder = default_folder() if folder is None else folder
+    if install:
+        _install(folder)
+        return
+    settings = Settings.quick(friction=friction) if quick else Settings(friction=friction)
+    with writing(json) as document, stages() as progress:
+        document |= compare_peers(
+            progress,
+            friction=friction,
+            duration=settings.duration,
+            timing=settings.timing,
+            folder=folder,
+            growth=tuple(ROBOTS)[: 1 if quick else None],
+        )
+    print_tables(peer_tables(document["peers"]))
+
+
+def _install(folder: Path) -> None:
+    """Install every peer, and say of each how it ended."""
+    failed = False
+    for name in (*PEERS, PLAYGROUND.name):
+        typer.echo(f"{name}: installing in {folder / name.lower()}", err=True)
+        reason = install_peer(folder, name)
+        typer.echo(f"{name}: {f'cannot be installed: {reason}' if reason else 'installed'}")
+        failed |= bool(reason)
+    if failed:
+        raise typer.Exit(1)
+
+
+def public(
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder with your clones of the repositories.")],
+    quick: Annotated[bool, typer.Option("--quick", help="A few programs: to see whether it works.")] = False,
+    json: NumbersFile = None,
+) -> None:
+    """Measure on benchmarks that no one here wrote.
+
+    Reads clones of mpc_qpbenchmark and maros_meszaros_qpbenchmark, and says which is missing and how to get it. Our
+    dual active-set method solves the programs beside quadprog, DAQP, PIQP, ProxQP and Clarabel, to the tolerances of
+    qpbenchmark. This takes some minutes.
+    """
+    how = {"problems": 6, "repetitions": 1} if quick else {}
+    with writing(json) as document, stages() as progress:
+        document |= measure_public(data, partial(progress, "public"), **how)
+    print_tables(public_tables(document))

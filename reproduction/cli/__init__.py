@@ -1,1 +1,0 @@
-"""The commands of the reproduction: ``python -m reproduction``."""
