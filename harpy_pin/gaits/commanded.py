@@ -18,11 +18,11 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
 from harpy_pin.gaits.steering import FEET_APART, FROZEN, LONGEST_GAP, MAX_TURN, advance, restart
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, StepParameters, penetration_offset_on
-from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_of_capped
+from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, VelocityRecord
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import RecordOf, field, make_record, sized
+from harpy_pin.model.record import field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
@@ -51,18 +51,10 @@ class CommandedParameters(StepParameters):
         checks.number("width", self.width, low=0.5 * FEET_APART, strict=True)
 
 
-class CommandedRecord(RecordOf, CommandedParameters):
+class CommandedRecord(VelocityRecord, CommandedParameters):
     """What the walk of :class:`CommandedGait` remembers, besides its parameters."""
 
-    most_speed: float  # what the legs reach, m/s
-    most_sideways: float  # largest velocity to the side, m/s
     terrain: TerrainRecord  # the ground, on whose edges no foot is set
-    command: Vector = sized(3)  # given: forward, to the left (m/s), turn (rad/s)
-    last_command: Vector = sized(3)  # the last one that is all numbers
-    goal: Vector = sized(3)  # command within the limits
-    velocity: Vector = sized(3)  # that is walked: forward, to the left (m/s), turn (rad/s)
-    rate: Vector = sized(3)  # of it, m/s² and rad/s²
-    path: Vector = sized(3)  # x, y (m) and heading (rad) of the place that the walk goes about
     # sway (m) and its velocity (m/s) at the end of the last walk, and the time in which they go, s
     leftover: Vector = sized(3)
     foot: Vector = sized(2, 2)  # x and y of each foot's target, world, m
@@ -71,11 +63,9 @@ class CommandedRecord(RecordOf, CommandedParameters):
     in_air: Vector = sized(2)  # 1 for a swing foot, else 0
     left: Vector = sized(2)  # time until it lands, s
     time: float = 0.0  # of the last update, s
-    switch: float = inf  # when the next row of the script begins, s
     phase: float = 0.0  # of the walk in steps, 0 to 2
     walking: float = 0.0  # 1 while steps are made, else 0
     begun: float = 0.0  # share of the first step that is done
-    refused: float = 0.0  # updates with a command that was not all numbers
 
 
 @fixed_arrays("applied", "command", "record")
@@ -127,17 +117,20 @@ class CommandedGait(FollowsVelocity):
         self.most_speed, self.most_sideways = self._speeds()
         self.record = make_record(
             CommandedRecord,
+            {"entries": 3},
             **asdict(p),
-            most_speed=self.most_speed,
-            most_sideways=self.most_sideways,
+            radius=p.width,
+            max_speed=self.most_speed,
+            max_aside=self.most_sideways,
+            max_turn=MAX_TURN,
+            max_bend=inf,
             terrain=flat_terrain(),
         )
         self._state = self.record[0]
-        commands = self._follow(velocity)
+        self._follow(velocity)
         self.target = GaitTarget()
         restart.prepare(self.record)
         advance.prepare(0.0, self.record, self.target.record)
-        warn_of_capped(commands, speed=self.most_speed, radius=p.width, sideways=self.most_sideways, turn=MAX_TURN)
         self._begin()
 
     def __repr__(self) -> str:

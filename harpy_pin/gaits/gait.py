@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol, cast
+from typing import Any, ClassVar, Protocol, cast
 
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
+from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.kinematics import LegGeometry
@@ -250,6 +250,41 @@ def copy_target(g: GaitTargetRecord, o: GaitTargetRecord) -> None:
     o.ground_height[:] = g.ground_height
     o.up[:] = g.up
     o.centre_of_mass[:] = g.centre_of_mass
+
+
+class ClockGait(KeepsViews):
+    """A gait whose targets one kernel finds from the time alone.
+
+    It never changes where its class says so itself, by ``constant``; controllers may then copy it
+    (:func:`own_target`), and call the kernel by themselves.
+
+    Attributes:
+        target: of the last update.
+    """
+
+    robot: Robot
+    target: GaitTarget
+    _record: Records[Any]
+    _kernel: ClassVar[Kernel[bool]]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}('{self.robot.name}')"
+
+    def update(self, t: float) -> GaitTarget:
+        """See :meth:`Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
+        try:
+            known = self._kernel(t, self._record, self.target._record_)
+        except TypeError:
+            known = False
+        if not known:
+            raise refuse_time(t)
+        return self.target
+
+    def calls(self, state: State) -> tuple[Call, ...] | None:
+        """See :class:`Gait`."""
+        if not vars(type(self)).get("constant", False):
+            return None
+        return (Call(self._kernel, 0.0, self._record, self.target.record, expected=True),)
 
 
 def refuse_time(t: float) -> InputError:

@@ -1,4 +1,4 @@
-"""A gait of flat ground, laid over ground that is not flat.
+"""A gait of flat ground, laid over ground that is not flat, known or felt.
 
 On a slope that is too steep for friction the body is downhill of its feet. Thrust then holds what friction does not,
 and it acts high above the feet, so that it tips the robot uphill. The weight balances that where the centre of mass is
@@ -21,21 +21,22 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.compiled.calls import Call
 from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, GaitTargetRecord, calls_of, own_target
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, calls_of, own_target
+from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.gaits.straight import StraightGait
-from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over, note_time
-from harpy_pin.gaits.walking.stepping_over import walk_over
+from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over
+from harpy_pin.gaits.walking.swinging import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane, Terrain
+from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews
-from harpy_pin.model.record import Records, make_record
+from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["OnTerrain"]
+__all__ = ["OnFeltGround", "OnTerrain"]
 
 STEPS, DAMPING = 100, 1e-6
 """Of the iteration that finds the legs' joints at the start."""
@@ -48,6 +49,12 @@ FRICTION_SHARE = 0.6
 """Of the friction that the body's place on a steep slope counts on: controllers leave some of it for errors."""
 DOWNHILL_STEPS = 4
 """Of the iteration that finds this place; each leaves a sixth of the error."""
+KEPT = 2
+"""Places where it touched the ground that are kept of each foot."""
+LOADED = 0.05
+"""Normal force from which on a foot touches the ground, as a share of the weight."""
+FAR_BEHIND = -1e9
+"""Where the profile that lifts the plane begins, m."""
 
 
 class OnTerrain(KeepsViews):
@@ -99,7 +106,7 @@ class OnTerrain(KeepsViews):
             self._record["landing"][0] = (ahead, aside), (ahead, -aside)
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
-        _lay.prepare(0.0, self._record, self.gait.target.record, self.target.record)
+        lay_over.prepare(0.0, self._record, self.gait.target.record, self.target.record)
 
     def __repr__(self) -> str:
         return f"OnTerrain({self.gait!r}, {self.terrain!r})"
@@ -137,7 +144,7 @@ class OnTerrain(KeepsViews):
         Args:
             t: time, s.
         """
-        _lay(t, self._record, self.gait.update(t).record, self.target.record)
+        lay_over(t, self._record, self.gait.update(t).record, self.target.record)
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
@@ -145,7 +152,7 @@ class OnTerrain(KeepsViews):
         calls = calls_of(self.gait, state)
         if type(self) is not OnTerrain or calls is None:
             return None
-        return *calls, Call(_lay, 0.0, self._record, self.gait.target.record, self.target.record)
+        return *calls, Call(lay_over, 0.0, self._record, self.gait.target.record, self.target.record)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -156,7 +163,8 @@ class OnTerrain(KeepsViews):
         """
         q, v = self.gait.initial_state(penetration=penetration)
         flat, speed = self._feet(q)[0], self._feet(q)[1] @ v
-        height, along, across = _fit(self._record, float(q[0]), float(q[1]))
+        reach = float(self._record["reach"][0])
+        height, along, across = fit_plane(self._record["terrain"], float(q[0]), float(q[1]), reach)
         q = q.copy()
         q[2] += height
         q[:3] += self._record["offset"][0]
@@ -203,6 +211,89 @@ class OnTerrain(KeepsViews):
         return signals
 
 
+class OnFeltGround(OnTerrain):
+    """A gait of flat ground, laid over the plane nearest to the places where its feet have touched the ground.
+
+    The places are the last two of each foot, from the measured state. What they say nothing of stays as it was, and the
+    estimate follows with a lag.
+
+    Args:
+        gait: of flat ground.
+        lag: time constant of the estimate, s.
+        spread: distance of the places that counts as much as the last estimate of the slope, m.
+
+    Attributes:
+        slope: (2,) estimated rise per metre along x and y.
+    """
+
+    @checked
+    def __init__(self, gait: Gait, *, lag: float = 0.1, spread: float = 0.05) -> None:
+        super().__init__(gait, Plane(slope=0.0))
+        self._lag = checks.number("lag", lag, low=0.0)
+        self._spread = checks.number("spread", spread, low=1e-3, high=10.0)
+        self._record["terrain"]["level"] = 0
+        self._record["terrain"]["pieces"] = 1
+        self._record["terrain"]["profile"][0, 0] = (FAR_BEHIND, 0.0, 0.0)
+        self.slope: Vector = np.zeros(2)
+        self._forget()
+
+    def _forget(self) -> None:
+        feet = len(self.robot.feet)
+        self._places: Vector = np.full((feet, KEPT, 3), np.nan)
+        self._touched = np.zeros(feet, dtype=bool)
+        self._time = -1.0
+        self._height = 0.0
+        self.slope[:] = 0.0
+        self._write()
+
+    def observe(self, state: State) -> None:
+        """Take up where feet touch the ground; then hand the state to the gait.
+
+        Args:
+            state: of the present tick.
+
+        Raises:
+            InputError: it is no state of the robot.
+        """
+        state = as_state(state, self.robot)
+        place, force = state.foot_position, state.foot_force
+        if np.isfinite(place).all() and np.isfinite(force).all() and np.isfinite(state.t):
+            if state.t < self._time:
+                self._forget()
+            self._feel(place, force, float(state.t))
+        super().observe(state)
+
+    def _feel(self, place: Vector, force: Vector, t: float) -> None:
+        """Keep the places of feet that touch, and let the plane follow them."""
+        touching = force[:, 2] > LOADED * self.robot.mass * GRAVITY
+        landed = touching & ~self._touched
+        self._places[landed, 1:] = self._places[landed, :-1]
+        self._places[touching, 0] = place[touching]
+        self._touched = touching
+        known = self._places[np.isfinite(self._places).all(axis=2)]
+        span, self._time = max(t - self._time, 0.0) if self._time >= 0.0 else 0.0, t
+        if len(known) == 0:
+            return
+        middle = known.mean(axis=0)
+        around = known - middle
+        normal = around[:, :2].T @ around[:, :2] + self._spread**2 * np.eye(2)
+        slope = np.linalg.solve(normal, around[:, :2].T @ around[:, 2] + self._spread**2 * self.slope)
+        share = 1.0 - np.exp(-span / self._lag) if self._lag > 0.0 else 1.0
+        self.slope += share * (slope - self.slope)
+        self._height += share * (middle[2] - slope @ middle[:2] - self._height)
+        self._write()
+
+    def _write(self) -> None:
+        """The plane for the kernels."""
+        terrain = self._record["terrain"]
+        terrain["slope"][0] = self.slope
+        terrain["profile"][0, 0, 1] = self._height
+        if isinstance(self.gait, WalkingGait):
+            own = self.gait.record["terrain"]
+            for name in ("level", "pieces", "slope", "profile"):
+                own[name] = terrain[name]
+
+
 def downhill(robot: Robot, posture: Callable[[Vector], Vector], slope: Vector, friction: float) -> Vector:
     """How far the body of a robot with free thrusters goes from its place, along the slope.
 
@@ -232,16 +323,3 @@ def downhill(robot: Robot, posture: Callable[[Vector], Vector], slope: Vector, f
         uphill = along @ (mass - feet)[:2] + share * (arm[2] - steep * (along @ arm[:2]))
         offset -= uphill * np.array((*along, steep))
     return offset
-
-
-@kernel
-def _lay(
-    t: float, record: Records[OnTerrainRecord], given: Records[GaitTargetRecord], out: Records[GaitTargetRecord]
-) -> None:
-    note_time(record[0], t)
-    lay_over(record[0], given[0], out[0])
-
-
-@kernel
-def _fit(record: Records[OnTerrainRecord], x: float, y: float) -> tuple[float, float, float]:
-    return fit_plane(record[0].terrain, x, y, record[0].reach)

@@ -13,13 +13,11 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import LONGEST, GaitTarget, GaitTargetRecord, refuse_time
-from harpy_pin.model.memory import KeepsViews
+from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTarget, GaitTargetRecord
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import Vector
 
 __all__ = ["Hovering", "Standing"]
 
@@ -55,7 +53,47 @@ class StayingRecord(RecordOf):
     way: Vector = sized(DEGREE + 1, 3)  # coefficients of the offset's polynomial in the time since its begin
 
 
-class Staying(KeepsViews):
+@kernel
+def _offset(t: float, p: StayingRecord, out: Vector) -> None:
+    """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and after the way."""
+    s = min(max(t - p.begin, 0.0), p.duration)
+    moving = 0.0 <= t - p.begin < p.duration
+    for i in range(3):
+        position = velocity = acceleration = 0.0
+        for n in range(p.way.shape[0] - 1, -1, -1):
+            acceleration = acceleration * s + 2.0 * velocity
+            velocity = velocity * s + position
+            position = position * s + p.way[n, i]
+        out[0, i] = position
+        out[1, i] = velocity if moving else 0.0
+        out[2, i] = acceleration if moving else 0.0
+
+
+@kernel
+def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
+    """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
+    if not abs(t) < LONGEST:
+        return False
+    rate = 2.0 * np.pi / p.shift_period
+    share, speed = 0.5 - 0.5 * np.cos(rate * t), 0.5 * rate * np.sin(rate * t)
+    acceleration = 0.5 * rate * rate * np.cos(rate * t)
+    _offset(t, p, o.body.reshape((3, 3)))
+    for i in range(3):
+        o.body[i] += share * p.shift[i]
+        o.body[3 + i] += speed * p.shift[i]
+        o.body[6 + i] += acceleration * p.shift[i]
+        for k in range(o.stance.shape[0]):
+            o.foot_position[k, i] = p.feet[k, i] - o.body[i]
+            o.foot_velocity[k, i] = -o.body[3 + i]
+            o.foot_acceleration[k, i] = -o.body[6 + i]
+    o.body[2] += p.height
+    for k in range(o.stance.shape[0]):
+        o.foot_position[k, 2] -= p.penetration_offset
+        o.stance[k], o.phase[k] = 1.0, 0.5
+    return True
+
+
+class Staying(ClockGait):
     """Targets of a robot whose feet, if it has any, stay where they are.
 
     The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
@@ -66,6 +104,8 @@ class Staying(KeepsViews):
         step_duration: one second, so that measures per step are per second.
         double_support: 1, always.
     """
+
+    _kernel = _stay
 
     def __init__(
         self,
@@ -118,23 +158,6 @@ class Staying(KeepsViews):
         way[3:] = np.linalg.solve(powers, np.array([end, np.zeros(3), np.zeros(3)]) - low)
         self._record["way"][0] = way
         self._record["begin"][0], self._record["duration"][0] = begin, length
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}('{self.robot.name}')"
-
-    def update(self, t: float) -> GaitTarget:
-        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
-        try:
-            known = _stay(t, self._record, self.target.record)
-        except TypeError:
-            known = False
-        if not known:
-            raise refuse_time(t)
-        return self.target
-
-    def calls(self, state: State) -> tuple[Call, ...]:
-        """See :class:`~harpy_pin.gaits.gait.Gait`."""
-        return (Call(_stay, 0.0, self._record, self.target.record, expected=True),)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -316,43 +339,3 @@ def read_posture(robot: Robot, posture: ArrayLike) -> Vector:
         message = f"posture: joint '{robot.joints[k]}' is at {angles[k]:g} rad, beyond its limits {limits}"
         raise InputError(message, name="posture", value=posture)
     return angles
-
-
-@kernel
-def _offset(t: float, p: StayingRecord, out: Vector) -> None:
-    """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and after the way."""
-    s = min(max(t - p.begin, 0.0), p.duration)
-    moving = 0.0 <= t - p.begin < p.duration
-    for i in range(3):
-        position = velocity = acceleration = 0.0
-        for n in range(p.way.shape[0] - 1, -1, -1):
-            acceleration = acceleration * s + 2.0 * velocity
-            velocity = velocity * s + position
-            position = position * s + p.way[n, i]
-        out[0, i] = position
-        out[1, i] = velocity if moving else 0.0
-        out[2, i] = acceleration if moving else 0.0
-
-
-@kernel
-def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
-    """All targets at time t, of a robot with any number of feet or none; returns whether it is one."""
-    if not abs(t) < LONGEST:
-        return False
-    rate = 2.0 * np.pi / p.shift_period
-    share, speed = 0.5 - 0.5 * np.cos(rate * t), 0.5 * rate * np.sin(rate * t)
-    acceleration = 0.5 * rate * rate * np.cos(rate * t)
-    _offset(t, p, o.body.reshape((3, 3)))
-    for i in range(3):
-        o.body[i] += share * p.shift[i]
-        o.body[3 + i] += speed * p.shift[i]
-        o.body[6 + i] += acceleration * p.shift[i]
-        for k in range(o.stance.shape[0]):
-            o.foot_position[k, i] = p.feet[k, i] - o.body[i]
-            o.foot_velocity[k, i] = -o.body[3 + i]
-            o.foot_acceleration[k, i] = -o.body[6 + i]
-    o.body[2] += p.height
-    for k in range(o.stance.shape[0]):
-        o.foot_position[k, 2] -= p.penetration_offset
-        o.stance[k], o.phase[k] = 1.0, 0.5
-    return True

@@ -15,8 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTargetRecord
-from harpy_pin.gaits.steppable import nearest_steppable
+from harpy_pin.gaits.gait import LONGEST, GaitTargetRecord
+from harpy_pin.gaits.straight import support, world_frame_blend
+from harpy_pin.gaits.terrain_targets import nearest_steppable
+from harpy_pin.gaits.velocity import is_still, take_command
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
@@ -69,35 +71,13 @@ def advance(t: float, p: CommandedRecord, target: GaitTargetRecord) -> bool:
     span = t - p.time
     if not (abs(t) < LONGEST and 0.0 <= span <= LONGEST_GAP and t < p.switch):
         return False
-    _take_command(p)
+    take_command(p)
     parts = int(np.ceil(span / FINEST - 1e-6))
     for _ in range(parts):
         _step(p, span / parts)
     p.time = t
     _write(p, target)
     return True
-
-
-@kernel
-def _take_command(p: CommandedRecord) -> None:
-    """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
-    c = p.command
-    if np.isfinite(c[0] + c[1] + c[2]):
-        p.last_command[:] = p.command
-    else:
-        p.refused += 1.0
-        c = p.last_command
-    share = 1.0
-    reach = np.hypot(c[0], c[1]) + abs(c[2]) * p.width
-    most = p.most_speed
-    if reach > most:
-        share = most / reach
-    if share * abs(c[1]) > p.most_sideways:
-        share = p.most_sideways / abs(c[1])
-    if share * abs(c[2]) > MAX_TURN:
-        share = MAX_TURN / abs(c[2])
-    for i in range(3):
-        p.goal[i] = share * c[i]
 
 
 @kernel
@@ -145,14 +125,14 @@ def _step(p: CommandedRecord, step: float) -> None:
     rest[0], rest[1] = _toward(rest[0], rest[1], 0.0, rest[2], step)
     rest[2] = max(rest[2] - step, 0.0)
     if p.walking == 0.0:
-        if _still(p):
+        if is_still(p):
             return
         p.walking, p.begun = 1.0, 0.0
     p.begun = min(p.begun + step / p.step_duration, 1.0)
     before = p.phase
     p.phase += step / p.step_duration
     stop = np.floor(before) + 0.5 * p.double_support
-    if before < stop <= p.phase and _still(p) and _feet_settled(p):
+    if before < stop <= p.phase and is_still(p) and _feet_settled(p):
         p.phase = stop
         sway = _sway(p)
         rest[0], rest[1], rest[2] = sway[0], sway[1], p.step_duration
@@ -161,15 +141,6 @@ def _step(p: CommandedRecord, step: float) -> None:
         p.phase -= 2.0
     for k in range(2):
         _follow(p, k)
-
-
-@kernel
-def _still(p: CommandedRecord) -> bool:
-    """Whether nothing is commanded and nothing moves."""
-    moving = 0.0
-    for i in range(3):
-        moving += abs(p.goal[i]) + abs(p.velocity[i])
-    return moving == 0.0
 
 
 @kernel
@@ -191,12 +162,7 @@ def _feet_settled(p: CommandedRecord) -> bool:
 def _support(p: CommandedRecord, k: int) -> tuple[bool, float]:
     """Whether foot k is on the ground, and the share of its stance or swing that it has done."""
     step = np.floor(p.phase)
-    s, both = p.phase - step, p.double_support
-    if step % 2.0 == k:
-        return True, s / (1.0 + both)
-    if s < both:
-        return True, (1.0 + s) / (1.0 + both)
-    return False, (s - both) / (1.0 - both)
+    return support(step % 2.0 == k, p.phase - step, p.double_support)
 
 
 @kernel
@@ -297,18 +263,17 @@ def _write_foot(p: CommandedRecord, k: int, o: GaitTargetRecord) -> None:
         acceleration[i] = -o.body[6 + i]
     left = 1.0 - done
     o.stance[k], o.phase[k] = (1.0 if on_ground else 0.0), done
+    o.world_frame_blend[k] = world_frame_blend(on_ground, done, p.settle, p.release)
     if on_ground:
         duration = p.step_duration * (1.0 + p.double_support)
         height = -p.penetration_offset * (1.0 - left**4 - done**4)
         rise = -4.0 * p.penetration_offset * (left**3 - done**3) / duration * p.walking
         bend = 12.0 * p.penetration_offset * (left * left + done * done) / (duration * duration) * p.walking
-        o.world_frame_blend[k] = max(1.0 - done / p.settle, 0.0)
     else:
         duration = p.step_duration * (1.0 - p.double_support)
         height = 16.0 * p.clearance * (done * left) ** 2
         rise = 32.0 * p.clearance * done * left * (left - done) / duration
         bend = 32.0 * p.clearance * (1.0 - 6.0 * done * left) / (duration * duration)
-        o.world_frame_blend[k] = min(max((done - p.release) / CHANGE_OVER, 0.0), 1.0)
         if p.left[k] > 1e-6:
             for i in range(2):
                 way = p.foothold[k, i] - p.foot[k, i]

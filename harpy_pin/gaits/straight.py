@@ -16,14 +16,13 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, OutOfReachError
-from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, GaitTarget, GaitTargetRecord, refuse_time, two_legs
+from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, ClockGait, GaitTarget, GaitTargetRecord, two_legs
 from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
-from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import State, Vector
+from harpy_pin.model.state import Vector
 
 __all__ = ["GaitParameters", "StepParameters", "StraightGait", "make_gait", "penetration_offset_on"]
 
@@ -91,8 +90,95 @@ class StraightRecord(RecordOf, GaitParameters):
     swing_curve: Vector = sized(5, 3)
 
 
+@kernel
+def _walk(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
+    """All targets at time t; returns whether it is one."""
+    if not abs(t) < LONGEST:
+        return False
+    if p.speed == 0.0:  # both feet on the ground, half-way through their stance
+        o.body[:] = 0.0
+        o.body[2] = p.height
+        for k in range(2):
+            o.foot_position[k] = p.stance_curve[2]
+            o.stance[k], o.phase[k] = 1.0, 0.5
+        o.foot_position[1, 1] = -p.stance_curve[2, 1]
+        return True
+    _body(t, p, o.body)
+    index = int(np.floor(t / p.step_duration + 1e-9))
+    s = max(t / p.step_duration - index, 0.0)
+    for k in range(2):
+        on_ground, fraction = support(k == index % 2, s, p.double_support)
+        _foot(k, on_ground, fraction, p, o)
+    return True
+
+
+@kernel
+def support(carries: bool, s: float, double_support: float) -> tuple[bool, float]:
+    """Whether a foot is on the ground, and the share of its stance or swing that it has done.
+
+    Args:
+        carries: whether its stance began with the present step.
+        s: share of the step that is done.
+        double_support: share of a step with both feet on the ground.
+    """
+    if carries:
+        return True, s / (1.0 + double_support)
+    if s < double_support:
+        return True, (1.0 + s) / (1.0 + double_support)
+    return False, (s - double_support) / (1.0 - double_support)
+
+
+@kernel
+def world_frame_blend(on_ground: bool, done: float, settle: float, release: float) -> float:
+    """Of :class:`GaitTarget`, of a foot that has done a share of its stance or swing."""
+    return max(1.0 - done / settle, 0.0) if on_ground else min(max((done - release) / CHANGE_OVER, 0.0), 1.0)
+
+
+@kernel
+def _body(t: float, p: StraightRecord, body: Vector) -> None:
+    """Constant speed and height, and a sway of period 2 T."""
+    rate = np.pi / p.step_duration
+    body[0], body[1], body[2] = p.speed * t, p.sway * np.sin(rate * t), p.height
+    body[3], body[4], body[5] = p.speed, p.sway * rate * np.cos(rate * t), 0.0
+    body[6], body[7], body[8] = 0.0, -p.sway * rate * rate * np.sin(rate * t), 0.0
+
+
+@kernel
+def _foot(k: int, on_ground: bool, fraction: float, p: StraightRecord, o: GaitTargetRecord) -> None:
+    """Targets of foot k, which has done a fraction of its stance or swing."""
+    side = 1.0 - 2.0 * k
+    curve = p.stance_curve if on_ground else p.swing_curve
+    share = 1.0 + p.double_support if on_ground else 1.0 - p.double_support
+    position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
+    bezier(curve, fraction, p.step_duration * share, position, velocity, acceleration)
+    # Relative to the body, which sways; the curves are relative to the path.
+    position[1] = side * position[1] - o.body[1]
+    velocity[1] = side * velocity[1] - o.body[4]
+    acceleration[1] = side * acceleration[1] - o.body[7]
+    o.stance[k] = 1.0 if on_ground else 0.0
+    o.phase[k] = fraction
+    o.world_frame_blend[k] = world_frame_blend(on_ground, fraction, p.settle, p.release)
+
+
+@kernel(points=(5, 3), position=(3,), velocity=(3,), acceleration=(3,))
+def bezier(points: Vector, s: float, duration: float, position: Vector, velocity: Vector, acceleration: Vector) -> None:
+    """Point, velocity and acceleration of the Bezier curve of five control points, by de Casteljau's scheme.
+
+    The curve parameter s goes from 0 to 1 in the ``duration``.
+    """
+    r = 1.0 - s
+    for i in range(3):
+        p0, p1, p2, p3, p4 = points[0, i], points[1, i], points[2, i], points[3, i], points[4, i]
+        a0, a1, a2, a3 = r * p0 + s * p1, r * p1 + s * p2, r * p2 + s * p3, r * p3 + s * p4
+        b0, b1, b2 = r * a0 + s * a1, r * a1 + s * a2, r * a2 + s * a3
+        c0, c1 = r * b0 + s * b1, r * b1 + s * b2
+        position[i] = r * c0 + s * c1
+        velocity[i] = 4.0 * (c1 - c0) / duration
+        acceleration[i] = 12.0 * (b2 - 2.0 * b1 + b0) / (duration * duration)
+
+
 @fixed_arrays("stance_curve", "swing_curve")
-class StraightGait(KeepsViews):
+class StraightGait(ClockGait):
     """Targets of a walk (or of standing, at zero speed) for one robot.
 
     Args:
@@ -110,6 +196,7 @@ class StraightGait(KeepsViews):
     """
 
     constant = True
+    _kernel = _walk
 
     def __init__(self, robot: Robot, parameters: GaitParameters | None = None) -> None:
         self.geometry = two_legs(robot)
@@ -134,21 +221,8 @@ class StraightGait(KeepsViews):
             curve[:, 2] -= p.height
         self.stance_curve[1:4, 2] -= p.penetration_offset
         self.target = GaitTarget()
-        (_stand if self.standing else _walk).prepare(0.0, self._record, self.target.record)
+        self._kernel.prepare(0.0, self._record, self.target.record)
         self._check_reach()
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}('{self.robot.name}')"
-
-    def update(self, t: float) -> GaitTarget:
-        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; an InputError where t is not finite, or beyond 1e9 s."""
-        try:
-            known = (_stand if self.standing else _walk)(t, self._record, self.target._record_)
-        except TypeError:
-            known = False
-        if not known:
-            raise refuse_time(t)
-        return self.target
 
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
@@ -174,12 +248,6 @@ class StraightGait(KeepsViews):
             leg_jacobian(geometry.record[0], angles, jacobian)
             q[7 + 3 * k : 10 + 3 * k] = angles
             v[6 + 3 * k : 9 + 3 * k] = np.linalg.solve(jacobian, target.foot_velocity[k])
-
-    def calls(self, state: State) -> tuple[Call, ...] | None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`."""
-        if type(self) is not StraightGait:
-            return None
-        return (Call(_stand if self.standing else _walk, 0.0, self._record, self.target.record, expected=True),)
 
     def _check_reach(self) -> None:
         """Raise if a target of the cycle cannot be reached within the joint limits."""
@@ -225,84 +293,3 @@ def penetration_offset_on(robot: Robot, stiffness: float) -> float:
         message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: {sinks}"
         raise InputError(message, name="stiffness", value=stiffness)
     return offset
-
-
-@kernel
-def _stand(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
-    """Both feet on the ground, half-way through their stance; returns whether t is a time."""
-    if not abs(t) < LONGEST:
-        return False
-    o.body[:] = 0.0
-    o.body[2] = p.height
-    for k in range(2):
-        o.foot_position[k] = p.stance_curve[2]
-        o.stance[k] = 1.0
-        o.phase[k] = 0.5
-    o.foot_position[1, 1] = -p.stance_curve[2, 1]
-    return True
-
-
-@kernel
-def _walk(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
-    """All targets at time t; returns whether it is one."""
-    if not abs(t) < LONGEST:
-        return False
-    _body(t, p, o.body)
-    index = int(np.floor(t / p.step_duration + 1e-9))
-    s = max(t / p.step_duration - index, 0.0)
-    carrier = index % 2
-    for k in range(2):
-        if k == carrier:
-            on_ground, fraction = True, s / (1.0 + p.double_support)
-        elif s < p.double_support:
-            on_ground, fraction = True, (1.0 + s) / (1.0 + p.double_support)
-        else:
-            on_ground, fraction = False, (s - p.double_support) / (1.0 - p.double_support)
-        _foot(k, on_ground, fraction, p, o)
-    return True
-
-
-@kernel
-def _body(t: float, p: StraightRecord, body: Vector) -> None:
-    """Constant speed and height, and a sway of period 2 T."""
-    rate = np.pi / p.step_duration
-    body[0], body[1], body[2] = p.speed * t, p.sway * np.sin(rate * t), p.height
-    body[3], body[4], body[5] = p.speed, p.sway * rate * np.cos(rate * t), 0.0
-    body[6], body[7], body[8] = 0.0, -p.sway * rate * rate * np.sin(rate * t), 0.0
-
-
-@kernel
-def _foot(k: int, on_ground: bool, fraction: float, p: StraightRecord, o: GaitTargetRecord) -> None:
-    """Targets of foot k, which has done a fraction of its stance or swing."""
-    side = 1.0 - 2.0 * k
-    curve = p.stance_curve if on_ground else p.swing_curve
-    share = 1.0 + p.double_support if on_ground else 1.0 - p.double_support
-    position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
-    bezier(curve, fraction, p.step_duration * share, position, velocity, acceleration)
-    # Relative to the body, which sways; the curves are relative to the path.
-    position[1] = side * position[1] - o.body[1]
-    velocity[1] = side * velocity[1] - o.body[4]
-    acceleration[1] = side * acceleration[1] - o.body[7]
-    o.stance[k] = 1.0 if on_ground else 0.0
-    o.phase[k] = fraction
-    if on_ground:
-        o.world_frame_blend[k] = max(1.0 - fraction / p.settle, 0.0)
-    else:
-        o.world_frame_blend[k] = min(max((fraction - p.release) / CHANGE_OVER, 0.0), 1.0)
-
-
-@kernel(points=(5, 3), position=(3,), velocity=(3,), acceleration=(3,))
-def bezier(points: Vector, s: float, duration: float, position: Vector, velocity: Vector, acceleration: Vector) -> None:
-    """Point, velocity and acceleration of the Bezier curve of five control points, by de Casteljau's scheme.
-
-    The curve parameter s goes from 0 to 1 in the ``duration``.
-    """
-    r = 1.0 - s
-    for i in range(3):
-        p0, p1, p2, p3, p4 = points[0, i], points[1, i], points[2, i], points[3, i], points[4, i]
-        a0, a1, a2, a3 = r * p0 + s * p1, r * p1 + s * p2, r * p2 + s * p3, r * p3 + s * p4
-        b0, b1, b2 = r * a0 + s * a1, r * a1 + s * a2, r * a2 + s * a3
-        c0, c1 = r * b0 + s * b1, r * b1 + s * b2
-        position[i] = r * c0 + s * c1
-        velocity[i] = 4.0 * (c1 - c0) / duration
-        acceleration[i] = 12.0 * (b2 - 2.0 * b1 + b0) / (duration * duration)

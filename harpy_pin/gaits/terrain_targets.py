@@ -1,8 +1,10 @@
-"""A gait's targets laid over ground that is not flat: the arithmetic of :class:`~harpy_pin.gaits.on_terrain.OnTerrain`.
+"""The ground around feet and body, and a gait's targets laid over it: the arithmetic of
+:class:`~harpy_pin.gaits.on_terrain.OnTerrain`.
 
 The flat world of a gait goes over into the true one by heights alone: of a foot by that of the ground below it, of the
 body by that of the plane which fits the ground around it best. So a foot that is as high as the ground in the one world
-is so in the other, and the body stays as high above its support.
+is so in the other, and the body stays as high above its support. Feet keep away from edges, because the friction cone
+about the normal of a riser holds nothing.
 """
 
 from __future__ import annotations
@@ -11,7 +13,6 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import GaitTargetRecord, copy_target
-from harpy_pin.gaits.steppable import nearest_steppable
 from harpy_pin.ground.surface import (
     TerrainRecord,
     grid_height,
@@ -33,6 +34,12 @@ STEEPEST = 1.0
 """Rise of its way over higher ground, per metre."""
 LIFTED = 0.015
 """Height above flat ground from which on it goes all of that way, m."""
+STEEP = 1.0
+"""Rise per metre from which on ground is too steep for a foot."""
+MARGIN = 0.025
+"""Distance that a foothold keeps from such ground, along x and y, m."""
+FARTHEST, PLACES = 0.152, 38
+"""How far a foothold is moved at most in each of eight directions, m, and how many places are looked at."""
 
 
 class OnTerrainRecord(RecordOf):
@@ -137,10 +144,48 @@ def _over_profile(t: TerrainRecord, x: float) -> tuple[float, float]:
 
 
 @kernel
-def lay_over(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> None:
-    """Targets ``o`` on the terrain from those of flat ground, ``g``."""
-    t = p.terrain
-    height, along, across = fit_plane(t, g.body[0], g.body[1], p.reach)
+def nearest_steppable(t: TerrainRecord, x: float, y: float, before_x: float, before_y: float) -> tuple[float, float]:
+    """The place (x, y), or the best one around it where a foot can be set, near to (before_x, before_y), too.
+
+    Where there is none it is the place itself.
+    """
+    if steppable(t, x, y):
+        return x, y
+    best, best_x, best_y = 1e9, x, y
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            for n in range(1, PLACES + 1):
+                dx, dy = i * n * FARTHEST / PLACES, j * n * FARTHEST / PLACES
+                jump_x, jump_y = x + dx - before_x, y + dy - before_y
+                cost = dx * dx + dy * dy + jump_x * jump_x + jump_y * jump_y
+                if cost < best and steppable(t, x + dx, y + dy):
+                    best, best_x, best_y = cost, x + dx, y + dy
+    return best_x, best_y
+
+
+@kernel
+def steppable(t: TerrainRecord, x: float, y: float) -> bool:
+    """Whether a place is as high as the ground around it along x and y, but for a slope."""
+    height, most = surface_height(t, x, y), STEEP * MARGIN
+    level = True
+    for side in (-MARGIN, MARGIN):
+        level = level and abs(surface_height(t, x + side, y) - height) < most
+        level = level and abs(surface_height(t, x, y + side) - height) < most
+    return level
+
+
+@kernel
+def lay_over(t: float, p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord) -> None:
+    """Targets ``o`` on the terrain from those of flat ground, ``g``, at the time t.
+
+    At time zero, and where the clock has gone back by more than a swing, every foot is where the gait says.
+    """
+    if t <= 0.0 or t < p.time - p.swing_time:
+        p.aside[:] = 0.0
+        p.next_aside[:] = 0.0
+        p.moving[:] = 0.0
+    p.time = t
+    height, along, across = fit_plane(p.terrain, g.body[0], g.body[1], p.reach)
     copy_target(g, o)
     o.body[2] += height
     o.body[5] += along * g.body[3] + across * g.body[4]
@@ -180,16 +225,6 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
     o.foot_position[k, 2] = g.body[2] + g.foot_position[k, 2] + height - o.body[2]
     o.foot_velocity[k, 2] = g.body[5] + g.foot_velocity[k, 2] + velocity - o.body[5]
     o.foot_acceleration[k, 2] = g.body[8] + g.foot_acceleration[k, 2] + acceleration - o.body[8]
-
-
-@kernel
-def note_time(p: OnTerrainRecord, t: float) -> None:
-    """At time zero, and where the clock has gone back by more than a swing, every foot is where the gait says."""
-    if t <= 0.0 or t < p.time - p.swing_time:
-        p.aside[:] = 0.0
-        p.next_aside[:] = 0.0
-        p.moving[:] = 0.0
-    p.time = t
 
 
 @kernel

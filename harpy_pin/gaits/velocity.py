@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from typing import Any
 
@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.memory import KeepsViews, read_only
-from harpy_pin.model.record import Records, field
+from harpy_pin.model.record import RecordOf, Records, field, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["FollowsVelocity", "Velocity", "read_velocity"]
+__all__ = ["FollowsVelocity", "Velocity", "VelocityRecord", "read_velocity"]
 
 MAX_COMMAND = 1e6
 """Largest entry of a command: far beyond what is clipped, and far from numbers that overflow."""
@@ -26,13 +27,34 @@ Velocity = ArrayLike | Sequence[ArrayLike] | Callable[[float], ArrayLike]
 """(forward, to the left, turning[, height]); rows with a time before these; or a function from the time to these."""
 Script = tuple[tuple[float, Vector], ...]
 """Rows (t, command), each valid from its time, s, on."""
+ROUNDING = 1e-9
+"""Relative; a gait at its largest speed is not warned of."""
+WRAPPERS = ("harpy_pin.arguments", "harpy_pin.model.memory")
+"""Modules that stand between the making of a gait and whoever makes it."""
+
+
+class VelocityRecord(RecordOf):
+    """The velocity that a gait follows, (forward, to the left, turning[, height]), in m/s, rad/s and m."""
+
+    radius: float  # distance of the farthest foot's place from the middle, m
+    max_speed: float  # largest velocity of a foot's place, m/s
+    max_aside: float  # largest velocity sideways, m/s
+    max_turn: float  # largest turning velocity, rad/s
+    max_bend: float  # largest product of velocity and turning velocity, m/s²: by which the velocity changes in a turn
+    command: Vector = sized("entries")  # given
+    last_command: Vector = sized("entries")  # the last one that is all numbers
+    goal: Vector = sized("entries")  # the command within the limits
+    velocity: Vector = sized("entries")  # that is applied, of the height m/s
+    rate: Vector = sized(3)  # of the first three, m/s² and rad/s²
+    path: Vector = sized(3)  # x, y (m) and heading (rad) of the place that the walk goes about
+    switch: float = inf  # when the next row of the script begins, s
+    refused: float = 0.0  # updates with a command that was not all numbers
 
 
 class FollowsVelocity(KeepsViews):
     """A gait that follows a velocity command, which may change at every tick.
 
-    Its record has the fields ``command``, ``velocity`` (the one that is applied), ``switch``, ``walking`` and
-    ``refused``.
+    Its record is a :class:`VelocityRecord` that has ``walking``, too.
     """
 
     record: Records[Any]
@@ -40,8 +62,8 @@ class FollowsVelocity(KeepsViews):
     applied: Vector
     script: Script
 
-    def _follow(self, velocity: Velocity) -> tuple[Vector, ...]:
-        """Take what is to be followed; returns the commands that are known beforehand.
+    def _follow(self, velocity: Velocity) -> None:
+        """Take what is to be followed; warn, in one line, of the first command beyond the limits of the record.
 
         Raises:
             InputError: see :func:`read_velocity`.
@@ -50,7 +72,16 @@ class FollowsVelocity(KeepsViews):
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
         self.command = self._given if self._function is None else read_only(self._given)
         self.applied = read_only(field(self.record, "velocity"))
-        return self._given.copy(), *(command for _, command in self.script)
+        for command in (self._given, *(command for _, command in self.script)):
+            share = share_in_limits.python(self.record, command)
+            if share < 1.0 - ROUNDING:
+                given, limited = ("({:.3g}, {:.3g}, {:.3g})".format(*(f * command[:3])) for f in (1.0, share))
+                message = f"velocity {given} is more than the robot walks: limited to {limited} (m/s, m/s, rad/s)"
+                level, frame = 3, sys._getframe(2)
+                while frame.f_back is not None and frame.f_globals.get("__name__") in WRAPPERS:
+                    level, frame = level + 1, frame.f_back
+                warnings.warn(message, stacklevel=level)  # whoever made the gait
+                break
 
     @property
     def walking(self) -> bool:
@@ -148,44 +179,46 @@ def _as_command(value: ArrayLike, entries: int) -> Vector:
     return command
 
 
-ROUNDING = 1e-9
-"""Relative; a gait at its largest speed is not warned of."""
-WRAPPERS = ("harpy_pin.arguments", "harpy_pin.model.memory")
-"""Modules that stand between the making of a gait and whoever makes it."""
+@kernel
+def take_command(p: VelocityRecord) -> None:
+    """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
+    total = 0.0
+    for i in range(p.command.shape[0]):
+        total += p.command[i]
+    if np.isfinite(total):
+        p.last_command[:] = p.command
+    else:
+        p.refused += 1.0
+    share = share_in_limits(p, p.last_command)
+    for i in range(3):
+        p.goal[i] = share * p.last_command[i]
 
 
-def warn_of_capped(
-    commands: Iterable[Sequence[float] | Vector],
-    *,
-    speed: float,
-    radius: float,
-    sideways: float,
-    turn: float,
-    bend: float = inf,
-) -> None:
-    """Warn, in one line, of the first command that is beyond the limits.
+@kernel
+def share_in_limits(p: VelocityRecord, c: Vector) -> float:
+    """Largest share of a command, at most all of it, that is within every limit."""
+    share, need, bend = 1.0, foot_speed(p, c), np.hypot(c[0], c[1]) * abs(c[2])
+    if need > p.max_speed:
+        share = p.max_speed / need
+    if share * abs(c[1]) > p.max_aside:
+        share = p.max_aside / abs(c[1])
+    if share * abs(c[2]) > p.max_turn:
+        share = p.max_turn / abs(c[2])
+    if share * share * bend > p.max_bend:
+        share = np.sqrt(p.max_bend / bend)
+    return float(share)
 
-    Args:
-        commands: (forward, to the left, turning), in m/s and rad/s; entries behind these are left alone.
-        speed: largest velocity of a foot's place, m/s.
-        radius: distance of the farthest foot's place from the middle, m.
-        sideways: largest velocity to the side, m/s.
-        turn: largest turning velocity, rad/s.
-        bend: largest product of velocity and turning velocity, m/s²: by which the velocity changes in a turn.
-    """
-    for command in commands:
-        forward, left, turning = (float(entry) for entry in command[:3])
-        need = np.hypot(forward, left) + abs(turning) * radius
-        pairs = ((speed, need), (sideways, abs(left)), (turn, abs(turning)))
-        share = min(most / asked if asked > most else 1.0 for most, asked in pairs)
-        bends = np.hypot(forward, left) * abs(turning)
-        if share * share * bends > bend:
-            share = float(np.sqrt(bend / bends))
-        if share < 1.0 - ROUNDING:
-            given, limited = (f"({f * forward:.3g}, {f * left:.3g}, {f * turning:.3g})" for f in (1.0, share))
-            message = f"velocity {given} is more than the robot walks: limited to {limited} (m/s, m/s, rad/s)"
-            level, frame = 3, sys._getframe(2)
-            while frame.f_back is not None and frame.f_globals.get("__name__") in WRAPPERS:
-                level, frame = level + 1, frame.f_back
-            warnings.warn(message, stacklevel=level)  # whoever made the gait
-            return
+
+@kernel
+def foot_speed(p: VelocityRecord, c: Vector) -> float:
+    """Speed of the fastest place of a foot under a command, m/s."""
+    return float(np.hypot(c[0], c[1]) + abs(c[2]) * p.radius)
+
+
+@kernel
+def is_still(p: VelocityRecord) -> bool:
+    """Whether nothing is commanded, and nothing applied."""
+    moving = 0.0
+    for i in range(3):
+        moving += abs(p.goal[i]) + abs(p.velocity[i])
+    return moving == 0.0

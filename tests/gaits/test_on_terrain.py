@@ -12,9 +12,7 @@ from needs import needs_robots
 from places import places
 
 import harpy_pin as hp
-from harpy_pin.compiled import kernel
-from harpy_pin.gaits.on_felt_ground import OnFeltGround
-from harpy_pin.gaits.on_terrain import FRICTION_SHARE, OnTerrain
+from harpy_pin.gaits.on_terrain import FRICTION_SHARE, OnFeltGround, OnTerrain
 from harpy_pin.gaits.terrain_targets import RADIUS, STEEPEST, way_over
 from harpy_pin.ground.terrain import Plane, Ramp, Rough, Stairs
 from harpy_pin.log.measures import measure
@@ -292,11 +290,6 @@ def to_risers(stairs: Stairs, x: float) -> float:
     return float(np.maximum(begin - x, x - begin - stairs.edge).min())
 
 
-@kernel
-def over(record, x, y):
-    return way_over(record[0], x, y)
-
-
 @given(start=starts, rise=rises)
 @settings(max_examples=15, deadline=None)
 def test_footholds_keep_their_distance_from_risers(start, rise):
@@ -343,7 +336,7 @@ def test_the_way_over_steps_is_the_lowest_that_is_not_too_steep(x, start, rise):
     stairs = Stairs(rise=rise, depth=0.3, start=start)
     dx = np.linspace(-RADIUS, RADIUS, 24001)
     around = stairs.height(x + dx, 0.0 * dx)
-    assert over(stairs.record, x, 0.0)[0] == pytest.approx((around - STEEPEST * np.abs(dx)).max(), abs=2e-4)
+    assert way_over(stairs.record, x, 0.0)[0] == pytest.approx((around - STEEPEST * np.abs(dx)).max(), abs=2e-4)
 
 
 @pytest.mark.parametrize("plant", ["compliant", "mujoco"])

@@ -10,8 +10,8 @@ from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.gaits.on_terrain import OnTerrain
-from harpy_pin.gaits.steppable import MARGIN
-from harpy_pin.gaits.walking.stepping_over import LIFT, UP
+from harpy_pin.gaits.terrain_targets import MARGIN, fit_plane
+from harpy_pin.gaits.walking.swinging import LIFT, UP
 from harpy_pin.ground.surface import greatest_rise
 from harpy_pin.ground.terrain import Plane, Rough, Stairs
 from harpy_pin.log.measures import measure
@@ -88,13 +88,11 @@ def test_the_greatest_rise_is_that_of_the_steps_in_reach():
 @settings(max_examples=50, deadline=None)
 def test_the_body_follows_the_line_nearest_to_the_steps(x, slope):
     """Against a fit to many samples."""
-    from harpy_pin.gaits.on_terrain import _fit
-
     gait = OnTerrain(hp.make_gait(hp.load_harpy()), UPSTAIRS)
     record = gait._record
     record["terrain"]["slope"][0] = (slope, 0.1)
     reach = float(record["reach"][0])
-    height, along, across = _fit(record, x, 0.2)
+    height, along, across = fit_plane(record["terrain"], x, 0.2, reach)
     samples = x + reach * (np.arange(-5000, 5000) + 0.5) / 5000
     heights = UPSTAIRS.height(samples, 0.0 * samples) + slope * samples + 0.1 * 0.2
     line = np.polynomial.polynomial.polyfit(samples - x, heights, 1)

@@ -17,8 +17,7 @@ from walks import made_state, walk
 import harpy_pin as hp
 from harpy_pin.gaits.walking.build import draw_together
 from harpy_pin.gaits.walking.measuring import measure
-from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict, toward
-from harpy_pin.gaits.walking.support import nearest_in_hull
+from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, predict, toward
 
 small = st.floats(-1.0, 1.0)
 

@@ -14,10 +14,10 @@ from scipy.optimize import brentq
 from walks import made_state, walk
 
 import harpy_pin as hp
-from harpy_pin.gaits.walking.build import build_of
+from harpy_pin.gaits.walking.build import build_of, fastest_speed, swing_load
 from harpy_pin.gaits.walking.footholds import _keep_in_reach
-from harpy_pin.gaits.walking.pace import fastest_speed, swing_load
-from harpy_pin.gaits.walking.swinging import CREEP, NEAR, SETTLE, STRAIGHT_NEAR, UPRIGHT_END, upright_end
+from harpy_pin.gaits.walking.pendulum import CREEP, NEAR, STRAIGHT_NEAR, UPRIGHT_END, upright_end
+from harpy_pin.gaits.walking.swinging import SETTLE
 from harpy_pin.gaits.walking.walking_gait import LOW
 
 

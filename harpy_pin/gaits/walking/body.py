@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.walking.pendulum import cyclic_offset
+from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, stance_points
 from harpy_pin.gaits.walking.record import WalkingRecord
-from harpy_pin.gaits.walking.stepping_over import DESCENT
-from harpy_pin.gaits.walking.support import nearest_in_hull, stance_points
+from harpy_pin.gaits.walking.swinging import DESCENT
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.walking.commanding import foot_speed
-from harpy_pin.gaits.walking.pendulum import predict
+from harpy_pin.gaits.velocity import foot_speed, is_still
+from harpy_pin.gaits.walking.pendulum import nearest_in_hull, predict, stance_points
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
-from harpy_pin.gaits.walking.support import nearest_in_hull, stance_points
 from harpy_pin.gaits.walking.swinging import lift_foot
 from harpy_pin.model.state import Vector
 
@@ -173,11 +172,8 @@ def set_duration(p: WalkingRecord) -> None:
 @kernel
 def _still(p: WalkingRecord) -> bool:
     """Whether nothing is commanded and, but for its sway, nothing moves."""
-    moving = 0.0
-    for i in range(3):
-        moving += abs(p.goal[i]) + abs(p.velocity[i])
     m = p.measured
-    return moving == 0.0 and (p.sways != 0 or np.hypot(m.drift[0], m.drift[1]) < AT_REST * p.omega * p.height)
+    return is_still(p) and (p.sways != 0 or np.hypot(m.drift[0], m.drift[1]) < AT_REST * p.omega * p.height)
 
 
 @kernel

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.steppable import MARGIN, nearest_steppable
-from harpy_pin.gaits.walking.pendulum import cyclic_offset, predict
+from harpy_pin.gaits.terrain_targets import MARGIN, nearest_steppable
+from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, predict, stance_points
 from harpy_pin.gaits.walking.record import WalkingRecord
-from harpy_pin.gaits.walking.stepping_over import ACROSS
-from harpy_pin.gaits.walking.support import nearest_in_hull, stance_points
+from harpy_pin.gaits.walking.swinging import ACROSS
 from harpy_pin.model.state import Vector
 
 __all__: list[str] = []

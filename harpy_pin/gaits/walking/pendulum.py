@@ -3,16 +3,36 @@
 Its *divergent component of motion* ξ = c + ċ/ω (the capture point) runs away from p: ξ(t) = p + (ξ(0) − p) exp(ω t). In
 a walk that goes on for ever with steps of duration T, ξ has at each touchdown the same offset from the foot that lands
 (Englsberger, Ott and Albu-Schäffer 2015): for a way L per step b = L / (exp(ω T) − 1), and for a support that jumps by
-D, forth and back, b = D / (exp(ω T) + 1).
+D, forth and back, b = D / (exp(ω T) + 1). The centre of pressure is in the hull of the points of the stance feet.
 """
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.gaits.walking.record import WalkingRecord
 
 __all__: list[str] = []
+
+SAME = 1e-6
+"""Distance below which two points are one, m."""
+TINY = 1e-12
+"""Area below which three points are on one line, m²."""
+UPRIGHT_END = 0.1
+"""Least share of its swing, at the end, in which a foot moves vertically."""
+NEAR, STRAIGHT_NEAR = 0.166, 0.185
+"""Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly, nearer than
+5 % of its clearance; others, 4 %."""
+CREEP = 0.14
+"""Largest horizontal velocity with which a foot comes that near, as a share of ω times the body's height."""
+RACE = 95.0
+"""Horizontal velocity of a foot at a share s of its swing before it stops, over s² and the velocity of the walk."""
 
 
 @kernel
@@ -63,3 +83,68 @@ def toward(
         (glide + s * (2.0 * bend + s * (3.0 * third + s * (4.0 * fourth + s * 5.0 * fifth)))) / left,
         (2.0 * bend + s * (6.0 * third + s * (12.0 * fourth + s * 20.0 * fifth))) / (left * left),
     )
+
+
+@kernel
+def upright_end(speed: float, natural: float, near: float) -> float:
+    """Share of its swing, at the end, in which a foot moves vertically, at a speed of the walk.
+
+    A foot that meets the ground while it moves across it is thrown up by contacts that are convex, such as MuJoCo's, at
+    μ times that velocity. So a fast one stops earlier. ``natural`` is ω times the body's height, ``near`` is
+    :data:`NEAR`.
+    """
+    if speed <= 0.0:
+        return UPRIGHT_END
+    return float(max(near - np.sqrt(CREEP * natural / (RACE * speed)), UPRIGHT_END))
+
+
+@kernel
+def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[float, float]:
+    """The point nearest to (x, y) of the convex hull, polygon, segment or point, of the first ``count`` points."""
+    outside = count < 3
+    best = np.hypot(points[0, 0] - x, points[0, 1] - y)
+    at_x, at_y = points[0, 0], points[0, 1]
+    area = 0.0
+    for i in range(count):
+        for j in range(count):
+            ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            length = ex * ex + ey * ey
+            if length < SAME * SAME:
+                continue
+            left = True  # whether all points are left of the edge, or on it
+            for n in range(count):
+                side = ex * (points[n, 1] - points[i, 1]) - ey * (points[n, 0] - points[i, 0])
+                area = max(area, abs(side))
+                left = left and side >= -TINY
+            if left and ex * (y - points[i, 1]) - ey * (x - points[i, 0]) < 0.0:
+                outside = True
+            share = min(max((ex * (x - points[i, 0]) + ey * (y - points[i, 1])) / length, 0.0), 1.0)
+            px, py = points[i, 0] + share * ex, points[i, 1] + share * ey
+            distance = np.hypot(px - x, py - y)
+            if distance < best:
+                best, at_x, at_y = distance, px, py
+    if not outside and area > TINY:
+        return x, y
+    return at_x, at_y
+
+
+@kernel
+def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) -> int:
+    """Contact points (points, 2) of the stance feet, without those of one group (−1 for none); returns how many.
+
+    Each is drawn by the share ``margin`` of the way to the middle of its foot.
+    """
+    m, count = p.measured, 0
+    for n in range(m.point.shape[0]):
+        k = p.foot[n]
+        if p.in_air[k] == 0.0 and p.group[k] != without:
+            for i in range(2):
+                out[count, i] = m.point[n, i] + margin * (m.place[k, i] - m.point[n, i])
+            count += 1
+    return count
+
+
+@kernel
+def wrapped(angle: float) -> float:
+    """The angle between −π and π, rad."""
+    return float(angle - 2.0 * np.pi * np.floor(angle / (2.0 * np.pi) + 0.5))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.gaits.velocity import VelocityRecord
 from harpy_pin.gaits.walking.build import Build, Pace
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
@@ -35,7 +36,7 @@ class MeasuredRecord(RecordOf):
     load: Vector = sized("feet")  # normal force on each foot, of the last samples, N
 
 
-class WalkingRecord(RecordOf, Build, Pace):
+class WalkingRecord(VelocityRecord, Build, Pace):
     """What :class:`~harpy_pin.gaits.walking.WalkingGait` knows, has measured and remembers.
 
     How the robot is built and how fast it walks are the numbers of :class:`Build` and :class:`Pace`.
@@ -70,28 +71,18 @@ class WalkingRecord(RecordOf, Build, Pace):
     arrives: float  # share of its swing before its end at which a foot is almost where it lands
     # distance of the centre of mass from a single stance foot on a point at which the next one should land, m
     lean: float
-    most_aside: float  # largest velocity sideways, m/s
     touch_force: float  # normal force from which on a foot touches the ground, N
     acceleration: float  # largest change of the applied velocity, m/s²
     turn_acceleration: float  # largest change of the applied turning velocity, rad/s²
-    max_turn: float  # largest turning velocity, rad/s
     height_range: Vector  # (2,) least and largest change of the height, m
     always: int  # 1 where it steps at zero command, too
     holds_heading: int  # 1 where the stance feet can hold the heading
     soles: int  # 1 where feet are flat
-    command: Vector = sized(4)  # given: forward, to the left (m/s), turning (rad/s), change of the height (m)
-    last_command: Vector = sized(4)  # the last one that is all numbers
-    refused: float = 0.0  # updates with a command that was not all numbers
-    goal: Vector = sized(4)  # the command within its limits
-    velocity: Vector = sized(4)  # that is applied, of the height m/s
-    rate: Vector = sized(3)  # of the first three, m/s² and rad/s²
     raised: float = 0.0  # present change of the height, m
-    path: Vector = sized(3)  # x, y (m) and heading (rad) that the walk follows
     desired: Vector = sized(2)  # velocity of the centre of mass, world axes, m/s
     demand: Vector = sized(2)  # acceleration of the centre of mass, world axes, m/s²
     pressure: Vector = sized(2)  # centre of pressure that goes with it, m
     time: float = -1.0  # of the last update, s; −1 before the first
-    switch: float = np.inf  # when the next row of the script begins, s
     walking: int = ZERO  # 1 while it steps
     phase: float = 0.0  # share of the present step that is done
     haste: float = 1.0  # how much faster than its clock the present step goes on

@@ -1,32 +1,45 @@
-"""The swing feet: horizontally to a foothold that may change at any tick, vertically up, down and on down."""
+"""The swing feet: horizontally to a foothold that may change at any tick, vertically up, down and on down.
+
+Over ground that is not even they go first up, then across what is higher, then down, in world heights: a foot that
+moved across while it is still rising would meet the riser of a step that it stands before.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.walking.commanding import foot_speed, wrapped
-from harpy_pin.gaits.walking.pendulum import toward
+from harpy_pin.gaits.velocity import foot_speed
+from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR, toward, upright_end, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
-from harpy_pin.gaits.walking.stepping_over import DEEPEST, DESCENT, swing_over
-from harpy_pin.ground.surface import surface_height
+from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_height
+from harpy_pin.model.record import Records
+from harpy_pin.model.state import Vector
 
 __all__: list[str] = []
 
 SETTLE = 0.9
 """Share of its swing after which a foot is at the ground, or almost; from there on it goes down slowly, so as not to
 land hard."""
-UPRIGHT_END = 0.1
-"""Least share of its swing, at the end, in which a foot moves vertically."""
-NEAR, STRAIGHT_NEAR = 0.166, 0.185
-"""Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly, nearer than
-5 % of its clearance; others, 4 %."""
 STUCK = 0.03
 """Share of its swing in which a foot goes straight up, at most, until it has left the ground."""
-CREEP = 0.14
-"""Largest horizontal velocity with which a foot comes that near, as a share of ω times the body's height."""
-RACE = 95.0
-"""Horizontal velocity of a foot at a share s of its swing before it stops, over s² and the velocity of the walk."""
+UP, ACROSS, THERE, DOWN, LANDED = 0.4, 0.2, 0.7, 0.5, 0.9
+"""Shares of its swing at which a foot is at its highest, begins to move across and ends to, begins to sink, and is at
+the ground."""
+LEAST = 0.1
+"""Share of its swing that a foot has at least for what is left of a phase."""
+DESCENT = 0.3
+"""Velocity at which a foot goes on down that has not met the ground in time, m/s."""
+DEEPEST = 0.25
+"""How far below the ground it is searched for, as a share of the body's height."""
+FARTHEST = 0.68
+"""Way of a foot in a step, on which it steps over what is higher, in heights of the body."""
+PLACES = 8
+"""On the way of a foot whose heights are looked at."""
+LIFT = 80.0
+"""Largest acceleration of a foot on its way up, m/s²."""
+PEAK = 5.7735
+"""Largest acceleration of a motion from rest to rest, in its way over its squared duration."""
 
 
 @kernel
@@ -51,19 +64,12 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
 def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
     """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it should land."""
     if p.steps_over:
-        swing_over(p, k, left, span)
+        _swing_over(p, k, left, span)
         return
-    swing = p.swing[k]
     duration = (1.0 - p.double_support) * p.step_duration
     upright = upright_end(foot_speed(p, p.velocity), p.omega * p.height, NEAR if p.low > 0.0 else STRAIGHT_NEAR)
-    rest = max(left - upright * duration / p.haste, 0.0) + span
-    sticks = _sticks(p, k, left * p.haste / duration)
-    for i in range(3):
-        goal = p.foothold[k, i]
-        if i == 2:
-            goal = swing[0, 2] + wrapped(goal - swing[0, 2])
-        if not sticks:
-            swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, rest, span)
+    if not _sticks(p, k, left * p.haste / duration):
+        _move_across(p, k, max(left - upright * duration / p.haste, 0.0) + span, span)
     _lift(p, k, 1.0 - p.haste * left / duration, duration, span)
 
 
@@ -72,19 +78,6 @@ def _sticks(p: WalkingRecord, k: int, left: float) -> bool:
     """Whether a swing foot with this share of its swing left is in the ground, and has not begun to move across it."""
     begun: bool = p.swing[k, 2, 0] != 0.0 or p.swing[k, 2, 1] != 0.0 or p.swing[k, 2, 2] != 0.0
     return p.low > 0.0 and not begun and left > 1.0 - STUCK and p.measured.place[k, 2] < p.felt[k]
-
-
-@kernel
-def upright_end(speed: float, natural: float, near: float) -> float:
-    """Share of its swing, at the end, in which a foot moves vertically, at a speed of the walk.
-
-    A foot that meets the ground while it moves across it is thrown up by contacts that are convex, such as MuJoCo's, at
-    μ times that velocity. So a fast one stops earlier. ``natural`` is ω times the body's height, ``near`` is
-    :data:`NEAR`.
-    """
-    if speed <= 0.0:
-        return UPRIGHT_END
-    return float(max(near - np.sqrt(CREEP * natural / (RACE * speed)), UPRIGHT_END))
 
 
 @kernel
@@ -101,8 +94,7 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
     """Height of a foot that has done the share u of its swing."""
     z, rate = p.lift[k], p.haste / duration
     if u >= 1.0:
-        z[0] = max(z[0] - DESCENT * span, p.felt[k] - DEEPEST * p.height)
-        z[1], z[2] = -DESCENT, 0.0
+        _let_down(z, p.felt[k] - DEEPEST * p.height, span)
         return
     if u >= SETTLE:
         last, rate = (u - SETTLE) / (1.0 - SETTLE), rate / (1.0 - SETTLE)
@@ -119,3 +111,73 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
     z[1] += glide * u * u * (12.0 - 28.0 * u + 15.0 * u * u) * rate
     bend = 6.0 * up * u * w * ((w - u) ** 2 - u * w) + 60.0 * down * u * w * (w - u)
     z[2] = (bend + glide * u * (24.0 - 84.0 * u + 60.0 * u * u)) * rate * rate
+
+
+@kernel
+def _move_across(p: WalkingRecord, k: int, left: float, span: float) -> None:
+    """Place and heading of a swing foot after a time ``span``, on its way to the foothold in the time ``left``."""
+    swing = p.swing[k]
+    for i in range(3):
+        goal = p.foothold[k, i]
+        if i == 2:
+            goal = swing[0, 2] + wrapped(goal - swing[0, 2])
+        swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, left, span)
+
+
+@kernel
+def _let_down(z: Vector, lowest: float, span: float) -> None:
+    """Height of a foot after a time that has not met the ground in time, down to the lowest one."""
+    z[0] = max(z[0] - DESCENT * span, lowest)
+    z[1], z[2] = -DESCENT, 0.0
+
+
+@kernel
+def _swing_over(p: WalkingRecord, k: int, left: float, span: float) -> None:
+    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it should land."""
+    duration = (1.0 - p.double_support) * p.step_duration
+    u = 1.0 - left / duration
+    if u >= ACROSS:
+        _move_across(p, k, max(THERE - u, 0.0) * duration + span, span)
+    z, ground = p.lift[k], surface_height(p.terrain, p.foothold[k, 0], p.foothold[k, 1])
+    if u >= 1.0:
+        _let_down(z, ground - DEEPEST * p.height, span)
+        return
+    goal, end = ground - p.penetration_offset, 1.0
+    if u < DOWN:
+        p.risen[k] = max(p.risen[k], _highest_on_way(p, k) + p.clearance)
+        goal, end = p.risen[k], UP
+    elif u < LANDED:
+        goal, end = ground, LANDED
+    z[0], z[1], z[2] = toward(z[0], z[1], z[2], goal, max(end - u, LEAST) * duration + span, span)
+
+
+@kernel
+def _highest_on_way(p: WalkingRecord, k: int) -> float:
+    """Greatest height of the ground between a foot and its foothold, m."""
+    x, y = p.swing[k, 0, 0], p.swing[k, 0, 1]
+    highest = surface_height(p.terrain, x, y)
+    for i in range(1, PLACES + 1):
+        share = i / PLACES
+        dx, dy = share * (p.foothold[k, 0] - x), share * (p.foothold[k, 1] - y)
+        highest = max(highest, surface_height(p.terrain, x + dx, y + dy))
+    return float(highest)
+
+
+def walk_over(walk: Records[WalkingRecord], terrain: Records[TerrainRecord], reach: float) -> bool:
+    """Let a walk go over a terrain, whose plane the body follows in a square to ``reach`` on each side.
+
+    Where that is no plane, steps last as long as lifting a foot takes. Returns whether the targets of swing feet have
+    world heights: those of points, on ground that is no plane.
+    """
+    walk["terrain"], walk["ground_reach"] = terrain, reach
+    uneven = bool(terrain["pieces"][0] or terrain["cells"][0, 2])
+    if not uneven or walk["soles"][0]:
+        return False
+    walk["steps_over"] = 1
+    walk["slow_double_support"] = walk["double_support"] = walk["fast_double_support"]
+    walk["slow_load_ramp"] = walk["fast_load_ramp"] = 1.0
+    height = float(walk["clearance"][0]) + greatest_rise(terrain, FARTHEST * float(walk["height"][0]))
+    least = float(np.sqrt(PEAK * height / LIFT)) / (UP * (1.0 - float(walk["double_support"][0])))
+    walk["usual_step"] = max(least, float(walk["usual_step"][0]))
+    walk["step_duration"] = walk["usual_step"]
+    return True

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST
+from harpy_pin.gaits.velocity import take_command
 from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
-from harpy_pin.gaits.walking.commanding import choose_velocity, steer, take_command
 from harpy_pin.gaits.walking.contacts import go_on, time_left
 from harpy_pin.gaits.walking.footholds import choose_footholds
+from harpy_pin.gaits.walking.pendulum import wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import swing_foot
 
@@ -22,6 +25,16 @@ LONGEST_GAP = 0.05
 """Time that counts between two updates, at most, s."""
 LONG_AGO = 1e3
 """Time since the last touchdown of a foot that has not yet swung, s."""
+PATH_RANGE = 0.25
+"""How far the path may be from the centre of mass, as a share of the body's height."""
+HEADING_RANGE = 0.3
+"""How far the path's heading may be from the body's, rad."""
+RETURN = 2.0
+"""Share of the distance to the path that is added to the desired velocity, 1/s."""
+MAX_RETURN = 0.05
+"""Largest velocity that is added, as a share of ω times the body's height."""
+HEIGHT_SPEED = 0.5
+"""Largest velocity of the height, as a share of the height, 1/s."""
 
 
 @kernel
@@ -39,8 +52,9 @@ def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
     span = min(max(t - p.time, 0.0), LONGEST_GAP)
     p.time = max(t, p.time)
     take_command(p)
-    steer(p, span)
-    choose_velocity(p)
+    p.goal[3] = min(max(p.last_command[3], p.height_range[0]), p.height_range[1])
+    _steer(p, span)
+    _choose_velocity(p)
     go_on(p, span)
     demand_acceleration(p)
     if p.walking:
@@ -68,3 +82,56 @@ def _restart(p: WalkingRecord) -> None:
     p.touched[:] = 0.0
     p.settled[:] = 1.0
     p.since[:] = LONG_AGO
+
+
+@kernel
+def _steer(p: WalkingRecord, span: float) -> None:
+    """Applied velocity and path after the time ``span``: the velocity follows the goal at bounded acceleration."""
+    u = p.velocity
+    share = 1.0 if p.walking and p.phase >= 0.0 else 0.0  # it stands until it has shifted its weight
+    dx, dy, dw = share * p.goal[0] - u[0], share * p.goal[1] - u[1], share * p.goal[2] - u[2]
+    size, most = np.hypot(dx, dy), p.acceleration * span
+    share = most / size if size > most else 1.0
+    most = p.turn_acceleration * span
+    dx, dy, dw = share * dx, share * dy, min(max(dw, -most), most)
+    if span > 0.0:
+        p.rate[0], p.rate[1], p.rate[2] = dx / span, dy / span, dw / span
+        most = HEIGHT_SPEED * p.height
+        u[3] = min(max((p.goal[3] - p.raised) / span, -most), most)
+    p.raised += u[3] * span
+    middle = p.path[2] + 0.5 * span * (u[2] + 0.5 * dw)
+    c, s = np.cos(middle), np.sin(middle)
+    forward, left = u[0] + 0.5 * dx, u[1] + 0.5 * dy
+    p.path[0] += span * (c * forward - s * left)
+    p.path[1] += span * (s * forward + c * left)
+    p.path[2] += span * (u[2] + 0.5 * dw)
+    u[0], u[1], u[2] = u[0] + dx, u[1] + dy, u[2] + dw
+    _keep_near(p)
+
+
+@kernel
+def _keep_near(p: WalkingRecord) -> None:
+    """Keep the path near the robot: what a push has moved for good is not walked back."""
+    m = p.measured
+    x, y = p.path[0] - m.centre[0], p.path[1] - m.centre[1]
+    size, most = np.hypot(x, y), PATH_RANGE * p.height
+    if size > most:
+        p.path[0] = m.centre[0] + most / size * x
+        p.path[1] = m.centre[1] + most / size * y
+    ahead = wrapped(p.path[2] - m.heading)
+    if not p.holds_heading:
+        p.path[2] = m.heading
+    elif abs(ahead) > HEADING_RANGE:
+        p.path[2] = m.heading + np.copysign(HEADING_RANGE, ahead)
+
+
+@kernel
+def _choose_velocity(p: WalkingRecord) -> None:
+    """Velocity of the centre of mass that is asked for: the applied one, and some of the way back to the path."""
+    u, m = p.velocity, p.measured
+    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    x, y = RETURN * (p.path[0] - m.centre[0]), RETURN * (p.path[1] - m.centre[1])
+    size, most = np.hypot(x, y), MAX_RETURN * p.omega * p.height
+    share = most / size if size > most else 1.0
+    p.desired[0] = c * u[0] - s * u[1] + share * x
+    p.desired[1] = s * u[0] + c * u[1] + share * y

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,12 @@ from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
-from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_of_capped
-from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of
+from harpy_pin.gaits.velocity import FollowsVelocity, Velocity
+from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of, pace_of
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
-from harpy_pin.gaits.walking.pace import pace_of
+from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
-from harpy_pin.gaits.walking.swinging import NEAR, STRAIGHT_NEAR
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.model.entry import as_state
@@ -147,16 +145,8 @@ class WalkingGait(FollowsVelocity):
             build, pace, group, start_time=0.0 if feet == 2 and not soles else START * natural, clearance=clearance
         )
         self._measured = self.record["measured"]
-        commands = self._follow(velocity)
+        self._follow(velocity)
         self.target = GaitTarget(len(robot.feet))
-        warn_of_capped(
-            commands,
-            speed=self.max_speed,
-            radius=float(np.hypot(*field(self.record, "nominal").T).max()),
-            sideways=inf,
-            turn=float(self.record["max_turn"][0]),
-            bend=float(self.record["acceleration"][0]),
-        )
         self._begin()
         measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
         advance.prepare(0.0, self.record, self.target.record)
@@ -177,7 +167,7 @@ class WalkingGait(FollowsVelocity):
             known["reach"] = min(build.reach, STEEPEST * build.rise)
         return make_record(
             WalkingRecord,
-            {"feet": feet},
+            {"feet": feet, "entries": 4},
             tree=tree_record(robot.model),
             terrain=flat_terrain(),
             steps_over=np.int64(0),
@@ -202,11 +192,13 @@ class WalkingGait(FollowsVelocity):
             omega=float(np.sqrt(GRAVITY / build.rise)),
             arrives=(NEAR if gentle else STRAIGHT_NEAR) if feet == 4 else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
-            most_aside=aside if balances else np.inf,
+            max_aside=aside if balances else np.inf,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
             acceleration=ACCELERATION,
             turn_acceleration=TURN_ACCELERATION,
             max_turn=2.0,
+            max_bend=ACCELERATION,
+            radius=np.hypot(*nominal.T).max(),
             height_range=np.array((-0.2, 0.05)) * build.height,
             always=np.int64(self.schedule == "step" or balances),
             holds_heading=np.int64(soles or feet > 2),
