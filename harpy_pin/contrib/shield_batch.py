@@ -7,8 +7,8 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
-from harpy_pin.governors.shield_loop import ShieldAnswer, ShieldLoop
+from harpy_pin.governors.contact_force_filter import ContactForceFilterParameters
+from harpy_pin.governors.shield import ShieldAnswer, ShieldLoop
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector

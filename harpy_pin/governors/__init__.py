@@ -4,8 +4,7 @@ from harpy_pin.governors.contact_force_filter import ContactForceFilter, Contact
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
 from harpy_pin.governors.governor import Governor, GovernorStatus
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, StackedRows
-from harpy_pin.governors.shield import Shield, ShieldReport
-from harpy_pin.governors.shield_loop import ShieldAnswer
+from harpy_pin.governors.shield import Shield, ShieldAnswer, ShieldReport
 from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 
 __all__ = [

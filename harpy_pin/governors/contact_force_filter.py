@@ -27,9 +27,14 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.governors.contact_force_kernels import BAD_STATE, MISFIT_SIZES, ContactForceFilterRecord, filter_forces
-from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
-from harpy_pin.governors.governor import RecordedStatus
+from harpy_pin.governors.contact_force_kernels import (
+    BAD_STATE,
+    MISFIT_SIZES,
+    ContactForceFilterParameters,
+    ContactForceFilterRecord,
+    filter_forces,
+)
+from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.contact_map import contact_terms
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FLOAT64, as_command, as_state
@@ -97,7 +102,8 @@ class ContactForceFilter(KeepsViews):
         self.friction: Vector = field(self.record, "friction")
         self.normal: Vector = field(self.record, "normal")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
-        self.status = RecordedStatus(names, self.record, self.bend)
+        h_r, h_w = field(self.record, "h_r"), field(self.record, "h_w")
+        self.status = GovernorStatus(names, h_r, h_w, self.bend, self.record)
         q, v, torque = np.zeros(robot.model.nq), np.zeros(robot.model.nv), np.zeros(len(robot.joints))
         thrust = np.zeros((len(robot.thrusters), 3))
         filter_forces.prepare(self.dynamics.record, self.terms, self.record, q, v, self.force, torque, thrust)

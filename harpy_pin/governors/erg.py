@@ -6,7 +6,6 @@ and ignores how fast the constraints drift. It is here to be measured.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,14 +15,14 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.governors.governor import RecordedStatus, StatusRecord, check_update
+from harpy_pin.governors.governor import GovernorStatus, StatusRecord, check_update
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Records, field, make_record, sized
+from harpy_pin.model.record import field, make_record, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["CONDITIONS", "ExplicitReferenceGovernor", "PaperGovernorParameters", "erg_record", "explicit_update"]
+__all__ = ["CONDITIONS", "ErgRecord", "ExplicitReferenceGovernor", "PaperGovernorParameters", "explicit_update"]
 
 FEASIBLE, INFEASIBLE, STUCK, BAD, MISFIT = 0, 1, 2, 3, 4
 """Outcome of an update; the last two for arguments that are not finite, or do not fit."""
@@ -85,17 +84,18 @@ class ExplicitReferenceGovernor(KeepsViews):
         checks.one_of("conditions", conditions, CONDITIONS)
         self.rows = rows
         self.conditions = conditions
-        self._record = erg_record(
-            rows=len(rows.names),
-            size=size,
-            alpha_r=alpha_r,
-            alpha_t=alpha_t,
-            alpha_n=alpha_n,
+        self._record = make_record(
+            ErgRecord,
+            {"rows": len(rows.names), "size": checks.whole("size", size, low=1, high=MAX_SIZE)},
+            alpha_r=checks.number("alpha_r", alpha_r, low=0.0),
+            alpha_t=checks.number("alpha_t", alpha_t, low=0.0),
+            alpha_n=checks.number("alpha_n", alpha_n, low=0.0),
             literal=conditions == "equation",
-            own=own_rows(rows),
+            own=np.array(own_rows(rows), dtype=bool),
         )
         self.applied: Vector = field(self._record, "applied")
-        self.status = RecordedStatus(rows.names, self._record, field(self._record, "rate"))
+        h_r, h_w, rate = (field(self._record, name) for name in ("h_r", "h_w", "rate"))
+        self.status = GovernorStatus(rows.names, h_r, h_w, rate, self._record)
         self._at_target = self.status.h_r, field(self._record, "jacobian_r")
         self._at_applied = self.status.h_w, field(self._record, "jacobian_w")
         x, x_r = np.zeros(9), np.zeros(size)
@@ -166,33 +166,6 @@ class ErgRecord(StatusRecord):
     basis: Vector = sized("rows", "size")  # (rows, size) work space: an orthonormal basis of the violated rows
 
 
-def erg_record(
-    *,
-    rows: int,
-    size: int,
-    alpha_r: float,
-    alpha_t: float,
-    alpha_n: float,
-    literal: bool = False,
-    own: Sequence[bool] | None = None,
-) -> Records[ErgRecord]:
-    """A new :class:`ErgRecord`.
-
-    Raises:
-        InputError: a rate is negative or not finite.
-    """
-    checks.whole("size", size, low=1, high=MAX_SIZE)
-    return make_record(
-        ErgRecord,
-        {"rows": rows, "size": size},
-        alpha_r=checks.number("alpha_r", alpha_r, low=0.0),
-        alpha_t=checks.number("alpha_t", alpha_t, low=0.0),
-        alpha_n=checks.number("alpha_n", alpha_n, low=0.0),
-        literal=literal,
-        own=np.zeros(rows, dtype=bool) if own is None else np.array(own, dtype=bool),
-    )
-
-
 @kernel
 def _argument_verdict(x: Vector, x_r: Vector, dt: float, p: ErgRecord) -> int:
     """What the arguments are; the status counts a bad sample, and the reference stays where it is."""
@@ -218,28 +191,20 @@ def _first_broken(h: Vector, jacobian: Vector) -> int:
 
 
 @kernel
-def _explicit_update(x_r: Vector, dt: float, p: ErgRecord) -> int:
-    return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
-
-
-@kernel
 def governed_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
     """One tick with the force rows, see :meth:`ExplicitReferenceGovernor.update`; what it came to."""
     verdict = _argument_verdict(x, x_r, dt, p)
-    return verdict if verdict != FEASIBLE else force_update(x, x_r, dt, p, rows)
-
-
-@kernel
-def force_update(x: Vector, x_r: Vector, dt: float, p: ErgRecord, rows: ForceRowsRecord) -> int:
-    """One tick with the force rows, on elements of the records and arguments that fit; what it came to."""
+    if verdict != FEASIBLE:
+        return verdict
     force_rows(x, x_r, rows, p.h_r, p.jacobian_r)
     force_rows(x, p.applied, rows, p.h_w, p.jacobian_w)
-    return _verdict(explicit_update(x_r, p.applied, dt, p), dt, p)
+    return _explicit_update(x_r, dt, p)
 
 
 @kernel
-def _verdict(infeasible: bool, dt: float, p: ErgRecord) -> int:
-    """Keeps the time of repair."""
+def _explicit_update(x_r: Vector, dt: float, p: ErgRecord) -> int:
+    """One tick with constraints and Jacobians filled in; keeps the time of repair."""
+    infeasible = explicit_update(x_r, p.applied, dt, p)
     p.repairing = p.repairing + dt if infeasible else 0.0
     p.infeasible, p.least_violation = infeasible, 0.0
     p.stuck = p.repairing > STUCK_AFTER
@@ -256,7 +221,7 @@ def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
         x_r: (size,) target reference.
         x_w: (size,) applied reference, updated in place.
         dt: Δt, s.
-        p: element of :func:`erg_record`, its constraints and Jacobians filled in.
+        p: of the governor, its constraints and Jacobians filled in.
 
     Returns:
         Whether both references violate a row.
@@ -292,6 +257,15 @@ def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
 
 
 @kernel
+def _dot(a: Vector, b: Vector) -> float:
+    """Sum of the products of their entries."""
+    total = 0.0
+    for i in range(a.shape[0]):
+        total += a[i] * b[i]
+    return total
+
+
+@kernel
 def _violated_basis(p: ErgRecord) -> int:
     """Orthonormal basis of the rows that x_r violates, into ``p.basis``; returns their rank."""
     jacobian, basis = p.jacobian_r, p.basis
@@ -299,10 +273,7 @@ def _violated_basis(p: ErgRecord) -> int:
     rank = 0
     for k in range(n_rows):
         if p.h_r[k] < 0.0:
-            norm = 0.0
-            for i in range(n):
-                norm += jacobian[k, i] * jacobian[k, i]
-            norm = np.sqrt(norm)
+            norm = np.sqrt(_dot(jacobian[k], jacobian[k]))
             if norm == 0.0:
                 continue
             for i in range(n):
@@ -310,15 +281,10 @@ def _violated_basis(p: ErgRecord) -> int:
             # Gram–Schmidt, twice: normalised analytic rows, so that the rank is right (W7).
             for _ in range(2):
                 for b in range(rank):
-                    dot = 0.0
-                    for i in range(n):
-                        dot += basis[b, i] * basis[rank, i]
+                    dot = _dot(basis[b], basis[rank])
                     for i in range(n):
                         basis[rank, i] -= dot * basis[b, i]
-            rest = 0.0
-            for i in range(n):
-                rest += basis[rank, i] * basis[rank, i]
-            rest = np.sqrt(rest)
+            rest = np.sqrt(_dot(basis[rank], basis[rank]))
             if rest > INDEPENDENT:
                 for i in range(n):
                     basis[rank, i] /= rest
@@ -365,10 +331,7 @@ def _add_shortest(dt: float, p: ErgRecord, worst: int) -> bool:
     """The shortest way for x_w into its worst row; returns whether there is one, and a short one."""
     n = p.rate.shape[0]
     row = p.jacobian_w[worst]
-    norm = 0.0
-    for i in range(n):
-        norm += row[i] * row[i]
-    norm = np.sqrt(norm)
+    norm = np.sqrt(_dot(row, row))
     if not -p.h_w[worst] <= FARTHEST * norm:
         return False
     # At the rate of the print, α_n times the distance of the references, and no further than just inside.

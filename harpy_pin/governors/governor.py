@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,10 +10,10 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import ZERO, Record, RecordOf, field, flag
+from harpy_pin.model.record import ZERO, Record, RecordOf, flag, make_record
 from harpy_pin.model.state import Vector
 
-__all__ = ["Governor", "GovernorStatus", "RecordedStatus", "StatusRecord", "check_update"]
+__all__ = ["Governor", "GovernorStatus", "StatusRecord", "check_update"]
 
 
 def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:
@@ -30,21 +29,32 @@ def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:
             raise InputError(f"{name} must be a float64 array, got {value!r}", name=name, value=value)
 
 
+class StatusRecord(RecordOf):
+    """What a :class:`GovernorStatus` tells, for kernels."""
+
+    infeasible: int = ZERO
+    stuck: int = ZERO
+    bad_samples: int = ZERO
+    least_violation: float = 0.0
+
+
 def _recorded(name: str, kind: type) -> Any:
     """An attribute that is a number of a record."""
     return property(lambda self: kind(self._record[name][0]), lambda self, value: self._record.__setitem__(name, value))
 
 
 @fixed_arrays("h_r", "h_w", "rate")
-@dataclass
 class GovernorStatus(KeepsViews):
     """What a governor saw and did at its last update; its arrays are overwritten by the next.
 
-    Attributes:
+    Args:
         names: of the constraint rows.
         h_r: (rows,) constraints at the target reference; positive is satisfied.
         h_w: (rows,) constraints at the applied reference, before the update.
         rate: (w,) ẋ_w.
+        record: with the fields of a :class:`StatusRecord`, which a governor's kernel writes; by default its own.
+
+    Attributes:
         stuck: the paper's governor has been repairing for so long that its reference does not follow the target, see
             :class:`harpy_pin.governors.erg.ExplicitReferenceGovernor`.
         bad_samples: updates with a state or target that was no good sample, since the last reset; see
@@ -54,14 +64,18 @@ class GovernorStatus(KeepsViews):
             +inf where the sample was bad: the reference then stays where it was.
     """
 
-    names: tuple[str, ...]
-    h_r: Vector
-    h_w: Vector
-    rate: Vector
-    infeasible: bool = False
-    least_violation: float = 0.0
-    stuck: bool = False
-    bad_samples: int = 0
+    infeasible: bool = _recorded("infeasible", bool)
+    stuck: bool = _recorded("stuck", bool)
+    bad_samples: int = _recorded("bad_samples", int)
+    least_violation: float = _recorded("least_violation", float)
+
+    def __init__(
+        self, names: tuple[str, ...], h_r: Vector, h_w: Vector, rate: Vector, record: Record | None = None
+    ) -> None:
+        self.names, self.h_r, self.h_w, self.rate = names, h_r, h_w, rate
+        self._record = make_record(StatusRecord) if record is None else record
+        infeasible = flag(self._record, "infeasible")
+        self._signals: dict[str, ArrayLike] = {"h_r": h_r, "h_w": h_w, "infeasible": infeasible}
 
     def bad(self) -> None:
         """Count a bad sample: the status is infeasible, and the reference stays where it was."""
@@ -69,50 +83,13 @@ class GovernorStatus(KeepsViews):
         self.infeasible, self.least_violation = True, float("inf")
 
     def signals(self) -> dict[str, ArrayLike]:
-        """What is logged of it, by name."""
-        return {"h_r": self.h_r, "h_w": self.h_w, "infeasible": self.infeasible}
+        """What is logged of it, by name: arrays that stay where they are."""
+        return self._signals
 
     @property
     def active(self) -> tuple[str, ...]:
         """Names of the rows that the target reference violates."""
         return tuple(name for name, h in zip(self.names, self.h_r, strict=True) if h < 0.0)
-
-
-class StatusRecord(RecordOf):
-    """What a :class:`RecordedStatus` tells, for kernels."""
-
-    infeasible: int = ZERO
-    stuck: int = ZERO
-    bad_samples: int = ZERO
-    least_violation: float = 0.0
-
-
-class RecordedStatus(GovernorStatus):
-    """A status that the kernel of a governor writes.
-
-    Args:
-        names: of the constraint rows.
-        record: of the governor, with the fields of a :class:`StatusRecord`, ``h_r`` and ``h_w``; it is shared.
-        rate: ẋ_w, which is shared, too.
-    """
-
-    def __init__(self, names: tuple[str, ...], record: Record, rate: Vector) -> None:
-        self._record = record
-        super().__init__(names, field(record, "h_r"), field(record, "h_w"), rate)
-        self._signals: dict[str, ArrayLike] = {
-            "h_r": self.h_r,
-            "h_w": self.h_w,
-            "infeasible": flag(record, "infeasible"),
-        }
-
-    def signals(self) -> dict[str, ArrayLike]:
-        """See :meth:`GovernorStatus.signals`; arrays that stay where they are."""
-        return self._signals
-
-    infeasible: bool = _recorded("infeasible", bool)
-    stuck: bool = _recorded("stuck", bool)
-    bad_samples: int = _recorded("bad_samples", int)
-    least_violation: float = _recorded("least_violation", float)
 
 
 class Governor(Protocol):

@@ -56,16 +56,7 @@ def axial_force(r: Vector, c: Vector, c_dot: Vector, model: PointMassRecord, jac
     """Axial contact force as an affine map of the reference, N(w) = J w + d (equations.md §2).
 
     Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e + K_dt ė).
-
-    Args:
-        r: (3,) c − u, m.
-        c: (3,) body position, m.
-        c_dot: (3,) body velocity, m/s.
-        model: element of a record with the fields of :func:`model_record`.
-        jacobian: (6,) J out, N/m and N·s/m.
-
-    Returns:
-        d, N.
+    J goes into ``jacobian``, N/m and N·s/m; d, N, is returned.
     """
     length = max(np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), 1e-12)  # a body on the foot has no direction
     d = model.mass * model.g * r[2] / length

@@ -8,20 +8,30 @@ brings every foot's force to its nearest point, at the same normal force, in the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.governors.shield_loop import ShieldAnswer, ShieldLoop
-from harpy_pin.model.entry import as_command, as_state
-from harpy_pin.model.memory import KeepsViews
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms, friction_limit
+from harpy_pin.governors.thrust import limit_thrust
+from harpy_pin.model.contact_map import sticking_force, unconstrained_drive
+from harpy_pin.model.dynamics import DynamicsRecord, update_terms
+from harpy_pin.model.entry import FADE, HOLD_TICKS, all_finite, all_finite_rows, as_command, as_state
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
-__all__ = ["Shield", "ShieldReport"]
+if TYPE_CHECKING:
+    from harpy_pin.model.contact_map import ContactMapRecord
+
+__all__ = ["Shield", "ShieldAnswer", "ShieldLoop", "ShieldReport"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +118,7 @@ class Shield(KeepsViews):
         friction = self.governor.friction[None].copy()
         answer = self._loop.answer(friction, tuple(array[None] for array in arrays))
         if not answer.bad_command[0]:
-            self._note(float(answer.excess[0]))
+            self.governor.dynamics.finite = not answer.bad_state[0]
         torque, thrust = answer.torque[0], answer.thrust[0]
         report = ShieldReport(
             changed=bool(answer.changed[0]),
@@ -121,15 +131,6 @@ class Shield(KeepsViews):
         )
         return Command(torque, thrust), report
 
-    def _note(self, excess: float) -> None:
-        """Keep the filter's status as its own update does; the violation that is left is negative for a bad state."""
-        status = self.governor.status
-        if excess < 0.0:
-            status.bad()
-        else:
-            status.infeasible, status.least_violation = excess > 0.0, excess
-        self.governor.dynamics.finite = excess >= 0.0
-
     def _reasons(self, answer: ShieldAnswer) -> list[str]:
         """The flags of an answer in words."""
         if answer.bad_command[0]:
@@ -141,3 +142,245 @@ class Shield(KeepsViews):
         reasons += [rows[k] for k in np.flatnonzero(answer.short[0])]
         reasons += [names[k] for k in np.flatnonzero(beyond[1] & ~beyond[0])]
         return reasons or (["fading"] if self.governor.bend.any() else [])
+
+
+@dataclass(frozen=True, slots=True)
+class ShieldAnswer:
+    """What came out for n commands.
+
+    Attributes:
+        torque: (n, joints) to be sent, N·m.
+        thrust: (n, thrusters, 3) to be sent, N.
+        before: (n, feet, 2) margins under the command that went in, N, see :class:`ShieldReport`.
+        after: (n, feet, 2) under the command that came out, N.
+        excess: (n,) violation that is left, N; −1 for a bad state.
+        changed: (n,) whether the command that came out differs from the one that went in.
+        safe: (n,) whether no foot that touches is predicted to slip or lift, and state and command were numbers.
+        bad_command: (n,) whether the command was not all finite numbers.
+        short: (n, feet, 2) whether each foot had too little friction, and too little normal force.
+        beyond: (n, 2, joints + thrusters) what was beyond its limit, of the command given and of the corrected one.
+    """
+
+    torque: Vector
+    thrust: Vector
+    before: Vector
+    after: Vector
+    excess: Vector
+    changed: NDArray[np.bool_]
+    safe: NDArray[np.bool_]
+    bad_command: NDArray[np.bool_]
+    short: NDArray[np.bool_]
+    beyond: NDArray[np.bool_]
+
+    @property
+    def limited(self) -> NDArray[np.bool_]:
+        """(n,) whether a torque or a thrust was beyond its limit."""
+        return np.asarray(self.beyond.any(axis=(1, 2)))
+
+    @property
+    def bad_state(self) -> NDArray[np.bool_]:
+        """(n,) whether the state was not all finite numbers."""
+        return self.excess < 0.0
+
+
+class LimitsRecord(RecordOf):
+    """Limits of a command."""
+
+    torque_limit: Vector  # (joints,) N·m
+    thrust_limit: float  # of each thruster, N
+
+
+@fixed_arrays("bend")
+class ShieldLoop:
+    """The filter, the limits and the memories of n shields.
+
+    Args:
+        robot: with feet and thrusters, a free flyer.
+        n: number of robots.
+        mu: friction coefficient of the filter, which each call gives anew.
+        period: time between commands, s.
+        parameters: other settings of the filter; their ``mu`` is replaced.
+
+    Attributes:
+        governor: the filter, whose records serve the whole loop.
+        bend: (n, thrust variables + joints) the last change of each robot.
+    """
+
+    def __init__(
+        self, robot: Robot, n: int, *, mu: float, period: float, parameters: ContactForceFilterParameters | None
+    ) -> None:
+        feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
+        settings = replace(parameters if parameters is not None else ContactForceFilterParameters(), mu=mu)
+        self.governor = ContactForceFilter(robot, settings, period=period)
+        self._limits = make_record(LimitsRecord, torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
+        self.bend: Vector = np.zeros((n, 3 * thrusters + joints))
+        in_a_row = np.zeros((n, 2), dtype=np.int64)  # bad states, bad commands
+        self._memory = (self.bend, np.zeros((n, joints)), np.zeros((n, thrusters, 3)), in_a_row)
+        self._feet = feet
+
+    def reset(self, which: NDArray[np.int64] | NDArray[np.bool_] | slice = slice(None)) -> None:
+        """Forget the last changes and commands of some robots."""
+        for memory in self._memory:
+            memory[which] = 0
+
+    def answer(self, friction: Vector, given: tuple[Vector, ...]) -> ShieldAnswer:
+        """The commands to be sent.
+
+        Args:
+            friction: (n, feet) friction coefficients.
+            given: (n, nq) configurations, (n, nv) velocities, (n, feet, 3) measured forces, (n, joints) torques and
+                (n, thrusters, 3) thrusts.
+        """
+        torque, thrust = given[3:]
+        n, feet, rows = len(torque), self._feet, torque.shape[1] + thrust.shape[1]
+        flags = np.zeros((3, n), dtype=np.bool_)
+        a = ShieldAnswer(
+            torque=np.empty(torque.shape),
+            thrust=np.empty(thrust.shape),
+            before=np.full((n, feet, 2), np.nan),
+            after=np.full((n, feet, 2), np.nan),
+            excess=np.zeros(n),
+            changed=flags[0],
+            safe=flags[1],
+            bad_command=flags[2],
+            short=np.zeros((n, feet, 2), dtype=np.bool_),
+            beyond=np.zeros((n, 2, rows), dtype=np.bool_),
+        )
+        governor = self.governor
+        shield_all(
+            (governor.dynamics.record, governor.terms, governor.record, self._limits),
+            (friction, *self._memory),
+            given,
+            (a.torque, a.thrust, a.before, a.after, a.excess),
+            (a.changed, a.safe, a.bad_command, a.short, a.beyond),
+        )
+        return a
+
+
+@kernel
+def shield_all(
+    records: tuple[
+        Records[DynamicsRecord], Records[ContactMapRecord], Records[ContactForceFilterRecord], Records[LimitsRecord]
+    ],
+    memory: tuple[Vector, Vector, Vector, Vector, NDArray[np.int64]],
+    given: tuple[Vector, ...],
+    results: tuple[Vector, ...],
+    flags: tuple[NDArray[np.bool_], ...],
+) -> None:
+    """One robot after the other; the order of the arrays is that of :meth:`ShieldLoop.answer`."""
+    dynamics, terms, record, limits = records
+    friction, bend, last_torque, last_thrust, in_a_row = memory
+    q, v, foot_force, torque, thrust = given
+    new_torque, new_thrust, before, after, excess = results
+    changed, safe, bad_command, short, beyond = flags
+    g, most = record[0], limits[0]
+    for i in range(q.shape[0]):
+        u, f = new_torque[i], new_thrust[i]
+        u[:] = torque[i]
+        f[:] = thrust[i]
+        if not (all_finite(u) and all_finite_rows(f)):
+            bad_command[i] = True
+            in_a_row[i, 1] += 1
+            if in_a_row[i, 1] > HOLD_TICKS:
+                last_torque[i] *= FADE
+                last_thrust[i] *= FADE
+            u[:] = last_torque[i]
+            f[:] = last_thrust[i]
+            changed[i] = True
+            continue
+        in_a_row[i, 1] = 0
+        _mark(most, u, f, beyond[i, 0])
+        within_limits(most, u, f)
+        g.friction[:] = friction[i]
+        g.bend[:] = bend[i]
+        g.bad_in_a_row = in_a_row[i, 0]
+        verdict = update_terms(dynamics[0], q[i], v[i])
+        excess[i] = max(answer_terms(dynamics[0], terms[0], g, verdict, v[i], foot_force[i], u, f), -1.0)
+        in_a_row[i, 0] = g.bad_in_a_row
+        if excess[i] < 0.0:
+            within_limits(most, u, f)
+        else:
+            bend[i] = g.bend
+            for k in range(before.shape[1]):
+                for c in range(2):
+                    before[i, k, c], after[i, k, c] = g.h_r[2 * k + c], g.h_w[2 * k + c]
+            _short_of(g, before[i], short[i])
+            _mark(most, u, f, beyond[i, 1])
+            if within_limits(most, u, f):  # less of the change is left
+                _margins(dynamics[0], terms[0], g, v[i], u, f, after[i])
+            safe[i] = True
+            for k in range(after.shape[1]):
+                safe[i] = safe[i] and after[i, k, 0] >= 0.0 and after[i, k, 1] >= 0.0
+        last_torque[i] = u
+        last_thrust[i] = f
+        changed[i] = _differs(u, torque[i]) or _differs(f.reshape(f.size), thrust[i].reshape(f.size))
+
+
+@kernel
+def _differs(a: Vector, b: Vector) -> bool:
+    different = False
+    for j in range(a.shape[0]):
+        different = different or a[j] != b[j]
+    return different
+
+
+@kernel
+def _mark(most: LimitsRecord, torque: Vector, thrust: Vector, beyond: NDArray[np.bool_]) -> None:
+    """Which torques, then which thrusts, are beyond their limits."""
+    joints = torque.shape[0]
+    for j in range(joints):
+        beyond[j] = abs(torque[j]) > most.torque_limit[j]
+    for k in range(thrust.shape[0]):
+        size = np.sqrt(thrust[k, 0] ** 2 + thrust[k, 1] ** 2 + thrust[k, 2] ** 2)
+        beyond[joints + k] = size > most.thrust_limit
+
+
+@kernel
+def within_limits(most: LimitsRecord, torque: Vector, thrust: Vector) -> bool:
+    """Bring a command within ``torque_limit`` and ``thrust_limit`` of a record, in place.
+
+    Returns:
+        Whether it was beyond them.
+    """
+    over = False
+    for j in range(torque.shape[0]):
+        if abs(torque[j]) > most.torque_limit[j]:
+            over = True
+            torque[j] = most.torque_limit[j] if torque[j] > 0.0 else -most.torque_limit[j]
+    return limit_thrust(thrust, most.thrust_limit) or over
+
+
+@kernel
+def _short_of(g: ContactForceFilterRecord, before: Vector, short: NDArray[np.bool_]) -> None:
+    """Which feet are outside the filter's tightened cone, or have too small a normal force."""
+    for k in range(before.shape[0]):
+        margin, normal = before[k, 0], before[k, 1]
+        if margin == np.inf:
+            continue
+        mu, carried = g.friction[k], max(normal, g.min_normal_force)
+        limit = friction_limit(mu, g.friction_share, g.margin, carried)
+        short[k, 0] = mu * normal - margin > limit
+        short[k, 1] = normal < g.min_normal_force
+
+
+@kernel
+def _margins(
+    d: DynamicsRecord,
+    w: ContactMapRecord,
+    g: ContactForceFilterRecord,
+    v: Vector,
+    torque: Vector,
+    thrust: Vector,
+    out: Vector,
+) -> None:
+    """Friction margin and normal force that sticking demands under another command, after :func:`hold_forces`."""
+    count = 0
+    for k in range(out.shape[0]):
+        if out[k, 0] != np.inf:
+            count += 3
+    unconstrained_drive(d, v, torque, thrust.reshape(thrust.size), w.drive)
+    sticking_force(d, w, count)
+    for c in range(0, count, 3):
+        k = w.rows[c] // 3
+        tangential = np.sqrt(w.force[c] ** 2 + w.force[c + 1] ** 2)
+        out[k, 0], out[k, 1] = g.friction[k] * w.force[c + 2] - tangential, w.force[c + 2]

@@ -71,22 +71,10 @@ class AttitudeGains:
 def centre_feedback(
     r: Vector, c: Vector, c_dot: Vector, reference: Vector, law: int, gains: CentreGainsRecord, out: Vector
 ) -> float:
-    """Thrust u_t,c and radial command u_r (paper, thruster feedback law; equations.md E5, E6).
+    """Thrust u_t,c, N, into ``out``, and radial command u_r, m²/s², which is returned (equations.md E5, E6).
 
     u_t,c = (I − Y)(K_pt e + K_dt ė) with Y = r̂ r̂ᵀ (projected law) or Y = 0 (full law);
-    u_r = rᵀ(k_pr e + k_dr ė).
-
-    Args:
-        r: (3,) c − u, m.
-        c: (3,) body position, m.
-        c_dot: (3,) body velocity, m/s.
-        reference: (6,) [c_w; ċ_w].
-        law: :class:`harpy_pin.governors.point_mass.Law`.
-        gains: element of a record with the fields of :attr:`CentreGains.record`.
-        out: (3,) u_t,c, world axes, N.
-
-    Returns:
-        u_r, m²/s².
+    u_r = rᵀ(k_pr e + k_dr ė), with r = c − u, m, in world axes, and the reference [c_w; ċ_w].
     """
     u_r = 0.0
     along = 0.0
@@ -105,12 +93,9 @@ def centre_feedback(
 
 @kernel(rotation=(3, 3), angular_velocity=(3,), out=(4,))
 def roll_yaw(rotation: Vector, angular_velocity: Vector, out: Vector) -> None:
-    """Roll φ and yaw ψ of the body (z-y-x angles) and their rates.
+    """Roll φ and yaw ψ of the body (z-y-x angles) and their rates into ``out``, [φ, ψ, φ̇, ψ̇], rad and rad/s.
 
-    Args:
-        rotation: (3, 3) body to world.
-        angular_velocity: (3,) body axes, rad/s.
-        out: (4,) [φ, ψ, φ̇, ψ̇], rad and rad/s.
+    The rotation is from the body to the world, the angular velocity in body axes, rad/s.
     """
     sin_pitch = min(max(-rotation[2, 0], -1.0), 1.0)
     cos_pitch = max(np.sqrt(1.0 - sin_pitch * sin_pitch), 1e-6)
@@ -127,15 +112,8 @@ def allocate(centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: 
     """Left and right thrust from u_t,c and the roll and yaw feedback (paper, left/right split; equations.md E7).
 
     u_t,l = u_t,c/2 + R [u_yaw, 0, u_roll], u_t,r = u_t,c/2 − R [u_yaw, 0, u_roll], with u_roll = −k φ − d φ̇ and
-    u_yaw = k ψ + d ψ̇ for mounts on the left (+y) and right of the body.
-
-    Args:
-        centre: (3,) u_t,c, world axes, N.
-        rotation: (3, 3) R, body to world.
-        angles: (4,) from :func:`roll_yaw`.
-        k_p: N/rad.
-        k_d: N·s/rad.
-        out: (2, 3) left and right thrust, world axes, N.
+    u_yaw = k ψ + d ψ̇ for mounts on the left (+y) and right of the body, with the gains k, N/rad, and d, N·s/rad, and
+    the angles of :func:`roll_yaw`. Thrusts are in world axes, N.
     """
     u_roll = -k_p * angles[0] - k_d * angles[2]
     u_yaw = k_p * angles[1] + k_d * angles[3]
@@ -147,15 +125,7 @@ def allocate(centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: 
 
 @kernel(thrust=("n", 3))
 def limit_thrust(thrust: Vector, limit: float) -> bool:
-    """Shorten, in place, each thrust beyond the limit; its direction stays.
-
-    Args:
-        thrust: (thrusters, 3), N.
-        limit: largest magnitude of each, N.
-
-    Returns:
-        Whether any was shortened.
-    """
+    """Shorten, in place, each thrust beyond the limit, N; its direction stays. Returns whether any was shortened."""
     limited = False
     for k in range(thrust.shape[0]):
         norm = np.sqrt(thrust[k, 0] ** 2 + thrust[k, 1] ** 2 + thrust[k, 2] ** 2)

@@ -14,7 +14,7 @@ import reproduction
 from harpy_pin import InputError
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import KernelError
-from harpy_pin.governors.erg import erg_record
+from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows
 from harpy_pin.governors.point_mass import Law, model_record
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.kinematics import LegGeometry
@@ -61,7 +61,7 @@ def records(robot):
         "leg": leg.record[0],
         "gains": reduced[0],
         "model": {"axial_force": reduced[0], "planar_step": model.record, "planar_control": model.record[0]},
-        "p": {"explicit_update": erg_record(rows=5, size=6, alpha_r=1, alpha_t=1, alpha_n=1)[0]},
+        "p": {"explicit_update": ExplicitReferenceGovernor(ForceRows(mass=4.0, mu=0.3))._record[0]},
         "walk": walk[0],
         "gait": walk[0],
         "d": model.record[0],

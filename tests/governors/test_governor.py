@@ -10,9 +10,10 @@ from scipy.linalg import null_space
 
 from harpy_pin.errors import InputError
 from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows, StackedRows
-from harpy_pin.governors.erg import erg_record, explicit_update
+from harpy_pin.governors.erg import ErgRecord, explicit_update
 from harpy_pin.governors.point_mass import Law
 from harpy_pin.governors.thrust import CentreGains
+from harpy_pin.model.record import make_record
 from reproduction.vlip_model import AngleRow
 from reproduction.vlip_simulation import cartesian
 
@@ -60,7 +61,8 @@ def test_update_is_algorithm_1(h_r, h_w, jacobian, x_r, x_w, literal):
         return  # no direction of repair: not the paper's, see ExplicitReferenceGovernor and the next test
     expected = algorithm_1(h_r, h_w, jacobian, x_r, x_w, 1e-3, literal)
     applied, (alpha_r, alpha_t, alpha_n) = x_w.copy(), ALPHA
-    erg = erg_record(rows=5, size=6, alpha_r=alpha_r, alpha_t=alpha_t, alpha_n=alpha_n, literal=literal)
+    rates = {"alpha_r": alpha_r, "alpha_t": alpha_t, "alpha_n": alpha_n}
+    erg = make_record(ErgRecord, {"rows": 5, "size": 6}, **rates, literal=literal, own=np.zeros(5, dtype=bool))
     erg["h_r"], erg["h_w"], erg["jacobian_r"] = h_r, h_w, jacobian
     infeasible = explicit_update(x_r, applied, 1e-3, erg[0])
     np.testing.assert_allclose(applied, expected, rtol=1e-9, atol=1e-9)
@@ -72,7 +74,8 @@ def test_repair_without_a_direction_follows_the_target():
     """Both references agree in the row that both violate: x_w moves along it, at the rate α_t."""
     x_r, x_w, row = np.zeros(6), np.array([0.0, 1.0, -1.0, 0.5, 0.0, 0.0]), np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     alpha_r, alpha_t, alpha_n = ALPHA
-    erg = erg_record(rows=1, size=6, alpha_r=alpha_r, alpha_t=alpha_t, alpha_n=alpha_n, literal=False)
+    rates = {"alpha_r": alpha_r, "alpha_t": alpha_t, "alpha_n": alpha_n}
+    erg = make_record(ErgRecord, {"rows": 1, "size": 6}, **rates, literal=False, own=np.zeros(1, dtype=bool))
     erg["h_r"], erg["h_w"], erg["jacobian_r"] = -1.0, -1.0, row
     applied = x_w.copy()
     assert explicit_update(x_r, applied, 1e-3, erg[0])

@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 
 from harpy_pin.errors import InputError
 from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows
-from harpy_pin.governors.erg import erg_record, explicit_update
+from harpy_pin.governors.erg import explicit_update
 from harpy_pin.governors.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.rows import force_rows_measured
 from harpy_pin.governors.thrust import CentreGains, centre_feedback
@@ -213,7 +213,7 @@ def test_w7_finite_differences_give_the_wrong_rank():
             differences[:, i] = (ahead - h) / 1e-6
         wrong += np.linalg.matrix_rank(differences) > 1
         assert np.linalg.matrix_rank(jacobian) == 1
-        erg = erg_record(rows=5, size=6, alpha_r=0.0, alpha_t=1.0, alpha_n=0.0)
+        erg = ExplicitReferenceGovernor(ForceRows(mass=4.0, mu=0.3), alpha_r=0.0, alpha_t=1.0, alpha_n=0.0)._record
         erg["h_r"], erg["h_w"], erg["jacobian_r"] = -1.0, 1.0, jacobian
         explicit_update(w, np.zeros(6), 0.0, erg[0])
         normal = jacobian[4] / np.linalg.norm(jacobian[4])

@@ -46,7 +46,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
-from harpy_pin.governors.shield_loop import LimitsRecord, within_limits
+from harpy_pin.governors.shield import LimitsRecord, within_limits
 from harpy_pin.ground.ground import Ground, GroundRecord
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import DynamicsRecord, update_terms
