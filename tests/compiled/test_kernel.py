@@ -34,15 +34,16 @@ COMPILED = {
 
 
 def public_kernels():
-    """Compiled functions among the public names, checked or not."""
+    """Compiled functions among the public names, checked or not; of the reproduction all that are checked."""
     both = (pkgutil.walk_packages(package.__path__, f"{package.__name__}.") for package in (harpy_pin, reproduction))
     for module in chain(*both):
         if module.name.endswith("__main__"):
             continue
         found = importlib.import_module(module.name)
-        for name in getattr(found, "__all__", ()):
-            value = getattr(found, name)
-            if isinstance(value, Kernel) and value.__module__ == module.name:
+        listed = getattr(found, "__all__", ())
+        for name, value in vars(found).items():
+            own = isinstance(value, Kernel) and value.__module__ == module.name
+            if own and (name in listed or (module.name.startswith("reproduction.") and value._shapes)):
                 yield f"{module.name}.{name}", value
 
 
