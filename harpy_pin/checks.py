@@ -18,7 +18,7 @@ from harpy_pin.errors import InputError, shown
 _Kind = TypeVar("_Kind")
 
 MAX_TICKS = 10_000_000
-"""Of a run, whose log is kept in memory."""
+"""Most ticks of a run, whose log is kept in memory."""
 MAX_FRICTION = 10.0
 """Coefficient of friction that no pair of materials comes near."""
 
