@@ -171,7 +171,7 @@ def _reason(error: Exception) -> str:
 
 
 def finite(value: Any) -> Any:
-    """The same value, ready for JSON: NaN and infinity become null, numbers of NumPy Python's."""
+    """The value, ready for JSON: NaN and infinity become null, numbers of NumPy Python's."""
     if isinstance(value, Mapping):
         return {str(key): finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
