@@ -21,7 +21,7 @@ __all__ = ["compile_ahead"]
 
 HARPY = "harpy"
 DURATION = 0.6
-"""Of each walk, s: longer ones have a loop of their own, of many ticks in one call."""
+"""Duration of each walk, s: longer ones have a loop of their own, of many ticks in one call."""
 
 
 def compile_ahead(
