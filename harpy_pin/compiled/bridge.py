@@ -21,7 +21,7 @@ __all__ = ["DTYPES", "Bound", "Version", "bridge"]
 ARRAY, NUMBER, WHOLE, TRUTH, TUPLE = range(5)
 """Kinds of arguments."""
 MAX_AXES, MAX_SLOTS, MAX_RESULTS, MAX_SYMBOLS = 4, 128, 16, 8
-"""As in bridge.c."""
+"""Limits, as in bridge.c."""
 SCALARS = {"real": NUMBER, "integer": WHOLE, "bool": TRUTH}
 DTYPES = {
     "real": np.dtype(np.float64),

@@ -281,7 +281,7 @@ def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -
 
 
 _DTYPES = {dtype: dtype for dtype in DTYPES.values()}
-"""Of equal types of NumPy the one that calls compare with; arrays that were pickled have others."""
+"""The one of equal NumPy types that calls compare with; arrays that were pickled have others."""
 
 
 def _is_record(annotation: Any) -> bool:

@@ -45,7 +45,7 @@ def wrap(value: Value, binding: int) -> str:
 
 
 def wider(*types: Any) -> Scalar:
-    """Of numbers the type that holds them all."""
+    """The type that holds numbers of all these types."""
     return max((kind for kind in types if isinstance(kind, Scalar)), key=lambda scalar: scalar.rank)
 
 
@@ -117,11 +117,11 @@ class Operators:
         raise Refused(f"a constant of type {type(number).__name__}")
 
     def real(self, value: Value) -> Value:
-        """The same as a real number."""
+        """The value as a real number."""
         return self.cast(value, REAL)
 
     def cast(self, value: Value, to: Scalar) -> Value:
-        """The same as a number of another type."""
+        """The value as a number of another type."""
         if value.type == to:
             return value
         if not isinstance(value.type, Scalar):

@@ -58,7 +58,7 @@ class _Library:
 
 
 def _quiet(function: Callable[..., float]) -> Callable[..., float]:
-    """The same with NaN and infinity in the place of exceptions, as in C."""
+    """The function with NaN and infinity in the place of exceptions, as in C."""
 
     def quiet(*numbers: float) -> np.float64:
         try:

@@ -45,7 +45,7 @@ BOOLEAN, INTEGER, REAL = Scalar("bool", 0), Scalar("integer", 1), Scalar("real",
 SINGLE = Scalar("float", 2)
 """The elements of an array of float32; a kernel computes with the real numbers that they are."""
 KINDS = {"?": BOOLEAN, "l": INTEGER, "q": INTEGER, "d": REAL, "f": SINGLE}
-"""By NumPy's letter."""
+"""Types of numbers by NumPy's letter."""
 
 
 AXES = ("rows", "columns", "layers", "blocks")
@@ -84,7 +84,7 @@ class Array:
     Attributes:
         element: of what.
         shape: sizes; a string is an expression in C, known at run time only.
-        strides: distance of neighbours along each axis, in elements, likewise.
+        strides: distance of neighbours along each axis, in elements; a string like that of a shape.
     """
 
     element: Scalar | Struct
@@ -113,14 +113,14 @@ class Array:
 
     @property
     def signature(self) -> Array:
-        """The same with what is known at run time left open: one C function serves all of these."""
+        """The type with what is known at run time left open: one C function serves all of these."""
         shape = tuple(n if isinstance(n, int) else "" for n in self.shape)
         if self.is_packed:
             return Array.packed(self.element, shape)
         return Array(self.element, shape, tuple(n if isinstance(n, int) else "?" for n in self.strides))
 
     def named(self, own: str) -> Array:
-        """The same with names for what is known at run time, as parameters of a function."""
+        """The type with names for what is known at run time, as parameters of a function."""
         if len(self.shape) > len(AXES):
             raise KernelError(f"'{own}' has {len(self.shape)} axes, more than kernels pass on")
         axes = ("size",) if len(self.shape) == 1 else AXES[: len(self.shape)]
