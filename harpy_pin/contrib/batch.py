@@ -162,7 +162,7 @@ class CondensedBatch(KeepsViews):
 
     @property
     def targets(self) -> BatchTargets:
-        """Of all robots, to be written in place; standing at the origin until then."""
+        """Targets of all robots, to be written in place; standing at the origin until then."""
         return self._targets
 
     def reset(self, which: ArrayLike | None = None) -> None:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 __all__ = ["ENERGIES", "Battery"]
 
 ENERGIES = ("chemical", "missing", "inner heat", "thrust shaft", "thrust heat", "joint mechanical", "joint heat")
-"""Of a plant's battery since its reset, J: the sum of the first two is that of the others.
+"""Energies of a plant's battery since its reset, J: the sum of the first two is that of the others.
 
 ``missing`` is what was drawn beyond what can be had: zero where the battery suffices."""
 MAX_CELLS = 1000

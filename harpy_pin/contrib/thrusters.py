@@ -42,7 +42,7 @@ OBSERVER, ADAPTS = 30.0, 6.0
 ARM = 0.1
 """Length by which moments are compared with forces, m."""
 LEAST, MOST = 0.2, 1.2
-"""Of an effectiveness."""
+"""Least and largest effectiveness."""
 
 
 @dataclass(frozen=True, kw_only=True)

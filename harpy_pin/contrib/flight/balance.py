@@ -29,11 +29,11 @@ __all__: list[str] = []
 PLACE, TURN, JOINT = 0.05, 0.05, 0.3
 """Errors that weigh as much as each other: of the body, m and rad, and of a joint, rad."""
 SPEED, SPIN, RATE = 0.3, 1.0, 2.0
-"""The same of their velocities."""
+"""Errors of the velocities that weigh as much as each other: m/s, rad/s, and rad/s of a joint."""
 THRUST, TORQUE = 1.0, 0.25
 """Inputs that weigh as much: as a share of the weight on each thruster, and of a motor's limit."""
 STEP = 1e-5
-"""Of the differences by which the equations of motion become linear, m and rad."""
+"""Size of the differences by which the equations of motion become linear, m and rad."""
 NONE = 1e-6
 """Singular value, as a share of the largest, below which there is no thrust in a direction."""
 LIGHTEST = 5e-4

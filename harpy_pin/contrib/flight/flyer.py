@@ -97,11 +97,11 @@ def thrust_upwards(robot: Robot) -> float:
 
 
 STEPS, DAMPING, CLOSE, FURTHEST = 60, 1e-8, 1e-6, 0.2
-"""Of the iterations; the last is the longest step, rad."""
+"""Number of iterations, their damping and tolerance, and the longest step, rad."""
 CHANGE = 1e-6
-"""Of the joints, by which slopes are found, rad."""
+"""Change of the joints by which slopes are found, rad."""
 MOST_ERROR = 1e-3
-"""Of a posture, m."""
+"""Largest error of a posture, m."""
 
 
 class AirPostures:
@@ -199,6 +199,6 @@ class AirPostures:
         return np.append(impulse, 0.0) / self.robot.mass
 
     def _error(self, q: Vector, depth: float) -> Vector:
-        """Of the feet to the sides and in height, and of the moments, m."""
+        """Errors of the feet to the sides and in height, and of the moments, m."""
         moments, feet = self._lacking(q), self._dynamics.foot_position
         return np.concatenate((feet[:, 1] - self.feet[:, 1], feet[:, 2] - self.feet[:, 2] + depth, moments))

@@ -37,11 +37,11 @@ from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart
 __all__ = ["Flying", "FlyingGait"]
 
 PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")
-"""In the order of the signal ``flight_phase``."""
+"""Phases, in the order of the signal ``flight_phase``."""
 MOST_FORCE = 10.0
 """Largest normal force of all feet, in weights of the robot."""
 SHARE, LANDING_SHARE = 0.4, 0.14
-"""Of that: what a foot may take in standing and in landing."""
+"""Shares of that force which a foot may take in standing and in landing."""
 LOADING, UNLOADING, LET_GO = 0.15, 0.3, 0.25
 """Times in which the load comes on the feet and goes off them, s; and the part of a push in which it does."""
 LANDING = 1.2
@@ -139,7 +139,7 @@ class FlyingGait(KeepsViews):
 
     @checked
     def over(self, terrain: Terrain, *, normal_error: float = 0.0) -> FlyingGait:
-        """The same flights over other ground.
+        """These flights over other ground.
 
         Args:
             terrain: of the ground.

@@ -31,9 +31,9 @@ PUSH = 0.9
 RECOIL = 0.7
 """Share of what the legs' swing will take from the velocity that the push gives in advance."""
 TICK, LONGEST = 2e-3, 30.0
-"""Of the preview, s."""
+"""Period and longest duration of the preview, s."""
 TRIES, CLOSE, SLOPE = 8, 5e-3, 1.5
-"""Of the search for the aim: how often, how near the feet must land, m, and how far they go per metre of aim."""
+"""The search for the aim: how often, how near the feet must land, m, and how far they go per metre of aim."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def _fall(flyer: Flyer, jump: Jump, height: float, speed: float, ground: float) 
 
 
 SHORTEST = 0.4
-"""Of a way, s."""
+"""Shortest duration of a way, s."""
 
 
 def stretch(flyer: Flyer, feet: Vector) -> tuple[Quintic, Quintic | None]:

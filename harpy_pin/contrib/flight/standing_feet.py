@@ -20,7 +20,7 @@ LOADED, MIN_LOADED = 0.1, 3.5
 """Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times the noise of a
 typical sensor."""
 LEAST_SHARE = 0.05
-"""Of the largest normal force: what a foot may take when it lets go."""
+"""Share of the largest normal force that a foot may take when it lets go."""
 
 
 class StandingFeet:
@@ -104,7 +104,7 @@ class StandingFeet:
         return self._terrain.normal(x, y)
 
     def _heights(self, places: Vector) -> Vector:
-        """Of the ground at some places, m."""
+        """Heights of the ground at some places, m."""
         assert self._terrain is not None
         x, y = np.ascontiguousarray(places.T)
         return self._terrain.height(x, y)

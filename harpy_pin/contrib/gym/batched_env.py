@@ -70,13 +70,13 @@ ACTIONS, OBSERVATIONS = 12, 39
 MOST = 10.0
 """Largest entry of an observation."""
 SPRING, DAMPER = 400.0, 3.0
-"""Of the joints, N·m/rad and N·m·s/rad."""
+"""Stiffness and damping of the joints, N·m/rad and N·m·s/rad."""
 ANGLE, SPREAD = 0.5, 0.05
 """What an action of one does to a joint, and how far joints start from the posture at most, rad."""
 THRUST = 0.5
 """What an action of one is, in weights of the robot."""
 TOLERANCE, EFFORT = 0.25, 0.1
-"""Of the reward: width in m/s, and the price of thrust."""
+"""Width of the reward of velocity, m/s, and the price of thrust."""
 
 
 def default_scenario() -> Scenario:

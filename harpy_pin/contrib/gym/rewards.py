@@ -34,11 +34,11 @@ from harpy_pin.simulation.plant import GRAVITY
 __all__ = ["REWARDS", "TERMS", "Reward", "Step", "make_reward"]
 
 WIDTH = 0.25
-"""Of the rewards of velocity and turning, m/s and rad/s."""
+"""Widths of the rewards of velocity and turning, m/s and rad/s."""
 RISE = 0.1
 """Unit of the height, m."""
 SMALLEST_LIMIT = 1e-6
-"""Of a joint's torque, N·m: some files give none."""
+"""Smallest limit of a joint's torque, N·m: some files give none."""
 REWARDS: Mapping[str, float] = {"velocity": 1.0, "turning": 0.5, "torque": -0.1, "action_rate": -0.01}
 """Scales by default."""
 
@@ -110,7 +110,7 @@ TERMS: Mapping[str, Callable[[Step], float]] = {
     "slip": lambda step: 1e3 * step.slip,
     "action_rate": lambda step: float(np.mean((step.action - step.last_action) ** 2)),
 }
-"""By name; see the top of this module."""
+"""Terms of a reward by name; see the top of this module."""
 
 
 def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str, float]]]:
