@@ -41,7 +41,7 @@ class CondensedTickRecord(CondensedTasksRecord, TickRecord):
 
 
 class LaggedTickRecord(CondensedTickRecord):
-    """The same, of thrusts that lag."""
+    """The condensed whole-body controller of a robot whose thrusts lag."""
 
     lag: ThrustLagRecord  # what is known of them
 

@@ -86,7 +86,7 @@ class GaitController(KeepsViews, ABC):
         self._chain, self._chained = None, False
 
     measured: ClassVar[tuple[str, ...]] = ("q", "v", "foot_force")
-    """Of a state, in the order of the kernel's arguments."""
+    """Measurements of a state, in the order of the kernel's arguments."""
 
     def _measured(self, state: State) -> tuple[Vector, ...]:
         """What the kernel of the tick takes of a state."""
@@ -159,7 +159,7 @@ class GaitController(KeepsViews, ABC):
         return self._step(self._record_, target, *self._measured(state), *self._parts)
 
     def _answer_in_python(self, target: Records[Any], state: State) -> int:
-        """The same where that is Python's."""
+        """Everything after the gait's targets, where a part of it is Python; returns the status of the tick."""
         raise NotImplementedError
 
     def telemetry(self) -> Mapping[str, ArrayLike]:

@@ -232,7 +232,7 @@ def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
         governor: ErgRecord,
         rows: ForceRowsRecord,
     ) -> int:
-        """The same with the paper's governor of the reference."""
+        """A tick with the paper's governor of the reference; returns its status."""
         if measure(r, target, q, v, foot_position, foot_force) != GOOD:
             return BAD_SAMPLE
         if r.started == 0:
@@ -256,7 +256,7 @@ def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
         terms: ContactMapRecord,
         governor: ContactForceFilterRecord,
     ) -> int:
-        """The same without that governor, in front of the contact-force filter."""
+        """A tick without that governor, in front of the contact-force filter; returns its status."""
         if measure(r, target, q, v, foot_position, foot_force) != GOOD:
             return BAD_SAMPLE
         state = update_terms(dynamics, q, v)
@@ -270,7 +270,7 @@ def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
 
 
 STEPS = steps_of(actuate)
-"""With the paper's joint PID, by governor."""
+"""Kernels of a tick with the paper's joint PID, by governor."""
 _PAPER, _CONTACT = STEPS["paper"], STEPS["filter"]
 
 

@@ -95,7 +95,7 @@ def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[
 
 
 def _lead(lag: float, period: float) -> float:
-    """By how much commands go beyond what is desired."""
+    """How far commands go beyond what is desired, as a factor."""
     return math.expm1(-period / FOLLOWED) / math.expm1(-period / lag) if lag > FOLLOWED else 1.0
 
 

@@ -152,7 +152,7 @@ class WholeBodyController(TaskController):
 
     @property
     def solution(self) -> QPSolution:
-        """Of the last tick."""
+        """Solution of the last tick."""
         solution = self._solution
         solution.status, solution.iterations = QPStatus(int(self._outcome)), int(self._iterations)
         solution.violation = float(self._violation)

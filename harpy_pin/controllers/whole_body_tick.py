@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 __all__ = ["QP_TICKS", "ProgramTickRecord", "WholeBodyTickRecord"]
 
 STIFFNESS, DAMPING = 50.0, 1.0
-"""Of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
+"""Stiffness and damping of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
 
 
 class WholeBodyTickRecord(TasksRecord, TickRecord):
@@ -233,7 +233,7 @@ def _tick_of(name: str) -> TickKernels:
 
     @kernel
     def qp_step_of_one(r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
-        """The same on one record."""
+        """A tick of the whole-body QP on one record; returns its status."""
         return qp_step(r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual)
 
     return TickKernels(qp_step, qp_step_of_one, relax, give_way, settle, finish)
