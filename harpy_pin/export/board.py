@@ -67,7 +67,7 @@ class Chip:
 
     @property
     def flags(self) -> list[str]:
-        """Of the compiler."""
+        """Flags of the compiler."""
         return [f"-mcpu={self.cpu}", "-mthumb", "-mfloat-abi=hard", f"-mfpu={self.fpu}"]
 
 
@@ -76,7 +76,7 @@ CHIPS = {
     "m7": Chip("Cortex-M7", "cortex-m7", "fpv5-d16", True, "mps2-an500", 0x0, 0x20000000),
     "m33": Chip("Cortex-M33", "cortex-m33", "fpv5-sp-d16", False, "mps2-an505", 0x10000000, 0x38000000),
 }
-"""By short names."""
+"""Chips by their short names."""
 
 
 @dataclass(frozen=True)
