@@ -39,16 +39,16 @@ from harpy_pin.model.state import State, Vector
 __all__ = ["OnFeltGround", "OnTerrain"]
 
 STEPS, DAMPING = 100, 1e-6
-"""Of the iteration that finds the legs' joints at the start."""
+"""Steps and damping of the iteration that finds the legs' joints at the start."""
 LEAST_REACH = 0.15
 """Half the side of the square whose plane the body follows, at least, m."""
 LEANING = 4
 """Feet from which on a robot leans with the ground: legs before and behind the body would differ in length otherwise.
 Robots on two feet stay upright."""
 FRICTION_SHARE = 0.6
-"""Of the friction that the body's place on a steep slope counts on: controllers leave some of it for errors."""
+"""Share of the friction that the body's place on a steep slope counts on: controllers leave some of it for errors."""
 DOWNHILL_STEPS = 4
-"""Of the iteration that finds this place; each leaves a sixth of the error."""
+"""Steps of the iteration that finds this place; each leaves a sixth of the error."""
 KEPT = 2
 """Places where it touched the ground that are kept of each foot."""
 LOADED = 0.05

@@ -29,13 +29,13 @@ sole whose centre of pressure comes to its edge tips over that edge; so it stays
 FORCE_WEIGHT = 2e-4
 """Weight on contact forces times the squared mass, kg²: that of Harpy."""
 FLAT_FOOT_DAMPING = 20.0
-"""Of the velocity of a flat foot that is held, 1/s."""
+"""Gain of the velocity of a flat foot that is held, 1/s."""
 LEVEL = 2e-3
 """Largest difference between the heights of the feet, m."""
 SHORTEST = 1e-6
 """Duration of a move, s."""
 DEGREE = 5
-"""Of the polynomials of :meth:`Staying.move`."""
+"""Degree of the polynomials of :meth:`Staying.move`."""
 ROUNDING = 1e-6
 """By how much an angle may be beyond its limit, rad: files and postures have rounded numbers."""
 

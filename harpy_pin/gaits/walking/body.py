@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 __all__: list[str] = []
 
 VELOCITY_GAIN = 1.1
-"""Of the velocity of the centre of mass, as a share of ω."""
+"""Gain of the velocity of the centre of mass, as a share of ω."""
 PLACE_GAIN = 0.7
-"""Of its place while the robot stands, as a share of ω²."""
+"""Gain of its place while the robot stands, as a share of ω²."""
 HEIGHT_GAINS = (60.0, 15.0)
-"""Of the body's height, 1/s² and 1/s."""
+"""Gains of the body's height, 1/s² and 1/s."""
 CYCLE_GAIN = 1.0
-"""Of the divergent component on its way back to that of an endless walk, as a share of ω."""
+"""Gain of the divergent component on its way back to that of an endless walk, as a share of ω."""
 MAX_DEMAND = 3.0
 """Largest acceleration that velocity and place ask for, m/s²."""
 SOLE_MARGIN = 0.3

@@ -36,7 +36,7 @@ STRIDE = 0.6
 BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
 SLOW_BOTH = 0.2
-"""The same on four feet that hardly walk: where the load goes over slowly, ground that gives way hardly moves feet."""
+"""This share on four feet that hardly walk: soft ground hardly moves feet to which the load goes over slowly."""
 SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
@@ -46,17 +46,17 @@ MOST_PUSH, FREE_PUSH = 0.25, 0.22
 """Largest acceleration of the body by legs that are swung, as a share of gravity; and that from which on their motors,
 which then have to hold the body too, swing them with less of their torques."""
 PEAK = 15.6
-"""Of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
+"""Peak of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
 MOST_LOAD = 0.85
 """Largest torque of a leg that swings, as a share of its limit."""
 SAMPLES = 30
-"""Of a swing."""
+"""Samples of a swing."""
 ITERATIONS = 6
-"""Of the inverse kinematics at each of them, from the one before."""
+"""Iterations of the inverse kinematics at each of them, from the one before."""
 SMALL = 1e-6
 """Regularises it where a leg is stretched, m²."""
 HALVINGS = 7
-"""Of the range of speeds."""
+"""How often the range of speeds is halved."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ FOUR_FEET: dict[str, Steps] = {
 TWO_FEET: dict[str, Steps] = {"walk": (("left",), ("right",)), "step": (("left",), ("right",))}
 """Feet of bipeds that swing, step after step; ``step`` goes on stepping where it stands."""
 BY_FEET = {2: TWO_FEET, 4: FOUR_FEET}
-"""By the number of feet."""
+"""Schedules by the number of feet."""
 
 
 def groups_of(schedule: str, places: Vector) -> NDArray[np.int64]:

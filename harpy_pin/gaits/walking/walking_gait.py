@@ -45,10 +45,10 @@ LEAN, STEEPEST = 0.45, 0.5
 """On two points: distance of the centre of mass from the stance foot at which the next one should land, and
 largest distance of a foothold, in heights of the centre of mass. Of a pendulum it is the friction that it needs."""
 LOW, AIM = 0.02, 0.2
-"""Of trots and paces: height from which on a foot goes down slowly, in clearances, and how far below the ground
+"""In trots and paces, height from which on a foot goes down slowly, in clearances, and how far below the ground
 it then aims, as a share of the penetration offset. A foot that lands hard slips: inertia of its leg turns it aside."""
 LOAD_RAMP, FAST_LOAD_RAMP, FIRST_LOAD, LAST_LOAD = 0.26, 0.4, 0.07, 0.01
-"""Of trots and paces: share of its largest normal force up to which a foot is loaded that is about to take over its
+"""In trots and paces, share of its largest normal force up to which a foot is loaded that is about to take over its
 part of the load, or begins to give it away, slow and at the largest speed; that has just landed; and that is about
 to be lifted."""
 LEAST_LOAD = 0.05
@@ -56,19 +56,20 @@ LEAST_LOAD = 0.05
 LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of its load when standing, and least, N."""
 SWING_WEIGHT = 1.0
-"""Of the acceleration of a swing foot, a fifth of the default: where motors are at their limits, the body comes
+"""Weight of the acceleration of a swing foot, a fifth of the default: where motors are at their limits, the body comes
 first."""
 SWING_RATE, LEAST_RATE = 4.2, 19.0
 """Rate at which a swing foot comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
 TURN_WEIGHT, POINT_TURN_WEIGHT = 0.2, 0.02
-"""Of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²; and where
-one point stands alone. Its force holds the body upright against the swinging leg only by pushing it aside and up."""
+"""Weights of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²; and
+where one point stands alone. Its force holds the body upright against the swinging leg only by pushing it
+aside and up."""
 POINT_TURN_RATE = 10.0
 """Rate at which the body comes back upright where turning weighs that little, in √(g / leg)."""
 POSTURE_WEIGHT = 1e-7
-"""Of the accelerations of the legs' joints, times that squared height, m²: the WBC QP needs it for one optimum, not for
-a posture."""
+"""Weight of the accelerations of the legs' joints, times that squared height, m²: the WBC QP needs it for one
+optimum, not for a posture."""
 
 
 @fixed_arrays("applied", "command", "record")
