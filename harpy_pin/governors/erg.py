@@ -39,7 +39,7 @@ MAX_SIZE = 1000
 INDEPENDENT = 1e-9
 """Share of a row outside the span of others with which it counts as independent of them."""
 SINGLE = {"INDEPENDENT": 1e-5}
-"""In single precision."""
+"""Constants that differ in single precision."""
 
 
 @fixed_arrays("applied")

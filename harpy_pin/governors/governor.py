@@ -104,7 +104,7 @@ class Governor(Protocol):
 
     @property
     def status(self) -> GovernorStatus:
-        """Of the last update."""
+        """Status of the last update."""
         ...
 
     def reset(self, x_r: Vector) -> None:
