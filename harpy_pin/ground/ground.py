@@ -34,11 +34,11 @@ CONES = ("circular", "per_axis")
 MAX_STIFFNESS = 1e9
 """N/m: a robot of 4 kg sinks by 40 nm."""
 MAX_STRIPS = 16
-"""Of friction or of stiffness: the record has room for so many, so that kernels are compiled once for all grounds."""
+"""Most strips of friction or of stiffness: kernels are compiled once for all grounds."""
 _RATIO = 0.9
 """The paper's μ_c / μ_s."""
 _STIFFNESS, _DAMPING = 8000.0, 268.3
-"""Of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
+"""Stiffness and damping of the paper's ground, N/m and N·s/m: a damping ratio of 0.71 under 4.5 kg."""
 GRAVITY = 9.81
 """m/s²."""
 DEPTH, WALKING_DEPTH = 0.005, 0.002

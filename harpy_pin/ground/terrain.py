@@ -271,7 +271,7 @@ def _grid(heights: Any, resolution: float, corner: Any, *, cells: int) -> dict[s
 
 
 TERRAINS: dict[str, type[Terrain]] = {kind.name: kind for kind in (Plane, Ramp, Stairs, Rough, HeightField)}
-"""By name."""
+"""Kinds of terrain by name."""
 
 
 @checked
