@@ -36,7 +36,7 @@ SHAPES: dict[str, tuple[int, ...]] = {
     "applied_velocity": (3,),
     "battery_energy": (7,),
 }
-"""Of one row; of the reference x_r, the least."""
+"""Shapes of one row; of the reference x_r, the least."""
 MAX_COUNT = 1e15
 
 

@@ -112,7 +112,7 @@ class Power:
 
     @property
     def energy(self) -> float:
-        """That the battery gave, J."""
+        """Energy that the battery gave, J."""
         return float(self.battery.sum() * self.period)
 
     @property

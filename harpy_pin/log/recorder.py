@@ -45,7 +45,7 @@ class Recorder:
 
     @property
     def layout(self) -> Layout:
-        """Of a row; there is none before the first."""
+        """Layout of a row; there is none before the first."""
         return self._layout
 
     @property

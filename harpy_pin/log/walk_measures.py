@@ -16,11 +16,11 @@ __all__ = ["walk_measures"]
 GRAVITY = 9.81
 """m/s²."""
 HEAVIEST, LONGEST = 1e9, 1e9
-"""Of a robot, kg, and of a window, rows."""
+"""Largest mass of a robot, kg, and longest window, rows."""
 SHORTEST = 0.1
 """Path below which a walk has no cost of transport, m."""
 CORNERS = 4
-"""Of a flat foot: front left, front right, rear left, rear right."""
+"""Corners of a flat foot: front left, front right, rear left, rear right."""
 LOADED = 0.2
 """Share of the weight from which on the centre of pressure of a sole counts."""
 QUANTILE = 0.05
