@@ -62,7 +62,7 @@ def move_array(holder: Any, name: str, array: _Array) -> None:
 
 
 def read_only(array: _Array) -> _Array:
-    """The same memory, which cannot be written through this array."""
+    """The memory of an array, which cannot be written through this array."""
     view = array.view()
     view.flags.writeable = False
     return view

@@ -72,7 +72,7 @@ _FIELDS: dict[type[RecordOf], tuple[str, ...]] = {}
 _BEGINNING: dict[type[RecordOf], dict[str, Any]] = {}
 """What fields of a class are where a record is made without them."""
 ZERO: Any = np.int64(0)
-"""Of a field that is a whole number."""
+"""What a field that is a whole number begins with."""
 
 
 @dataclass(frozen=True)

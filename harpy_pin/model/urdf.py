@@ -23,9 +23,9 @@ _MAX_LINKS = 500
 """Pinocchio's reader calls itself once per link of a chain; its stack ends somewhere above 3000."""
 _MAX_NAME = 200
 _MAX_DEPTH = 50
-"""Of elements inside elements; readers call themselves once for each."""
+"""Most levels of elements inside elements; readers call themselves once for each."""
 _LARGEST = 1e6
-"""Of masses, lengths and inertias, SI; larger ones overflow in the equations of motion."""
+"""Largest masses, lengths and inertias, SI; larger ones overflow in the equations of motion."""
 _ROUNDING = 1e-12
 """What files made by programs have below zero, kg·m²."""
 
