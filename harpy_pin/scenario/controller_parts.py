@@ -40,7 +40,7 @@ class ControllerPart(Part):
 
     @classmethod
     def settings(cls) -> dict[str, Any]:
-        """Those of the part, and the parameters."""
+        """Settings of the part and of its parameters."""
         settings = defaults_of(cls.further) | defaults_of(cls)
         return {name: value for name, value in settings.items() if name != "period"}
 

@@ -94,7 +94,7 @@ def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any, usual: Se
 
 
 def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) -> None:
-    """Refuse a part that there is not; a schedule or a governor is told where it goes.
+    """Refuse a part that there is not; of a schedule or a governor the message says where it goes.
 
     Args:
         kinds: class of each name.
