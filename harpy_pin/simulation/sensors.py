@@ -19,7 +19,7 @@ from harpy_pin.model.state import State, Vector
 __all__ = ["Noise", "Sensors"]
 
 MAX_NOISE = 1e6
-"""Of a standard deviation, in its unit, and of the scale."""
+"""Largest standard deviation, in its unit, and largest scale."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,8 @@ __all__ = ["MujocoModel"]
 
 NO_MOMENT = np.zeros(3)
 MIN_MASS, MIN_INERTIA = 1e-12, 1e-12
-"""Of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, even where the joint has an armature."""
+"""Least mass and inertia of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, whatever the
+joint's armature."""
 
 
 class MujocoModel:

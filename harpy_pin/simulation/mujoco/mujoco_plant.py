@@ -50,7 +50,7 @@ from harpy_pin.simulation.thrusters import drive_thrusters, thrusters_record
 __all__ = ["MujocoPlant"]
 
 FOOT_RADIUS = 1e-4
-"""Of the spheres that find the contacts, m."""
+"""Radius of the spheres that find the contacts, m."""
 IMPRATIO = 1e4
 """Ratio of the regularisation of the normal force to that of friction."""
 ITERATIONS = 100

@@ -110,7 +110,7 @@ class SoftContact:
 
     @checked
     def normal_force(self, depth: float, *, inverse_mass: float, friction: float) -> float:
-        """Of a foot at rest, N.
+        """Normal force of a foot at rest, N.
 
         Args:
             depth: of the foot, m.
