@@ -35,7 +35,7 @@ CONTROLLERS = {
     "paper": NamedController("Paper's governor", "governed", "paper"),
     "filter": NamedController("Contact-force filter", "governed", "filter"),
 }
-"""By the names of the live page's settings."""
+"""Controllers by the names of the live page's settings."""
 
 
 @checked

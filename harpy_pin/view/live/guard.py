@@ -30,7 +30,7 @@ __all__ = ["allowed", "check_value", "guarded_server"]
 HOST = re.compile(r"(\[[0-9a-f:.]*\]|[^:]*)(?::([0-9]{1,5}))?", re.IGNORECASE)
 """A Host header: a name or an address, and a port."""
 MAX_BYTES = 1 << 16
-"""Of a message from a page, whose own have a few hundred."""
+"""Longest message from a page, whose own have a few hundred."""
 
 
 def guarded_server(

@@ -19,7 +19,7 @@ SPAN = 5.0
 """s."""
 HEIGHT = 150
 EDGES, DASH = ("#7fb8d8", "#eab48a"), (5.0, 4.0)
-"""Of the friction that there is under the feet; of more than two, one line for the least friction."""
+"""Colours and dashes of the friction that there is under the feet; of more than two feet, the least."""
 MIN_LOAD = 3.0
 """Normal force below which the ratio of a foot is not drawn, N."""
 

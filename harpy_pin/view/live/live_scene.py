@@ -35,7 +35,7 @@ TRAIL, TRAIL_STEP = 150, 0.01
 STRIP = (110, 190, 250)
 PUSH, WAY = "#cc3377", "#5b6573"
 HARPY_HEIGHT = 0.6
-"""Of the body above the ground, m."""
+"""Height of Harpy's body above the ground, m."""
 FULL = 0.97
 """Share of the friction from which on a force counts as on its cone's edge: the cone turns red."""
 

@@ -58,7 +58,7 @@ ENDS: Mapping[str, tuple[float, float]] = {
 }
 """Least and largest value of settings, in their units."""
 MAX_DELAY = 20
-"""Of the measurements, ms."""
+"""Largest delay of the measurements, ms."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +185,7 @@ class DriveRanges:
 
     @classmethod
     def of(cls, robot: Robot) -> DriveRanges:
-        """Those of a robot.
+        """Settings of a robot.
 
         Args:
             robot: Harpy or a variant of it, or any robot with two or four feet.

@@ -40,7 +40,7 @@ __all__ = ["build_page", "pack"]
 UPLOT = "1.6.32"
 """Version of the charts' library (MIT), which lies in ``assets`` with its licence."""
 DIGITS = 4
-"""Of a number on a chart."""
+"""Digits of a number on a chart."""
 CAPTION = (
     "A foot holds as long as the ground's force on it (blue arrow) stays inside its friction cone (light blue). "
     "While a foot slides its cone is red, and it leaves a dark mark."

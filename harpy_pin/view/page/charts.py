@@ -89,7 +89,7 @@ class _Charts:
 
     @property
     def all(self) -> list[Chart]:
-        """In the order of the page."""
+        """All charts, in the order of the page."""
         return [*self.of_feet(), *self.of_body(), *self.of_commands(), *self.of_effort()]
 
     def lines(self, names: Sequence[str], values: Vector) -> list[Line]:

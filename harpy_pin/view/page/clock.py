@@ -12,7 +12,7 @@ from harpy_pin.model.state import Vector
 __all__ = ["Clock"]
 
 MAX_SPANS = 1500
-"""Of one page: two points each, more than a screen has columns."""
+"""Most spans of a page: two points each, more than a screen has columns."""
 
 
 @dataclass(frozen=True)

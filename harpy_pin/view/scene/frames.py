@@ -23,7 +23,7 @@ from harpy_pin.view.scene.contacts import Contacts, ground_of, surface_of
 __all__ = ["Frames", "normal_floor", "sample_rows"]
 
 LARGEST = 1e9
-"""Of a number that is drawn."""
+"""Largest number that is drawn."""
 MAX_FRAMES = 1_000_000
 RANKS = {"t": 1, "q": 2, "v": 2, "torque": 2, "x_r": 2, "x_w": 2}
 RANKS |= dict.fromkeys(("foot_position", "foot_velocity", "foot_force", "thrust"), 3)

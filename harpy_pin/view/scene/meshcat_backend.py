@@ -19,7 +19,7 @@ __all__ = ["FIELD_OF_VIEW", "encoded", "keyframes", "node_commands", "stage_comm
 ROOT = "/meshcat/walk"
 """Path of the node that stands for the world's frame."""
 FIELD_OF_VIEW = 32.0
-"""Of the camera, vertical, degrees."""
+"""Vertical field of view of the camera, degrees."""
 LIGHTS = (
     ("/Grid", "visible", False),
     ("/Axes", "visible", False),

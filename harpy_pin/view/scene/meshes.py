@@ -22,7 +22,7 @@ from harpy_pin.model.state import Vector
 __all__ = ["MeshPart", "mesh_parts", "thin_out"]
 
 MAX_TRIANGLES = 8000
-"""Of one mesh: what a replay page can hold of every link, and more than is seen of it."""
+"""Most triangles of a mesh: what a replay page can hold of every link, and more than is seen of it."""
 FINEST = 1.0 / 300.0
 """Size of the first cells in which corners are merged, beside that of the mesh."""
 CELLS = 1 << 10
