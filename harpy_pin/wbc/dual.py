@@ -34,7 +34,7 @@ ROUNDING = 1e-13
 DEPENDENT = 1e-11
 """Share of a constraint's normal outside the span of the active ones, below which it depends on them."""
 SINGLE = {"TOLERANCE": 1e-4, "ROUNDING": 1e-6, "DEPENDENT": 1e-4}
-"""In single precision."""
+"""Constants that differ in single precision."""
 
 _SOLVED, _EXHAUSTED, _INFEASIBLE = 0, 1, 2
 _STATUS = {_SOLVED: QPStatus.SOLVED, _EXHAUSTED: QPStatus.MAX_ITERATIONS, _INFEASIBLE: QPStatus.INFEASIBLE}

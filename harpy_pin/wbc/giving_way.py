@@ -30,7 +30,7 @@ SPAN = 0.1
 NEAR = 1e-6
 """Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is looked at."""
 SINGLE = {"NEAR": 1e-3}
-"""In single precision."""
+"""Constants that differ in single precision."""
 
 
 @kernel

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__: list[str] = []
 
 MIN_DETERMINANT = 1e-2
-"""Of the part of C that maps the linear acceleration; below it the task is that of the body's origin."""
+"""Least determinant of the part of C that maps the linear acceleration; below it the task is the body's origin's."""
 
 
 @kernel
@@ -122,7 +122,7 @@ def root_of_centre(e: CondensationRecord) -> None:
 
 @kernel
 def root_per_unit(e: CondensationRecord, n: int) -> None:
-    """The same per unit of each of n variables, in the first six rows of ``e.motion_per_unit``."""
+    """The motion per unit of each of n variables, in the first six rows of ``e.motion_per_unit``."""
     motion, free, x = e.motion_per_unit, e.free_per_unit, np.empty(6)
     for a in range(n):
         for j in range(6):

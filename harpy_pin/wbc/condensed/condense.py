@@ -53,9 +53,10 @@ __all__ = ["condensation_record", "condensed_sizes"]
 _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
 MIN_DETERMINANT = 1e-6
-"""Of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is not held exactly."""
+"""Least determinant of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is
+not held exactly."""
 MIN_PIVOT = 1e-8
-"""The same for flat feet, of J_klᵀ J_kl, m²."""
+"""Least pivot of J_klᵀ J_kl of a flat foot, m²."""
 
 
 class CondensationRecord(RecordOf):
@@ -239,7 +240,7 @@ def _add_point_limb(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, 
 
 @kernel
 def _add_flat_limb(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, k: int, free_from: int) -> None:
-    """The same for a limb of a flat foot."""
+    """What limb k of a flat foot adds to the root's equations, see :func:`_add_point_limb`."""
     limb, inverse, limb_map, limb_bias = e.limb[k], e.inverse[k], e.limb_map[k], e.limb_bias[k]
     joints, rows = inverse.shape
     first = rows * k

@@ -62,7 +62,7 @@ AT_LIMIT = 1e-9
 BEYOND = 1e-6
 """Excess over its limit, as a share of it, that counts as rounding and not as clipped."""
 SINGLE = {"AT_LIMIT": 1e-6, "BEYOND": 1e-3}
-"""In single precision."""
+"""Constants that differ in single precision."""
 
 
 class CondensedStatus(IntFlag):
@@ -197,7 +197,7 @@ class CondensedSolver(KeepsViews):
 
     @property
     def status(self) -> CondensedStatus:
-        """Of the last tick."""
+        """Status of the last tick."""
         return CondensedStatus(int(self._outcome[0]))
 
     @property
