@@ -7,14 +7,13 @@ import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.errors import HarpyError
+from harpy_pin.export.code import shipped
 
 __all__ = ["CHIPS", "Chip", "Measured", "board_text", "build", "measure", "missing_tools", "run"]
 
@@ -24,23 +23,6 @@ ICOUNT = "shift=6,align=off,sleep=off"
 COMMON = ("-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
 MOST = 600.0
 """Time for one program, s."""
-USES = Template("""\
-#include "$name.h"
-
-static struct ${name}_state state;
-static struct ${name}_target target;
-static $real numbers[1024];
-volatile int status;
-
-int main(void)
-{
-#ifdef USED
-    ${name}_init(&state);
-    status = ${name}_step(&state, &target, $arguments);
-#endif
-    return 0;
-}
-""")
 
 
 @dataclass(frozen=True)
@@ -105,8 +87,7 @@ def missing_tools() -> str | None:
 
 def board_text(chip: Chip) -> str:
     """The linker script of a chip's board."""
-    text = (files("harpy_pin.export") / "files" / "board" / "mps2.ld").read_text(encoding="utf-8")
-    return Template(text).substitute(board=chip.machine, flash=hex(chip.flash), ram=hex(chip.ram))
+    return shipped("board/mps2.ld", board=chip.machine, flash=hex(chip.flash), ram=hex(chip.ram))
 
 
 def build(
@@ -176,16 +157,11 @@ def measure(
         if code:
             raise HarpyError(f"{name} failed on {chip.title} with exit code {code}: {text[-200:]}")
         flash = _flash(folder, name, chip, controller, place, flags)
-    return read_counts(text, flash)
-
-
-def read_counts(text: str, flash: int) -> Measured:
-    """What the program ``count`` printed."""
     lines = text.split("\n")
-    stack, different = map(int, lines[0].split()[1::2])
+    painted, different = map(int, lines[0].split()[1::2])
     instructions, ticks = map(int, lines[1].split()[1:])
     counts = np.array([int(line) for line in lines[2:] if line])
-    return Measured(np.rint(counts * (instructions / ticks)).astype(np.int64), stack, flash, different)
+    return Measured(np.rint(counts * (instructions / ticks)).astype(np.int64), painted, flash, different)
 
 
 def _flash(folder: Path, name: str, chip: Chip, controller: Path, place: Path, flags: Sequence[str]) -> int:
@@ -195,7 +171,8 @@ def _flash(folder: Path, name: str, chip: Chip, controller: Path, place: Path, f
     real = "double" if "const double" in declaration else "float"
     arguments = ", ".join(["numbers"] * (declaration.count(",") - 1))
     source = place / "uses.c"
-    source.write_text(USES.substitute(name=name, real=real, arguments=arguments), encoding="utf-8")
+    text = shipped("board/uses.c", name=name, real=real, arguments=arguments)
+    source.write_text(text, encoding="utf-8")
     sizes = []
     for extra in ((), ("-DUSED",)):
         program = build(folder, [source, controller], chip, place / "uses.elf", flags=(*flags, *extra))

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
-from string import Template
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
-from harpy_pin.export.code import Code, controller_code
+from harpy_pin.export.code import Code, controller_code, lengths, number_text, shipped
 from harpy_pin.export.exported_controllers import Exportable, exportable
 from harpy_pin.export.recording import Recording, answers, ready, record, robot_of
-from harpy_pin.export.vectors import vectors_code
 
 __all__ = ["Exported", "export", "write_folder"]
 
-TEMPLATES = ("CMakeLists.txt", "check.c", "count.c")
-COPIES = ("arm-none-eabi.cmake", "board/startup.c")
+SHIPPED = ("CMakeLists.txt", "check.c", "count.c", "arm-none-eabi.cmake", "board/startup.c")
 TICKS, EVERY = 200, 10
 """Recorded ticks, and how far they are apart in ticks of the motion."""
 PRECISIONS = ("float", "double")
@@ -87,28 +85,20 @@ def write_folder(
     folder = Path(folder)
     (folder / "board").mkdir(parents=True, exist_ok=True)
     code = controller_code(what, name, single=single)
-    header, source = vectors_code(what, code, recording, *answers(what, code, recording))
-    texts = {f"{name}.h": code.header, f"{name}.c": code.source, f"{name}.hpp": code.cpp}
-    texts |= {"vectors.h": header, "vectors.c": source}
-    shipped = files("harpy_pin.export") / "files"
     names = {"name": name, "NAME": name.upper(), "real": code.real}
-    for own in TEMPLATES:
-        texts[own] = Template((shipped / own).read_text(encoding="utf-8")).safe_substitute(names)
-    for own in COPIES:
-        texts[own] = (shipped / own).read_text(encoding="utf-8")
-    for chip in CHIPS.values():
-        texts[f"board/{chip.machine}.ld"] = board_text(chip)
+    recorded = names | _ticks(what, code, recording)
+    texts = {f"{name}.h": code.header, f"{name}.c": code.source, f"{name}.hpp": code.cpp}
+    texts |= {own: shipped(own, **recorded) for own in ("vectors.h", "vectors.c")}
+    texts |= {own: shipped(own, **names) for own in SHIPPED}
+    texts |= {f"board/{chip.machine}.ld": board_text(chip) for chip in CHIPS.values()}
     for own, text in texts.items():
         (folder / own).write_text(text, encoding="utf-8")
     _forget_objects(folder)
     exported = Exported(code, what, len(recording), folder)
     if readme:
-        page = Template((shipped / "README.md").read_text(encoding="utf-8"))
         inputs = ", ".join(what.inputs)
-        (folder / "README.md").write_text(
-            page.substitute(names, title=what.title, robot=what.robot.name, inputs=inputs, cost=_cost(exported)),
-            encoding="utf-8",
-        )
+        about = {"title": what.title, "robot": what.robot.name, "inputs": inputs, "cost": _cost(exported)}
+        (folder / "README.md").write_text(shipped("README.md", **names, **about), encoding="utf-8")
         _forget_objects(folder)
     return exported
 
@@ -142,3 +132,29 @@ def _cost(exported: Exported) -> str:
         "needs of the mathematical library. An instruction takes a cycle or more, so that these are no times.",
     ]
     return "\n".join(lines)
+
+
+def _ticks(what: Exportable, code: Code, given: Recording) -> dict[str, object]:
+    """Recorded ticks, and their commands and statuses, as texts in C."""
+    commands, statuses = answers(what, code, given)
+    place, begin = given.target.shape[1], 0
+    arguments = []
+    for n in lengths(what.inputs).values():
+        arguments.append(f"row + {place}")
+        place += n
+    for n in lengths(what.outputs).values():
+        arguments.append(f"command + {begin}")
+        begin += n
+    return {
+        **{"ticks": len(given), "width": place, "outputs": begin, "inputs": ", ".join(what.inputs)},
+        "rows": _rows(np.hstack([given.target, *(given.inputs[name] for name in what.inputs)]), code),
+        "commands": _rows(commands, code),
+        "statuses": ", ".join(map(str, statuses)),
+        "arguments": ", ".join(arguments),
+    }
+
+
+def _rows(values: NDArray[Any], code: Code) -> str:
+    single = code.real == "float"
+    lines = ("    {" + ", ".join(number_text(value, single=single) for value in row) + "}," for row in values)
+    return "\n".join(lines).replace("(real)", "")

@@ -33,6 +33,7 @@ OPERATORS = ("__call__", "__getitem__")
 """Methods with a name of Python's that users call."""
 
 
+@cache
 def public_names() -> dict[str, Any]:
     """Public objects that can be called, by one name each."""
     found: dict[str, Any] = {}
@@ -63,7 +64,6 @@ class Yaw:
         return np.eye(6, len(state.v))[5:], -5.0 * state.v[5:6]
 
 
-@cache
 class Attached:
     """What a plant takes and what does nothing."""
 
@@ -77,6 +77,7 @@ class Attached:
         pass
 
 
+@cache
 def values() -> dict[str, Any]:
     """Honest values by the name of the argument; with that of the callable in front, where it means something else."""
     robot = hp.load_harpy()
