@@ -73,8 +73,8 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
     """
     unit = Unit(single=single, prefix=f"{name}_", own=PORTABLE if single else {})
     state, target = Struct(what.record.dtype, "state"), Struct(what.target.dtype, "target")
-    given = (Array.packed(REAL, shape) for shape in what.inputs.values())
-    step = unit.function_for(what.step, (state, target, *given))
+    measured = (Array.packed(REAL, shape) for shape in what.inputs.values())
+    step = unit.function_for(what.step, (state, target, *measured))
     assert step.written <= {"r"}, "a tick changes what it was given"
     unit.struct(state), unit.struct(target)
     table, statements = initial_values(unit, what.record)
