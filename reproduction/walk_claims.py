@@ -88,6 +88,8 @@ def model_force(run: Run, *, reference: str = "x_w") -> Vector:
 MU = 0.25
 """μ_s of the paper's 3D run; μ_c is 0.225."""
 WALKS = ("no thrusters", "no governor", "measured", "tracked")
+DIVISORS = (1, 2, 4)
+"""Of the control period of 1 ms, where chattering is measured; the physics step is the same 0.25 ms for all."""
 NORMAL = 4
 """Index of the normal-force row."""
 
@@ -135,26 +137,25 @@ def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period:
     return walk(scenario, gait=make_named_gait(load_harpy(), gait))
 
 
-def study_walk(gait: str, *, duration: float = 10.0, divisors: tuple[int, ...] = (1, 2, 4)) -> WalkStudy:
+def study_walk(gait: str, *, duration: float = 10.0) -> WalkStudy:
     """Walk with and without thrusters and governor, measure chattering at divided periods, and judge Q4 to Q7.
 
     Args:
         gait: see :data:`reproduction.gait.spatial.GAITS`.
         duration: of the walks, s.
-        divisors: of the control period of 1 ms; the physics step is the same 0.25 ms for all of them.
     """
     runs = {name: walk_run(gait, name, duration=duration) for name in WALKS}
     measures = {name: measure(run) for name, run in runs.items()}
     chatter: dict[tuple[str, int], tuple[Chattering, Chattering]] = {}
     for name in WALKS[1:]:
-        for divide in divisors:
+        for divide in DIVISORS:
             period = 1e-3 / divide
             run = walk_run(gait, name, duration=duration, dt=2.5e-4, period=period)
             chatter[name, divide] = (
                 chattering(run["x_w"][:, :3], period=period),
                 chattering(run["foot_force"][1:, :, 2].sum(axis=1), period=period),
             )
-    findings = (_q4(measures), _q5(measures), _q6(runs["measured"]), _q7(chatter, runs, divisors))
+    findings = (_q4(measures), _q5(measures), _q6(runs["measured"]), _q7(chatter, runs))
     return WalkStudy(runs, measures, chatter, tuple(replace(finding, setting=gait) for finding in findings))
 
 
@@ -215,10 +216,8 @@ def _q6(run: Run) -> Finding:
     )
 
 
-def _q7(
-    chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run], divisors: tuple[int, ...]
-) -> Finding:
-    rates_of = {n: [chatter[n, divide][0].reversals_per_s for divide in divisors] for n in ("measured", "tracked")}
+def _q7(chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dict[str, Run]) -> Finding:
+    rates_of = {n: [chatter[n, divide][0].reversals_per_s for divide in DIVISORS] for n in ("measured", "tracked")}
     name = max(rates_of, key=lambda n: _growth(rates_of[n]))
     rates, growth = rates_of[name], _growth(rates_of[name])
     listed = ", ".join(f"{rate:.1f}" for rate in rates)
@@ -227,7 +226,7 @@ def _q7(
         judge(growth >= 1.5, growth >= 1.1),
         f"reversals of x_w per second at dt, dt/2, dt/4: {listed} ({name}; {_ending(runs[name])})",
         "python -m reproduction paper --out DIR",
-        {"growth": growth, **{f"reversals_per_s_{d}": r for d, r in zip(divisors, rates, strict=True)}},
+        {"growth": growth, **{f"reversals_per_s_{d}": r for d, r in zip(DIVISORS, rates, strict=True)}},
     )
 
 

@@ -21,7 +21,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from reproduction.gait.planar_gait import OptimisedGait, PlanarGait
 from reproduction.gait.planar_model import PlanarModel
-from reproduction.gait.search import PlanarTask
+from reproduction.gait.search import HEIGHT_MARGIN, PITCH_MARGIN, SPEED_MARGIN, VARIATION_WEIGHT, PlanarTask
 
 DRAWS = 60
 """Random gaits of which the best starts a run of CMA-ES."""
@@ -194,11 +194,11 @@ def _identity(task: PlanarTask, seed: int, around: Vector | None, spread: float)
         "fixed": dict(task.fixed),
         "trial_duration": task.duration,
         "friction": list(task.friction),
-        "speed_margin": task.speed_margin,
-        "height_margin": task.height_margin,
-        "pitch_margin": task.pitch_margin,
+        "speed_margin": SPEED_MARGIN,
+        "height_margin": HEIGHT_MARGIN,
+        "pitch_margin": PITCH_MARGIN,
         "slip_weight": task.slip_weight,
-        "variation_weight": task.variation_weight,
+        "variation_weight": VARIATION_WEIGHT,
         "extra": task.extra_name,
         "spread": spread,
         "start": None if around is None else around.tolist(),

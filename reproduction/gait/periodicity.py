@@ -90,14 +90,22 @@ class StepMap:
         summary = walk.run(walk.gait.step_duration)
         return np.full(n, np.nan) if summary.fell else self._swapped(self._read())
 
-    def jacobian(self, section: Vector, step: float) -> Vector:
-        """(n, n) derivative of the map by central differences of ``step`` times :data:`SCALE`, in units of it."""
+    def jacobian(self, section: Vector, step: float = 1e-5) -> Vector:
+        """(n, n) derivative of the map by central differences of ``step`` times :data:`SCALE`, in units of it.
+
+        Its eigenvalues have no units.
+
+        Raises:
+            InputError: a shifted state falls within the step.
+        """
         n = self.size
         matrix = np.zeros((n, n))
         for i in range(n):
             shift = np.zeros(n)
             shift[i] = step * SCALE[i]
             matrix[:, i] = (self(section + shift) - self(section - shift)) / (2.0 * step * SCALE[:n])
+        if not np.all(np.isfinite(matrix)):
+            raise InputError(f"a state shifted by {step:g} falls within one step", name="section")
         return matrix
 
     def _read(self) -> Vector:
@@ -136,18 +144,6 @@ class Periodicity:
         return self.spread[1] < 1.0
 
 
-def poincare_map(step_map: StepMap, section: Vector, *, step: float = 1e-5) -> Vector:
-    """(n, n) Jacobian of the step map at a section, in units of :data:`SCALE` (its eigenvalues have no units).
-
-    Raises:
-        InputError: a shifted state falls within the step.
-    """
-    matrix = step_map.jacobian(section, checks.number("step", step, low=0.0, strict=True))
-    if not np.all(np.isfinite(matrix)):
-        raise InputError(f"a state shifted by {step:g} falls within one step", name="section")
-    return matrix
-
-
 def analyse_periodicity(
     robot: Robot | PlanarModel,
     gait: PlanarGait,
@@ -181,7 +177,7 @@ def analyse_periodicity(
         size = float(np.abs(error).max())
         if size < 1e-10:
             break
-        matrix = poincare_map(step_map, section, step=DIFFERENCES[len(DIFFERENCES) // 2])
+        matrix = step_map.jacobian(section, DIFFERENCES[len(DIFFERENCES) // 2])
         change = scale * np.linalg.lstsq(np.eye(n) - matrix, error, rcond=None)[0]
         for shrink in (1.0, 0.5, 0.25, 0.1, 0.03):
             candidate = section + shrink * change
@@ -191,7 +187,7 @@ def analyse_periodicity(
                 break
         else:
             break
-    spectra = [np.linalg.eigvals(poincare_map(step_map, section, step=h)) for h in DIFFERENCES]
+    spectra = [np.linalg.eigvals(step_map.jacobian(section, h)) for h in DIFFERENCES]
     radii = np.array([np.abs(values).max() for values in spectra])
     middle = int(np.argsort(radii)[len(radii) // 2])
     values = spectra[middle]

@@ -131,6 +131,8 @@ def _place_leg(k: int, position: Vector, velocity: Vector, walk: PlanarWalkRecor
     walk.rate[2 * k + 1] = min(max(knee_rate, -MAX_JOINT_RATE), MAX_JOINT_RATE)
 
 
+DT = 5e-4
+"""Physics step, s; the controller ticks every second step."""
 FALL_PITCH = 0.7
 """Pitch at which a walk counts as fallen, rad."""
 
@@ -176,7 +178,6 @@ class PlanarWalk(KeepsViews):
         gait: the walk.
         ground: contact parameters; the paper's by default.
         joints: PID gains.
-        dt: physics step, s; the controller ticks every second step.
 
     Attributes:
         q: (7,) configuration.
@@ -193,18 +194,16 @@ class PlanarWalk(KeepsViews):
         *,
         ground: Ground | None = None,
         joints: PlanarJoints | None = None,
-        dt: float = 5e-4,
     ) -> None:
         self.model = robot if isinstance(robot, PlanarModel) else PlanarModel.from_robot(robot)
         self.gait = gait
         self.ground = ground if ground is not None else Ground()
         self.joints = joints if joints is not None else PlanarJoints()
-        self.dt = checks.number("dt", dt, low=1e-6)
-        self.period = 2.0 * self.dt
+        self.period = 2.0 * DT
         self._walk = walk_record(gait, self.joints, period=self.period)
         self._model = self.model.record.copy()
         self._ground = self.ground.record
-        self._step = step_record(nv=NV, feet=2, dt=self.dt)
+        self._step = step_record(nv=NV, feet=2, dt=DT)
         self.q, self.v, self.integral = np.zeros(NV), np.zeros(NV), field(self._walk, "integral")
         self.t = 0.0
         self.reset(*self.initial_state())

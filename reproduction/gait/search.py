@@ -61,6 +61,10 @@ SEARCHES: dict[str, Bounds] = {
 its P1 = P0 and P3 = P4; ``ends`` frees the feet's velocities at both ends; ``overlap`` adds a planned double support
 and the wider bounds that it needs."""
 
+SPEED_MARGIN, HEIGHT_MARGIN, PITCH_MARGIN = 0.01, 0.02, 0.12
+"""Deviations of the mean speed, m/s, and at any time of the height, m, and of the pitch, rad, that cost nothing."""
+VARIATION_WEIGHT = 20.0
+"""Per rad of :attr:`PlanarSummary.variation`: a walk whose steps are alike is likely stable."""
 WORST = 20.0
 """Bound on the paper's cost: a walk that falls at once must not drown the others."""
 PROMISING, NOT_ASKED = 5.0, 100.0
@@ -82,14 +86,10 @@ class PlanarTask:
         fixed: numbers of the gait that do not vary, where they are not the defaults.
         duration: of each trial walk, s.
         friction: static friction coefficients of the grounds that a gait has to walk on; the worst one counts.
-        speed_margin: deviation of the mean speed that costs nothing, m/s; 50 per m/s beyond.
-        height_margin: deviation of the height at any time that costs nothing, m; 50 per m beyond.
-        pitch_margin: pitch at any time that costs nothing, rad; 20 per rad beyond.
         slip_weight: per mm of slip per step beyond 1 mm.
         extra: a further cost of a gait, such as that of its walk in space; asked only for gaits that cost less than 5
             in the plane, all others cost 100 more.
         extra_name: what it is, kept in the record.
-        variation_weight: per rad of :attr:`PlanarSummary.variation`: a walk whose steps are alike is likely stable.
     """
 
     model: PlanarModel
@@ -97,11 +97,7 @@ class PlanarTask:
     fixed: Mapping[str, float] = field(default_factory=dict)
     duration: float = 15.0
     friction: tuple[float, ...] = (0.25,)
-    speed_margin: float = 0.01
-    height_margin: float = 0.02
-    pitch_margin: float = 0.12
     slip_weight: float = 0.05
-    variation_weight: float = 20.0
     extra: Callable[[PlanarGait], float] | None = None
     extra_name: str = ""
 
@@ -178,13 +174,13 @@ class PlanarTask:
         if s.fell:
             return MIN_OF_FALLS + 60.0 * max(1.0 - s.duration / self.duration, 0.0) + paper
         outside = (
-            50.0 * max(abs(s.speed - gait.speed) - self.speed_margin, 0.0)
-            + 50.0 * max(gait.height - self.height_margin - s.height_min, 0.0)
-            + 50.0 * max(s.height_max - gait.height - self.height_margin, 0.0)
-            + 20.0 * max(s.pitch_max - self.pitch_margin, 0.0)
+            50.0 * max(abs(s.speed - gait.speed) - SPEED_MARGIN, 0.0)
+            + 50.0 * max(gait.height - HEIGHT_MARGIN - s.height_min, 0.0)
+            + 50.0 * max(s.height_max - gait.height - HEIGHT_MARGIN, 0.0)
+            + 20.0 * max(s.pitch_max - PITCH_MARGIN, 0.0)
         )
         slip = self.slip_weight * max(s.slip - 1.0, 0.0)
-        return min(paper + outside + slip + self.variation_weight * min(s.variation, 0.5), MIN_OF_FALLS)
+        return min(paper + outside + slip + VARIATION_WEIGHT * min(s.variation, 0.5), MIN_OF_FALLS)
 
 
 @dataclass(frozen=True, kw_only=True)

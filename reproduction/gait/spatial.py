@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import pinocchio as pin
 
@@ -14,12 +12,14 @@ from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.straight import GaitParameters, StraightGait, make_gait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import State, Vector
 from reproduction.gait.planar_gait import PAPER_CURVES_GAIT, SPACE_GAIT, PlanarGait, load_gait
 from reproduction.gait.planar_model import PlanarModel
 from reproduction.gait.planar_walk import PlanarWalk
 
 REFERENCES = ("constant", "planar")
+SWAY = 0.025
+"""Amplitude of the body's lateral motion, m, in the period of two steps: the paper's."""
 SAMPLES = 301
 """Rows of the table of the body's own motion over two steps."""
 
@@ -33,11 +33,8 @@ class SpatialGait(StraightGait):
         robot: a biped of Harpy's kind on its free flyer.
         planar: the planar gait.
         width: lateral distance of each foot from the path, m; the paper's is 0.15, narrower slips less.
-        sway: amplitude of the body's lateral motion, m; its period is two steps (the paper's 0.025 m, 1.5 s).
         reference: what the body's target does along x and z: ``constant`` is the gait's speed and height (the paper),
             ``planar`` the motion that the planar walk settles into, so that thrust along x and z only corrects.
-        upright_swing: a swing foot follows its target in world axes, as in the library's own walk
-            (``GaitTarget.world_frame_blend``); off, both feet follow the body, as in the paper.
         settle: steps of the planar walk before that motion is read.
         friction: static friction coefficient of the planar walk that it is read from.
 
@@ -54,15 +51,12 @@ class SpatialGait(StraightGait):
         planar: PlanarGait,
         *,
         width: float = 0.1,
-        sway: float = 0.025,
-        reference: Literal["constant", "planar"] = "constant",
-        upright_swing: bool = False,
+        reference: str = "constant",
         settle: int = 20,
         friction: float = 0.25,
     ) -> None:
         checks.one_of("reference of the body", reference, REFERENCES)
         self.planar = planar
-        self._upright_swing = upright_swing
         self._table: Vector | None = None
         self._start: tuple[Vector, Vector] | None = None
         parameters = GaitParameters(
@@ -71,7 +65,7 @@ class SpatialGait(StraightGait):
             double_support=planar.double_support,
             height=planar.height,
             width=width,
-            sway=sway,
+            sway=SWAY,
             clearance=max(0.375 * (planar.end_height - planar.swing_mid_height), 0.0),
             penetration_offset=0.0,
         )
@@ -92,8 +86,7 @@ class SpatialGait(StraightGait):
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""
         target = super().update(t)
-        if not self._upright_swing:
-            target.world_frame_blend[:] = 0.0
+        target.world_frame_blend[:] = 0.0  # both feet follow the body, as in the paper
         if self._table is not None:
             period = 2.0 * self.parameters.step_duration
             place = (t % period) / period * (SAMPLES - 1)
@@ -105,6 +98,9 @@ class SpatialGait(StraightGait):
             target.body[3], target.body[5] = now[2], now[3]
             target.body[6], target.body[8] = 0.0, 0.0
         return target
+
+    def calls(self, state: State) -> None:
+        """See :class:`~harpy_pin.gaits.gait.Gait`: its targets are not those of the kernel alone."""
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:

@@ -83,7 +83,7 @@ def test_named_gaits_walk_a_little(robot, name):
 
 
 def test_spatial_gait_refuses(robot, packaged):
-    with pytest.raises(InputError, match="reference must be"):
+    with pytest.raises(InputError, match="valid names: constant, planar"):
         SpatialGait(robot, packaged.gait, reference="moon")
     with pytest.raises(InputError, match="falls before"):
         SpatialGait(robot, PlanarGait(), reference="planar")
