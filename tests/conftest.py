@@ -9,6 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: its threads 
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,8 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
+from harpy_pin.errors import HarpyError
+from harpy_pin.view.page.film import SWITCHES, find_chromium
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job that a shell runs in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -143,6 +146,20 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run(build, check=True, capture_output=True, timeout=600)
     (built,) = folder.glob("*.whl")
     return built
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """Playwright's headless Chromium, which reaches this machine only; while it is open, an event loop runs."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    try:
+        program = find_chromium()
+    except HarpyError as missing:
+        pytest.skip(str(missing))
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=program, args=SWITCHES)
+        yield browser
+        browser.close()
 
 
 @pytest.fixture(scope="session")

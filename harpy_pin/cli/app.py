@@ -8,16 +8,13 @@ from typing import Annotated
 import typer
 
 from harpy_pin import __version__
-from harpy_pin.cli.compile import compile_ahead
-from harpy_pin.cli.demo import demo
+from harpy_pin.cli.compile import compile_ahead, export
 from harpy_pin.cli.ending import one_line_errors, stopping
-from harpy_pin.cli.export import export
-from harpy_pin.cli.film import film
 from harpy_pin.cli.lists import info, robots, settings
 from harpy_pin.cli.live import live
 from harpy_pin.cli.output import BAD_INPUT
-from harpy_pin.cli.view import view
-from harpy_pin.cli.walk import walk
+from harpy_pin.cli.view import film, view
+from harpy_pin.cli.walk import demo, walk
 
 __all__ = ["app", "main"]
 

@@ -1,4 +1,4 @@
-"""The command ``harpy compile``: kernels of robots compiled ahead, so that no first tick waits for them."""
+"""The commands ``harpy compile``, by which no first tick waits for a compiler, and ``harpy export``, portable C."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import logging
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,7 +18,7 @@ from harpy_pin.errors import HarpyError
 if TYPE_CHECKING:
     from harpy_pin.scenario import Scenario
 
-__all__ = ["compile_ahead"]
+__all__ = ["compile_ahead", "export"]
 
 HARPY = "harpy"
 DURATION = 0.6
@@ -53,7 +54,7 @@ def compile_ahead(
     for name in robots or ():
         check_robot_name(name)
     if clear:
-        console.print(f"removed {_count(compiler.clear())} from {compiler.folder()}", highlight=False, soft_wrap=True)
+        console.print(f"removed {_count(compiler.clear())} from {compiler.folder()}", soft_wrap=True)
         if not robots:
             return
     if BACKEND != "c":
@@ -65,7 +66,7 @@ def compile_ahead(
             for future in as_completed(work):
                 future.result()
                 seconds, made = perf_counter() - begin, _count(len(compiler.MADE))
-                console.print(f"{work[future]}: done after {seconds:.1f} s, {made}", highlight=False)
+                console.print(f"{work[future]}: done after {seconds:.1f} s, {made}")
             wait_for_all()
         except BaseException:
             with compiler.ending():
@@ -73,7 +74,7 @@ def compile_ahead(
             raise
     folder = compiler.MADE[-1].parent if compiler.MADE else compiler.folder()
     message = f"{_count(len(compiler.MADE))} compiled in {perf_counter() - begin:.1f} s; they are in {folder}"
-    console.print(message, highlight=False, soft_wrap=True)
+    console.print(message, soft_wrap=True)
 
 
 def _count(libraries: int) -> str:
@@ -95,3 +96,28 @@ def _scenarios(robots: Sequence[str]) -> Iterator[tuple[str, Scenario]]:
             for governor in GOVERNORS:
                 scenario = Scenario(controller=Governed(governor=governor), duration=DURATION)
                 yield f"harpy, governor '{governor}'", scenario
+
+
+def export(
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="harpy, or a name that `harpy robots` lists.")],
+    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Output folder; created if missing.")],
+    controller: Annotated[
+        str, typer.Option("--controller", metavar="NAME", help="condensed, wbc, paper or filter.")
+    ] = "condensed",
+    precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
+) -> None:
+    """Write a controller as C99 for a microcontroller.
+
+    That is one .h, one .c, and recorded ticks to check it with.
+    condensed is the whole-body QP condensed to contact forces, wbc the whole-body QP (last active set, then dual
+    method), paper the paper's reference governor, filter the contact-force filter behind the paper's controller. The
+    last two are for Harpy. The code allocates no memory and needs only the C mathematical library. Where
+    gcc-arm-none-eabi and qemu-system-arm are installed, the README in the folder gives the cost of a tick.
+    """
+    from harpy_pin.export import export as write
+
+    done = write(robot, to, controller=controller, precision=precision)
+    name, folder = done.code.name, done.folder
+    console.print(f"{folder}/{name}.h, {name}.c, {name}.hpp: {done.what.title}, in {precision}", soft_wrap=True)
+    console.print(f"{done.code.ram} bytes of RAM; {done.ticks} recorded ticks; README.md says more", soft_wrap=True)
+    console.print(f"cmake -S {folder} -B {folder}/b && cmake --build {folder}/b && {folder}/b/check", soft_wrap=True)

@@ -10,7 +10,8 @@ from rich.console import Console
 from rich.table import Table
 
 from harpy_pin import __version__
-from harpy_pin.cli.output import UrdfOption, console
+from harpy_pin.cli.output import console
+from harpy_pin.cli.walk_options import UrdfOption
 
 __all__ = ["info", "robots", "settings"]
 
@@ -66,7 +67,7 @@ def robots() -> None:
         table.add_row(name, *numbers, " ".join(robot.feet) or f"{robot.rotors} rotors", robot.licence or "–")
     output = _console(100)
     output.print(table)
-    output.print(f"example-robot-data {found}", soft_wrap=True, highlight=False)
+    output.print(f"example-robot-data {found}", soft_wrap=True)
 
 
 def settings(

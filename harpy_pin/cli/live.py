@@ -13,8 +13,8 @@ from typing import Annotated
 import typer
 
 from harpy_pin import checks
-from harpy_pin.cli.output import INTERRUPTED, TERMINATED, JsonOption, UrdfOption, console
-from harpy_pin.cli.walk_options import read_settings
+from harpy_pin.cli.output import INTERRUPTED, TERMINATED, console
+from harpy_pin.cli.walk_options import JsonOption, UrdfOption, read_settings
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_outputs, journal_path, write_json
 from harpy_pin.model.catalogue import check_robot_name, known_name
@@ -87,27 +87,24 @@ def live(
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # the line below says it
 
     def show(url: str) -> None:
-        console.print(
-            f"{url} shows {driven_robot.name} standing; compiling the controllers", highlight=False, soft_wrap=True
-        )
+        console.print(f"{url} shows {driven_robot.name} standing; compiling the controllers", soft_wrap=True)
         if browser:
             Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
     drive = Drive(start, robot=driven_robot, save=save, listener=listen(host, port), on_page=show)
-    console.print(f"drive {driven_robot.name}: {drive.url}  (Ctrl-C ends)", highlight=False)
+    console.print(f"drive {driven_robot.name}: {drive.url}  (Ctrl-C ends)")
     driven = drive.run(duration)
     console.print(
         f"drove {driven.simulated:.1f} s at {driven.factor:.2f} × real time; falls {driven.falls}, "
-        f"slip {1e3 * driven.slip:.1f} mm",
-        highlight=False,
+        f"slip {1e3 * driven.slip:.1f} mm"
     )
     times = driven.as_dict()
     for viewers, tick in times["tick_us"].items():
         times_of_tick = f"median {tick['p50']:.1f} µs, p99 {tick['p99']:.1f} µs ({tick['ticks']} ticks)"
-        console.print(f"tick, pages open {viewers}: {times_of_tick}", highlight=False)
+        console.print(f"tick, pages open {viewers}: {times_of_tick}")
     if json is not None:
         write_json(json, times)
     if save is not None:
-        console.print(f"log: {save}  (replay: harpy view {save})", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"log: {save}  (replay: harpy view {save})", soft_wrap=True)
     if driven.signal is not None:
         raise typer.Exit(TERMINATED if driven.signal == SIGTERM else INTERRUPTED)

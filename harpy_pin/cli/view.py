@@ -1,4 +1,4 @@
-"""The command ``harpy view``: replay runs, alone or side by side, or take pictures and films of them."""
+"""The commands ``harpy view`` and ``harpy film``: replays of runs, alone or side by side, pictures and films."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harpy_pin import checks
-from harpy_pin.cli.output import check_figure, console
+from harpy_pin.cli.output import FELL, console, walking_bar
+from harpy_pin.cli.walk_options import PushOption, SetOption, SpeedOption, read_scenario
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs, replacing
 
@@ -16,9 +17,17 @@ if TYPE_CHECKING:
     from harpy_pin.log.run import Run
     from harpy_pin.model.robot import Robot
 
-__all__ = ["read_pixels", "view"]
+__all__ = ["film", "view"]
 
 MAX_RUNS = 4
+KINDS: dict[str, tuple[str, ...]] = {
+    **{f"--{kind}": (f".{kind}",) for kind in ("png", "gif", "mp4", "csv")},
+    "--figures": (".png", ".pdf", ".svg"),
+    "FILE": (".gif", ".mp4"),
+}
+"""Endings of the names of files, by what the user calls them."""
+BEGIN = 0.4
+"""Time at which the film of a walk begins, s: robots stand until they have shifted their weight."""
 
 
 def view(
@@ -78,17 +87,15 @@ def view(
     outputs = {"--html": html, "--png": png, "--gif": gif, "--mp4": mp4, "--csv": csv}
     check_outputs(outputs, inputs={f"RUN.npz {k + 1}": run for k, run in enumerate(runs)})
     pictured = any(path is not None for path in (png, gif, mp4))
-    for name, path in outputs.items():
-        if path is not None and name != "--html" and path.suffix.lower() != f".{name[2:]}":
-            raise InputError(f"{name} wants a name that ends in .{name[2:]}, got '{path}'", name=name, value=path)
-    check_figure(figures)
+    for name, path in {**outputs, "--figures": figures}.items():
+        _check_ending(name, path)
     if len(runs) > 1 and (figures is not None or csv is not None):
         raise InputError("--figures and --csv are of one run", name="runs")
     if times is not None and png is None:
         raise InputError("--times says when to take pictures: give --png", name="times", value=times)
     moments = None if times is None else [_number("--times", text) for text in times.split(",")]
     begin, end = (None, None) if span is None else _pair("--span", span, ":")
-    pixels = None if size is None else read_pixels(size)
+    pixels = None if size is None else _pixels(size)
     from harpy_pin.log.run import Run
     from harpy_pin.view.identity import robot_of
     from harpy_pin.view.page.replay import show, write_html
@@ -96,13 +103,13 @@ def view(
     logs = [Run.load(path) for path in runs]
     if csv is not None:
         logs[0].to_csv(csv)
-        console.print(f"wrote {csv}", highlight=False)
+        console.print(f"wrote {csv}")
         if html is None and figures is None and not pictured:
             return
     pairs = [(log, robot_of(log, urdf)) for log in logs]
     if html is not None:
         write_html(pairs, html)
-        console.print(f"wrote {html}", highlight=False)
+        console.print(f"wrote {html}")
     if figures is not None:
         _draw_figures(*pairs[0], figures)
     if pictured:
@@ -112,9 +119,46 @@ def view(
             made = [] if png is None else film.pictures(png, moments, size=pixels or (1200, 675))
             made += [film.save(path, begin=begin, end=end, size=pixels) for path in (gif, mp4) if path is not None]
             for path in made:
-                console.print(f"wrote {path}", highlight=False)
+                console.print(f"wrote {path}")
     elif html is None and figures is None:
         show(pairs, port=port).wait()
+
+
+def film(
+    path: Annotated[Path, typer.Argument(metavar="FILE.gif", help="The film to save: .gif, or .mp4 (extra: film).")],
+    robot: Annotated[str, typer.Option(help="harpy, or a robot that `harpy robots` lists.")] = "go2",
+    friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.6,
+    speed: SpeedOption = None,
+    push: PushOption = None,
+    settings: SetOption = None,
+    duration: Annotated[float, typer.Option(help="Length of the walk, s.")] = 3.0,
+    size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "420x280",
+) -> None:
+    """Walk a robot, and save a film of its replay.
+
+    It shows forces in their friction cones, footholds and slip. Needs Chromium and the extra film. The film
+    begins 0.4 s after the walk. Exit code 1 if the robot fell; the film is saved.
+
+    \b
+    harpy film anymal.gif --robot anymal_c --set gait.schedule=crawl
+    harpy film stairs.gif --set ground.terrain=stairs --set ground.terrain.rise=0.08
+    """
+    _check_ending("FILE", path)
+    check_outputs({"FILE": path})
+    checks.number("duration", duration, low=BEGIN, strict=True)
+    from harpy_pin.scenario import build
+    from harpy_pin.view.page.film import Film
+
+    pixels = _pixels(size)
+    scenario = read_scenario(
+        settings or (), robot=robot, friction=friction, speed=speed, push=push or (), duration=duration
+    )
+    with walking_bar(duration) as on_piece:
+        run = build(scenario).run(on_piece=on_piece)
+    with Film(run, words=False) as shot:
+        console.print(f"wrote {shot.save(path, begin=BEGIN, size=pixels)}")
+    if run.fell:
+        raise typer.Exit(FELL)
 
 
 def _draw_figures(run: Run, robot: Robot, path: Path) -> None:
@@ -126,7 +170,7 @@ def _draw_figures(run: Run, robot: Robot, path: Path) -> None:
     for target, figure in drawn.items():
         with replacing(target) as file:
             figure.savefig(file, format=path.suffix[1:].lower())
-        console.print(f"wrote {target}", highlight=False)
+        console.print(f"wrote {target}")
 
 
 def _number(option: str, text: str) -> float:
@@ -137,12 +181,15 @@ def _number(option: str, text: str) -> float:
         raise InputError(f"{option} takes numbers, got '{text}'", name=option, value=text) from None
 
 
-def read_pixels(text: str) -> tuple[int, int]:
-    """Width and height of the option ``--size``.
+def _check_ending(name: str, path: Path | None) -> None:
+    """Refuse a name of a file that does not end as its kind asks, before any work is done."""
+    if path is not None and name in KINDS and path.suffix.lower() not in KINDS[name]:
+        ends = " or ".join(KINDS[name])
+        raise InputError(f"{name} wants a name that ends in {ends}, got '{path}'", name=name, value=path)
 
-    Raises:
-        InputError: it holds no two numbers.
-    """
+
+def _pixels(text: str) -> tuple[int, int]:
+    """Width and height of the option ``--size``."""
     width, height = _pair("--size", text, "x")
     return int(width), int(height)
 

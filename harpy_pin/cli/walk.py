@@ -1,16 +1,18 @@
-"""The command ``harpy walk``: a scenario is walked, measured and reported."""
+"""The commands ``harpy walk``, which measures and reports a scenario, and ``harpy demo``, three on slippery ground."""
 
 from __future__ import annotations
 
 import math
+import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.table import Table
 
 from harpy_pin.cli.ending import say
-from harpy_pin.cli.output import FELL, INTERRUPTED, JsonOption, console, measures_table, stderr, walking_bar
-from harpy_pin.cli.walk_options import DurationOption, PushOption, SetOption, SpeedOption, read_scenario
+from harpy_pin.cli.output import FELL, INTERRUPTED, console, stderr, values_table, walking_bar
+from harpy_pin.cli.walk_options import DurationOption, JsonOption, PushOption, SetOption, SpeedOption, read_scenario
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
@@ -18,9 +20,13 @@ if TYPE_CHECKING:
     from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario
 
-__all__ = ["walk"]
+__all__ = ["demo", "walk"]
 
 FRICTION = 0.8
+SLIPPERY, SHOWN = 0.15, 4.0
+"""Friction of the demo, and how long each of its walks is, s."""
+NAME_WIDTH = 20
+"""Columns of a controller's name."""
 
 
 def walk(
@@ -109,13 +115,13 @@ def _report(
     slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
     who = f"{scenario.robot}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
     title = f"{who}, friction {scenario.ground.mu_s:g}{ice}{slope}"
-    console.print(measures_table(title, measures, thrusters=run["thrust"].size > 0))
+    console.print(_measures_table(title, measures, thrusters=run["thrust"].size > 0))
     if json is not None:
         write_json(json, {**measures, "metadata": run.metadata})
     if isinstance(trouble, RunFileError):
         raise trouble
     if save is not None and not journal_path(save).exists():
-        console.print(f"log: {save}  (replay: harpy view {save})", highlight=False)
+        console.print(f"log: {save}  (replay: harpy view {save})")
     if trouble is not None:
         say(trouble)
         return INTERRUPTED if isinstance(trouble, Interrupted) else FELL
@@ -127,3 +133,47 @@ def _report(
     else:
         return 0
     return FELL
+
+
+def _measures_table(title: str, measures: dict[str, Any], *, thrusters: bool) -> Table:
+    """A line for each measure of a run, in words; those of thrusters where it has some."""
+    from harpy_pin.log.measures import OF_SOME_WALKS, OF_THRUSTERS, WORDS
+
+    measures = {**measures, "steps": f"{measures['steps']:.1f}"}
+    values = {
+        name: ("yes" if value else "no") if isinstance(value, bool) else value
+        for name, value in measures.items()
+        if not (name in OF_SOME_WALKS and math.isnan(value)) and not (name in OF_THRUSTERS and not thrusters)
+    }
+    return values_table(title, {WORDS[name]: value for name, value in values.items()})
+
+
+def demo(
+    html: Annotated[Path, typer.Option(metavar="FILE.html", help="The page to write.")] = Path("harpy_demo.html"),
+    no_open: Annotated[bool, typer.Option("--no-open", help="Do not open the page in the browser.")] = False,
+) -> None:
+    """Walk on slippery ground under three controllers.
+
+    They are the paper's governor, the condensed controller and the whole-body QP, shown side by side.
+    The friction coefficient is 0.15, and each walk lasts 4 s, if the robot does not fall.
+    """
+    check_outputs({"--html": html})
+    from harpy_pin.ground.ground import Ground
+    from harpy_pin.scenario import Scenario, build
+    from harpy_pin.view.identity import name_of
+    from harpy_pin.view.page.replay import write_html
+    from harpy_pin.view.page.shown import scoreboard
+
+    runs = []
+    for controller in ("governed", "condensed", "wbc"):
+        scenario = Scenario(controller=controller, ground=Ground(mu_s=SLIPPERY), duration=SHOWN)
+        with walking_bar(SHOWN) as on_piece:
+            runs.append(build(scenario).run(on_piece=on_piece))
+    scores = {score.label: score.values for score in scoreboard(runs)}
+    for k, run in enumerate(runs):
+        ending, slip, tick = (scores[label][k] for label in ("ending", "slip, mm per step", "tick, µs median"))
+        console.print(f"{name_of(run):<{NAME_WIDTH}} {ending:<16} slip {slip:>6} mm per step   tick {tick:>3} µs")
+    write_html(runs, html)
+    console.print(f"wrote {html}")
+    if not no_open:
+        webbrowser.open(html.resolve().as_uri())

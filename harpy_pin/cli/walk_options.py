@@ -1,9 +1,10 @@
-"""Options of ``harpy walk`` and ``harpy film`` that say what is walked; ``--set`` reaches every setting there is."""
+"""Options that commands share, most of which say what is walked; ``--set`` reaches every setting there is."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,7 +14,16 @@ from harpy_pin.errors import InputError
 if TYPE_CHECKING:
     from harpy_pin.scenario import Scenario
 
-__all__ = ["DurationOption", "PushOption", "SetOption", "SpeedOption", "read_scenario", "read_settings"]
+__all__ = [
+    "DurationOption",
+    "JsonOption",
+    "PushOption",
+    "SetOption",
+    "SpeedOption",
+    "UrdfOption",
+    "read_scenario",
+    "read_settings",
+]
 
 SpeedOption = Annotated[
     float | None,
@@ -32,6 +42,11 @@ SetOption = Annotated[
         "--set", metavar="NAME=VALUE", help="Any other setting, such as controller=wbc; harpy settings lists them."
     ),
 ]
+
+UrdfOption = Annotated[
+    Path | None, typer.Option("--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default.")
+]
+JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
 
 def read_scenario(

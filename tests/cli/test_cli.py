@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 from command_line import ROOT
 from needs import needs_robots
+from PIL import Image
 
 import harpy_pin as hp
 from harpy_pin.cli.walk_options import read_scenario
 from harpy_pin.controllers import CONTROLLERS
+from harpy_pin.errors import HarpyError
 from harpy_pin.scenario.settings import scenario_of, settings_table
+from harpy_pin.view.page.film import find_chromium
 
 
 def test_walk_writes_log_and_json(command, tmp_path):
@@ -58,29 +61,6 @@ def test_a_walk_goes_where_it_is_told(command, tmp_path):
     assert hp.Scenario.of(run) == scenario
     assert command("walk", "--again", first, "--save", second)[0] == 0
     np.testing.assert_array_equal(hp.Run.load(second)["q"], run["q"])
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("0.3 0", "must look like"),
-        ("0.3 0 0; 0.1 0 0", "must look like"),
-        ("0.3 0 0; 2 0 0 0", "must look like"),
-        ("a 0 0", "must look like"),
-        ("", "must look like"),
-        ("0.3 0 nan", "velocity must be finite"),
-        ("2s 0 0 0; 1s 0 0 0", "must grow"),
-    ],
-)
-def test_a_velocity_that_is_none_is_refused(command, text, message):
-    code, _, err = command("walk", "--set", f"gait.velocity={text}")
-    assert code == 2
-    assert message in " ".join(err.split())
-
-
-def test_a_velocity_is_for_the_commanded_gait(command):
-    for setting in ("gait=hand", "controller.governor=paper", "controller=governed"):
-        assert command("walk", *VELOCITY, "--set", setting)[0] == 2
 
 
 @pytest.mark.parametrize("setting", ["governor=paper", "thrust=false", "evaluate_at=tracked", "legs=feedforward"])
@@ -249,7 +229,7 @@ def test_every_gait_walks_a_little(command, gait, tmp_path):
 def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)
-    monkeypatch.setattr("harpy_pin.cli.demo.DURATION", 0.3)
+    monkeypatch.setattr("harpy_pin.cli.walk.SHOWN", 0.3)
     page = tmp_path / "demo.html"
     code, out, _ = command("demo", "--html", page)
     assert code == 0
@@ -286,3 +266,16 @@ def test_the_table_is_of_what_the_robot_has(command):
     assert "thrust" not in out
     assert re.search(r"steps\s+│\s+0\.\d │", out)
     assert "largest thrust, N" in command("walk", "--duration", 0.1)[1]
+
+
+@needs_robots
+def test_film_of_a_robot(command, tmp_path):
+    try:
+        find_chromium()
+    except HarpyError as missing:
+        pytest.skip(str(missing))
+    path, crawls = tmp_path / "dog.gif", ("--set", "gait.schedule=crawl")
+    assert command("film", path, "--robot", "Solo", *crawls, "--duration", 1, "--size", "200x150")[0] == 0
+    with Image.open(path) as film:
+        assert film.size == (200, 150)
+        assert film.n_frames >= 6

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -16,101 +18,113 @@ import harpy_pin as hp
 from harpy_pin.cli import walk as walk_command
 
 
-def truncated_urdf(tmp_path):
-    path = tmp_path / "cut.urdf"
+@pytest.fixture
+def files(tmp_path):
+    """A folder with files that are not as they should be."""
     text = (ROOT / "urdf" / "harpy.urdf").read_text()
-    path.write_text(text[: len(text) // 2])
-    return path
-
-
-def footless_urdf(tmp_path):
-    path = tmp_path / "footless.urdf"
-    path.write_text((ROOT / "urdf" / "harpy.urdf").read_text().replace("_foot", "_paw"))
-    return path
-
-
-def corrupted_log(tmp_path):
-    path = tmp_path / "bad.npz"
-    path.write_bytes(b"PK\x03\x04" + bytes(range(256)) * 4)
-    return path
+    (tmp_path / "cut.urdf").write_text(text[: len(text) // 2])
+    (tmp_path / "footless.urdf").write_text(text.replace("_foot", "_paw"))
+    (tmp_path / "bad.npz").write_bytes(b"PK\x03\x04" + bytes(range(256)) * 4)
+    return tmp_path
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("line", "says"),
     [
-        (lambda p: ("walk", "--set", f"urdf={p / 'none.urdf'}"), "no URDF"),
-        (lambda p: ("walk", "--set", f"urdf={truncated_urdf(p)}"), "well-formed"),
-        (lambda p: ("walk", "--set", f"urdf={footless_urdf(p)}"), "no foot frame 'left_foot'"),
-        (lambda p: ("info", "--urdf", p), "no URDF"),
-        (lambda p: ("walk", "--set", "ground.friction_strips=0.6,1.2"), "strip"),
-        (lambda p: ("walk", "--set", "ground.friction_strips=[[1.2,0.6,0.1]]"), "strip"),
-        (lambda p: ("walk", "--set", "ground.friction_strips=[0,1,0.1],[0.5,2,0.1]"), "strips"),
-        (lambda p: ("walk", "--set", "controller"), "such as controller.mu=0.4, got 'controller'; harpy settings"),
-        (lambda p: ("walk", "--set", "colour=red"), "valid names: controller, disturbances, dt, duration, gait"),
-        (lambda p: ("walk", "--set", "controler.mu=0.3"), "did you mean 'controller'?"),
-        (lambda p: ("walk", "--set", "controller.weight.swing=1"), "did you mean 'weights'?"),
-        (lambda p: ("walk", "--set", "controller.weights.swng=1"), "did you mean 'swing'?"),
-        (lambda p: ("walk", "--set", "ground=hills"), "unknown entry of the ground 'name'"),
-        (lambda p: ("walk", "--set", "ground.slope=1.4"), "slope must be finite"),
-        (lambda p: ("walk", "--set", "ground.terrain=hills"), "unknown terrain 'hills'"),
-        (
-            lambda p: ("walk", "--set", "controller=wbc", "--set", "controller.governor=none"),
-            "setting of the controller 'governed'",
-        ),
-        (lambda p: ("walk", "--robot", "go2", "--set", "gait.schedule=walk"), "valid names: bound, crawl, pace"),
-        (lambda p: ("walk", "--robot", "g1", "--set", "gait.schedule=trot"), "valid names: stand, step, walk"),
-        (lambda p: ("walk", "--robot", "solo8", "--speed", "0.2"), "two joints in each leg"),
-        (lambda p: ("walk", "--push", "2.0"), "TIME:X,Y,Z (s and N·s), got '2.0'"),
-        (lambda p: ("walk", "--push", "2.0:1,2"), "TIME:X,Y,Z"),
-        (lambda p: ("walk", "--push", "soon:0,5,0"), "TIME:X,Y,Z"),
-        (lambda p: ("walk", "--push", "9:0,5,0"), "outside the run"),
-        (lambda p: ("walk", "--set", "controller=wbc", "--set", "controller.thrust=false"), "'thrust'"),
-        (lambda p: ("walk", "--again", p / "none.npz"), "no run log"),
-        (lambda p: ("walk", "--set", "controller=lqr"), "valid names: condensed, governed, wbc"),
-        (lambda p: ("walk", "--set", "controller.governor=best"), "valid names: filter, none"),
-        (lambda p: ("walk", "--set", "ground.cone=square"), "valid names"),
-        (lambda p: ("walk", "--json", p), "is a folder"),
-        (lambda p: ("walk", "--set", "gait=trot"), "hand, hovering, standing"),
-        (
-            lambda p: ("walk", "--set", "gait=trot"),
-            "'trot' is a schedule: Walking(schedule='trot'), --set gait.schedule=trot",
-        ),
-        (lambda p: ("walk", "--set", "gait.schedule=crawl"), "it is a setting of the gait 'walking'"),
-        (
-            lambda p: ("walk", "--speed", 0.2, "--set", "gait.velocity=0.3,0,0"),
-            "it is a setting of the gait 'commanded'",
-        ),
-        (lambda p: ("walk", "--set", "controller=paper"), "it is Governed(governor='paper')"),
-        (lambda p: ("walk", "--robot", "x.urdf"), "hp.load_robot(path, feet=...)"),
-        (lambda p: ("gait", "--search", "everything"), "valid names"),
-        (lambda p: ("gait", "--load", p / "none.toml"), "none.toml"),
-        (lambda p: ("gait", "--search", "paper", "--out", p / "no" / "where.toml"), "no folder"),
-        (lambda p: ("paper", "--out", corrupted_log(p)), "cannot write"),
-        (lambda p: ("vlip", "--evaluate-at", "guessed"), "valid names"),
-        (lambda p: ("view", p / "none.npz"), "no run log"),
-        (lambda p: ("view", corrupted_log(p)), "damaged"),
-        (lambda p: ("view", corrupted_log(p), "--html", p / "bad.npz"), "same file"),
-        (lambda p: ("view", p / "a.npz", "--gif", p / "a.png"), "ends in .gif"),
-        (lambda p: ("view", p / "a.npz", "--png", p / "a.png", "--times", "1,x"), "takes numbers"),
-        (lambda p: ("view", p / "a.npz", "--times", "1"), "give --png"),
-        (lambda p: ("view", p / "a.npz", "--size", "100"), "two numbers"),
-        (lambda p: ("view", p / "a.npz", "--span", "2"), "two numbers"),
-        (lambda p: ("view", p / "a.npz", "--figures", p / "a.bmp"), "must end in .png, .pdf, .svg"),
-        (lambda p: ("view", *[p / f"{k}.npz" for k in range(5)]), "at most 4"),
-        (lambda p: ("demo", "--html", p / "no" / "where.html"), "no folder"),
-        (lambda p: ("walk", "--save", p / "a", "--json", p / "a"), "--save and --json are the same file"),
-        (lambda p: ("walk", "--save", p / "a", "--json", p / "a.part"), "the journal of --save and --json"),
-        (lambda p: ("walk", "--again", corrupted_log(p), "--json", p / "bad.npz"), "same file"),
-        (lambda p: ("gait", "--search", "paper", "--out", p / "a", "--resume", p / "a"), "same file"),
+        ("walk --set urdf=OUT/none.urdf", "no URDF"),
+        ("walk --set urdf=OUT/cut.urdf", "well-formed"),
+        ("walk --set urdf=OUT/footless.urdf", "no foot frame 'left_foot'"),
+        ("info --urdf OUT", "no URDF"),
+        ("walk --set ground.friction_strips=0.6,1.2", "strip"),
+        ("walk --set ground.friction_strips=[[1.2,0.6,0.1]]", "strip"),
+        ("walk --set ground.friction_strips=[0,1,0.1],[0.5,2,0.1]", "strips"),
+        ("walk --set controller", "such as controller.mu=0.4, got 'controller'; harpy settings"),
+        ("walk --set colour=red", "valid names: controller, disturbances, dt, duration, gait"),
+        ("walk --set controler.mu=0.3", "did you mean 'controller'?"),
+        ("walk --set controller.weight.swing=1", "did you mean 'weights'?"),
+        ("walk --set controller.weights.swng=1", "did you mean 'swing'?"),
+        ("walk --set ground=hills", "unknown entry of the ground 'name'"),
+        ("walk --set ground.slope=1.4", "slope must be finite"),
+        ("walk --set ground.terrain=hills", "unknown terrain 'hills'"),
+        ("walk --set controller=wbc --set controller.governor=none", "setting of the controller 'governed'"),
+        ("walk --robot go2 --set gait.schedule=walk", "valid names: bound, crawl, pace"),
+        ("walk --robot g1 --set gait.schedule=trot", "valid names: stand, step, walk"),
+        ("walk --robot solo8 --speed 0.2", "two joints in each leg"),
+        ("walk --push 2.0", "TIME:X,Y,Z (s and N·s), got '2.0'"),
+        ("walk --push 2.0:1,2", "TIME:X,Y,Z"),
+        ("walk --push soon:0,5,0", "TIME:X,Y,Z"),
+        ("walk --push 9:0,5,0", "outside the run"),
+        ("walk --set controller=wbc --set controller.thrust=false", "'thrust'"),
+        ("walk --again OUT/none.npz", "no run log"),
+        ("walk --set controller=lqr", "valid names: condensed, governed, wbc"),
+        ("walk --set controller.governor=best", "valid names: filter, none"),
+        ("walk --set ground.cone=square", "valid names"),
+        ("walk --json OUT", "is a folder"),
+        ("walk --set gait=trot", "hand, hovering, standing"),
+        ("walk --set gait=trot", "'trot' is a schedule: Walking(schedule='trot'), --set gait.schedule=trot"),
+        ("walk --set gait.schedule=crawl", "it is a setting of the gait 'walking'"),
+        ("walk --speed 0.2 --set gait.velocity=0.3,0,0", "it is a setting of the gait 'commanded'"),
+        ("walk --set 'gait.velocity=0.3 0'", "must look like"),
+        ("walk --set 'gait.velocity=0.3 0 0; 0.1 0 0'", "must look like"),
+        ("walk --set 'gait.velocity=0.3 0 0; 2 0 0 0'", "must look like"),
+        ("walk --set 'gait.velocity=a 0 0'", "must look like"),
+        ("walk --set gait.velocity=", "must look like"),
+        ("walk --set 'gait.velocity=0.3 0 nan'", "velocity must be finite"),
+        ("walk --set 'gait.velocity=2s 0 0 0; 1s 0 0 0'", "must grow"),
+        ("walk --set 'gait.velocity=0.3 0 0' --set gait=hand", "velocity"),
+        ("walk --set 'gait.velocity=0.3 0 0' --set controller=governed", "commanded"),
+        ("walk --set 'gait.velocity=0.3 0 0' --set controller.governor=paper", "commanded"),
+        ("walk --set controller=paper", "it is Governed(governor='paper')"),
+        ("walk --robot x.urdf", "hp.load_robot(path, feet=...)"),
+        ("gait --search everything", "valid names"),
+        ("gait --load OUT/none.toml", "none.toml"),
+        ("gait --search paper --out OUT/no/where.toml", "no folder"),
+        ("paper --out OUT/bad.npz", "cannot write"),
+        ("vlip --evaluate-at guessed", "valid names"),
+        ("view OUT/none.npz", "no run log"),
+        ("view OUT/bad.npz", "damaged"),
+        ("view OUT/bad.npz --html OUT/bad.npz", "same file"),
+        ("view OUT/a.npz --gif OUT/a.png", "ends in .gif"),
+        ("view OUT/a.npz --png OUT/a.png --times 1,x", "takes numbers"),
+        ("view OUT/a.npz --times 1", "give --png"),
+        ("view OUT/a.npz --size 100", "two numbers"),
+        ("view OUT/a.npz --span 2", "two numbers"),
+        ("view OUT/a.npz --figures OUT/a.bmp", "ends in .png or .pdf or .svg"),
+        ("view 0.npz 1.npz 2.npz 3.npz 4.npz", "at most 4"),
+        ("film OUT/dog.avi", ".gif"),
+        ("film OUT/dog.gif --robot go9", "did you mean"),
+        ("film OUT/dog.gif --duration 0.1", "duration"),
+        ("film OUT/dog.gif --size big", "--size"),
+        ("film OUT/dog.gif --set gait.velocity=fast", "velocity"),
+        ("film OUT/dog.gif --robot harpy --set gait.schedule=trot", "schedule"),
+        ("live --no-browser --port 70000", "port"),
+        ("live --no-browser --host nowhere", "host"),
+        ("live --no-browser --friction -1", "friction"),
+        ("live --no-browser --set controller=best", "condensed"),
+        ("live --no-browser --save /nowhere/drive.npz", "folder"),
+        ("live --no-browser --port TAKEN", "in use"),
+        ("demo --html OUT/no/where.html", "no folder"),
+        ("walk --save OUT/a --json OUT/a", "--save and --json are the same file"),
+        ("walk --save OUT/a --json OUT/a.part", "the journal of --save and --json"),
+        ("walk --again OUT/bad.npz --json OUT/bad.npz", "same file"),
+        ("gait --search paper --out OUT/a --resume OUT/a", "same file"),
     ],
 )
-def test_bad_input_is_one_clear_line(command, tmp_path, arguments, says):
-    code, out, err = command(*arguments(tmp_path))
+def test_bad_input_is_one_clear_line(command, files, line, says):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        line = line.replace("OUT", str(files)).replace("TAKEN", str(taken.getsockname()[1]))
+        code, out, err = command(*shlex.split(line))
     assert code not in (0, None)
     assert says in err
     assert err.startswith(("harpy: ", "reproduction: "))
     assert len(err.strip().splitlines()) == 1
     assert "Traceback" not in out + err
+
+
+def test_without_viser_it_says_how_to_install(command, monkeypatch):
+    monkeypatch.setattr("harpy_pin.cli.live.find_spec", lambda name: None)
+    says = "harpy: driving needs viser, which is not installed: pip install 'harpy-pin[live]'\n"
+    assert command("live")[2] == says
 
 
 def test_unwritable_file_is_found_before_the_run(command, tmp_path, monkeypatch):

@@ -7,8 +7,8 @@ from typer.testing import CliRunner
 
 from comparison.cli import app as comparison
 from comparison.studies.robots import CONTROLLERS
-from harpy_pin.cli import demo
 from harpy_pin.cli.app import app as harpy
+from harpy_pin.cli.walk import NAME_WIDTH
 from harpy_pin.ground.ground import Ground
 from harpy_pin.view import identity
 
@@ -40,7 +40,7 @@ def test_the_condensed_controller_has_one_name(command):
 
 
 def test_every_name_fits_its_column_of_the_demo():
-    assert max(len(controller.label) for controller in identity.CONTROLLERS.values()) <= demo.NAME_WIDTH
+    assert max(len(controller.label) for controller in identity.CONTROLLERS.values()) <= NAME_WIDTH
 
 
 def test_the_help_of_walk_says_how_settings_are_set_and_both_defaults_of_friction():

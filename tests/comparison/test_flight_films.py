@@ -6,8 +6,7 @@ import pytest
 
 from comparison.report.flight_films import FILMS, caption, film_flights
 from comparison.studies.flights import FLIGHTS
-from harpy_pin.errors import HarpyError, RunFileError
-from harpy_pin.view.page.chromium import Chromium, find_chromium
+from harpy_pin.errors import RunFileError
 
 REACHED = {"stands": True, "height_m": 0.312, "distance_m": 0.423, "hover_mm": None, "peak": 1.38}
 COST = {"energy_j": 2700.0, "power_w": 812.0, "cost": 163.0}
@@ -29,27 +28,21 @@ def test_captions_say_what_was_reached():
     assert caption("walk without thrust", {"stands": False, "fell_s": 0.552}) == ["falls after 0.55 s"]
 
 
-def test_the_page_is_whole_and_fits_a_phone(tmp_path):
-    try:
-        find_chromium()
-    except HarpyError as missing:
-        pytest.skip(str(missing))
-    path, told = tmp_path / "films.html", []
+def test_the_page_is_whole_and_fits_a_phone(browser, tmp_path):
+    path, told, complaints = tmp_path / "films.html", [], []
     film_flights(path, ("walk without thrust",), lambda *done: told.append(done))
     assert told == [(1, 1)]
-    browser = Chromium()
-    try:
-        for width in (1280, 390):
-            browser.resize(width, 800)
-            browser.open(path.as_uri())
-            assert browser.run("document.querySelector('img').decode().then(() => true)")
-            assert browser.run("document.querySelector('img').naturalWidth") == 360
-            assert browser.run("document.documentElement.scrollWidth") <= width
-        assert "falls after" in browser.run("document.body.textContent")
-        assert not browser.messages
-        assert not [url for url in browser.requested if url.startswith("http")]
-    finally:
-        browser.close()
+    page = browser.new_page()
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.on("request", lambda request: complaints.append(request.url) if request.url.startswith("http") else None)
+    for width in (1280, 390):
+        page.set_viewport_size({"width": width, "height": 800})
+        page.goto(path.as_uri())
+        assert page.evaluate("document.querySelector('img').decode().then(() => true)")
+        assert page.evaluate("document.querySelector('img').naturalWidth") == 360
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert "falls after" in page.text_content("body")
+    assert not complaints
 
 
 def test_a_page_that_cannot_be_written_is_refused_before_work(tmp_path):

@@ -14,7 +14,7 @@ from harpy_pin import Command, Ground, InputError, Scenario, Simulator
 from harpy_pin.ground.ground import MAX_STRIPS
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.mujoco import MujocoPlant
-from harpy_pin.view.scene.contacts import Contacts, ground_of
+from harpy_pin.view.scene.frames import Contacts, ground_of
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = 9.81

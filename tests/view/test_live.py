@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import signal
 import socket
@@ -16,23 +17,15 @@ from typing import Any
 import numpy as np
 import pytest
 from needs import needs_robots
+from PIL import Image
 
 import harpy_pin as hp
-from harpy_pin.errors import HarpyError
 from harpy_pin.files import journal_path
 from harpy_pin.log.run import Run
 from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.settings import LiveSettings
-from harpy_pin.view.page.chromium import find_chromium
 
 viser = pytest.importorskip("viser", reason="viser is an extra")
-SWITCHES = (
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
-)
 COARSE = "?fixedDpr=0.4"
 """Few pixels, since they are drawn by software."""
 PATIENCE = 600.0
@@ -154,19 +147,6 @@ def test_garbage_does_not_kill_the_server(drive: Drive, fuzz: int) -> None:
     assert b" 200 " in ask(drive, f"Host: 127.0.0.1:{port_of(drive)}")
     assert drive.session.settings == settings
     soon(lambda: not drive.viewers)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    try:
-        program = find_chromium()
-    except HarpyError as missing:
-        pytest.skip(str(missing))
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=program, args=SWITCHES)
-        yield browser
-        browser.close()
 
 
 def open_page(browser: Any, drive: Drive, complaints: list[str], *, shows: str, width: int = 780) -> Any:
@@ -306,10 +286,6 @@ def test_page_of_another_robot(browser: Any) -> None:
 
 
 def colours(picture: bytes) -> int:
-    import io
-
-    from PIL import Image
-
     with Image.open(io.BytesIO(picture)) as image:
         return len(np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0))
 
@@ -333,45 +309,3 @@ def test_command_ends_with_its_log(tmp_path: Path) -> None:
     assert ticks > 100
     assert str(save) in out
     assert json.loads(numbers.read_text())["tick_us"]["0"]["ticks"] == ticks
-
-
-@pytest.mark.parametrize(
-    ("options", "reason"),
-    [
-        (["--port", "70000"], "port"),
-        (["--host", "nowhere"], "host"),
-        (["--friction", "-1"], "friction"),
-        (["--set", "controller=best"], "condensed"),
-        (["--save", "/nowhere/drive.npz"], "folder"),
-        (["--port", "TAKEN"], "in use"),
-    ],
-)
-def test_what_the_command_refuses_is_one_line(
-    options: list[str], reason: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from harpy_pin.cli.app import main
-
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = str(taken.getsockname()[1])
-        words = ["harpy", "live", "--no-browser", *(port if word == "TAKEN" else word for word in options)]
-        monkeypatch.setattr(sys, "argv", words)
-        with pytest.raises(SystemExit) as ended:
-            main()
-    assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert reason in said
-
-
-def test_without_viser_it_says_how_to_install(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from harpy_pin.cli.app import main
-
-    monkeypatch.setattr("harpy_pin.cli.live.find_spec", lambda name: None)
-    monkeypatch.setattr(sys, "argv", ["harpy", "live"])
-    with pytest.raises(SystemExit):
-        main()
-    assert capsys.readouterr().err == (
-        "harpy: driving needs viser, which is not installed: pip install 'harpy-pin[live]'\n"
-    )

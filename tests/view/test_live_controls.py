@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.view.live.camera import EYE, MIDDLE, followed
 from harpy_pin.view.live.drive import listen
+from harpy_pin.view.live.live_page import EYE, MIDDLE, followed
 from harpy_pin.view.live.live_session import LiveSession
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 

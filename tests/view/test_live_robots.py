@@ -12,8 +12,8 @@ import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.view.identity import robot_of
+from harpy_pin.view.live.drive import LiveLog
 from harpy_pin.view.live.live_charts import WholeFeet
-from harpy_pin.view.live.live_log import LiveLog
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.settings import DriveRanges, LiveSettings, usual_settings
 

@@ -15,8 +15,7 @@ from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
 from harpy_pin.view import replay_html
 from harpy_pin.view.identity import CONTROLLERS
-from harpy_pin.view.live.drive import Drive, listen
-from harpy_pin.view.live.live_log import LiveLog
+from harpy_pin.view.live.drive import Drive, LiveLog, listen
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.settings import LiveSettings, usual_settings
 from harpy_pin.view.live.shared_snapshots import PLACES, SharedSnapshots
@@ -327,7 +326,7 @@ def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
     assert np.isnan(run["x_w"][600]).all()
     assert np.isfinite(run["x_w"][1200]).all()
     assert np.all(np.diff(run["slip_path"], axis=0) >= 0.0)
-    frames = Frames.from_run(run, robot)
+    frames = Frames(run, robot)
     mu = frames.contacts[frames.rows].mu
     assert mu is not None
     assert [mu[n, 0] for n in (0, 20, 22, -1)] == [0.6, 0.6, 0.3, 0.3]  # the change was after 0.7 s, at 21 frames

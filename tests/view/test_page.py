@@ -19,13 +19,11 @@ from harpy_pin.model.robot import Robot, load_robot
 from harpy_pin.view import ReplayServer, replay_html, robot_of, write_html
 from harpy_pin.view.identity import name_of
 from harpy_pin.view.page.build_page import pack
-from harpy_pin.view.page.clock import Clock
-from harpy_pin.view.page.moment import telling_moment
-from harpy_pin.view.page.shown import scoreboard
+from harpy_pin.view.page.charts import Clock
+from harpy_pin.view.page.shown import scoreboard, telling_moment
 from harpy_pin.view.palette import ground_colour
-from harpy_pin.view.scene.contacts import Contacts
 from harpy_pin.view.scene.forces import ROUNDING
-from harpy_pin.view.scene.frames import Frames
+from harpy_pin.view.scene.frames import Contacts, Frames
 from harpy_pin.view.scene.ground import centre_of_pressure, footholds, slip_steps
 
 # --- thinning ---------------------------------------------------------------------------------------------------------
@@ -74,7 +72,7 @@ def test_page_opens_where_a_loaded_foot_slides_most(robot: Robot) -> None:
     force[:, 0] = (3.0, 0.0, 39.0)
     force[850:860, 0] = (6.0, 0.0, 39.0)
     run = make_run(robot, foot_velocity=velocity, foot_force=force)
-    moment = telling_moment(Frames.from_run(run, robot, fps=1e3))
+    moment = telling_moment(Frames(run, robot, fps=1e3))
     assert 0.85 <= moment.time < 0.86
     assert moment.power == pytest.approx(0.3 * 6.0)
     assert moment.reason == "left foot slides at 300 mm/s under 39 N"
@@ -91,7 +89,7 @@ def test_page_opens_where_most_friction_is_used_if_nothing_slides(robot: Robot) 
     velocity = np.zeros((1001, 2, 3))
     velocity[700, 0, 0] = 3.0  # one row: a touchdown
     run = make_run(robot, foot_velocity=velocity, foot_force=force)
-    moment = telling_moment(Frames.from_run(run, robot, fps=1e3))
+    moment = telling_moment(Frames(run, robot, fps=1e3))
     assert 0.3 <= moment.time < 0.31
     assert f"{100 * 9.0 / (0.25 * 39.0):.0f} %" in moment.reason
     assert moment.power == 0.0
@@ -103,7 +101,7 @@ def test_what_happens_in_a_fall_is_not_the_moment(robot: Robot) -> None:
     velocity[300:400, 0, 0], velocity[900:, 0, 0] = 0.1, 5.0
     run = make_run(robot, foot_velocity=velocity, foot_force=force)
     run["q"][800:, 3:7] = (np.sin(0.4), 0.0, 0.0, np.cos(0.4))
-    assert 0.3 <= telling_moment(Frames.from_run(run, robot, fps=1e3)).time < 0.4
+    assert 0.3 <= telling_moment(Frames(run, robot, fps=1e3)).time < 0.4
 
 
 # --- several runs -----------------------------------------------------------------------------------------------------
@@ -186,7 +184,7 @@ def test_other_robots_fit_in_the_picture(name: str) -> None:
     run["q"][:, 3:7], run["q"][:, 7:] = (0.0, 0.0, 0.0, 1.0), other.posture
     lowest = {"solo12": 0.24, "anymal_c": 0.55, "talos": 1.02}[name]
     run["q"][:, 2] = lowest
-    frames = Frames.from_run(run, other)
+    frames = Frames(run, other)
     points = np.concatenate((frames.joints[0, 1:, :3, 3], frames["foot_position"][0]))
     size = picture_size(frames)
     reach = max(np.ptp(points[:, 2]), np.ptp(points[:, 0]), np.ptp(points[:, 1]))
@@ -203,7 +201,7 @@ def test_slip_marks_are_where_held_feet_move(robot: Robot) -> None:
     place[:, 0, 0] = np.interp(run["t"], [0.4, 0.6], [0.0, 0.05])
     place[:, 1, 0] = run["t"]  # moves, but in the air
     moved = Run(run.signals | {"foot_force": force, "foot_position": place}, run.metadata)
-    frames = Frames.from_run(moved, robot, fps=50.0)
+    frames = Frames(moved, robot, fps=50.0)
     row, steps = slip_steps(frames)
     assert frames.time[row[0]] == pytest.approx(0.42)
     assert frames.time[row[-1]] == pytest.approx(0.60)
@@ -218,7 +216,7 @@ def test_centre_of_pressure_is_between_the_feet(robot: Robot) -> None:
     place[:, 0], place[:, 1] = (0.0, 0.1, 0.0), (0.4, -0.1, 0.002)
     force[1, :, 2], force[2, :, 2] = (30.0, 10.0), (0.0, 20.0)
     standing = Run(run.signals | {"foot_force": force, "foot_position": place}, run.metadata)
-    frames = Frames.from_run(standing, robot, fps=1e3)
+    frames = Frames(standing, robot, fps=1e3)
     point = centre_of_pressure(frames)
     assert np.all(np.isnan(point[0]))
     np.testing.assert_allclose(point[1:], [[0.1, 0.05], [0.4, -0.1]])

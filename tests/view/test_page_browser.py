@@ -17,7 +17,7 @@ from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view import write_html
-from harpy_pin.view.page.chromium import Chromium, find_chromium
+from harpy_pin.view.page import film as film_module
 from harpy_pin.view.page.film import Film
 
 SLIDES = 0.6
@@ -32,61 +32,49 @@ def run(robot: Robot) -> Run:
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Chromium]:
-    try:
-        find_chromium()
-    except HarpyError as error:
-        pytest.skip(str(error))
-    with Chromium() as session:
-        yield session
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory, run: Run, robot: Robot) -> str:
+def address(tmp_path_factory: pytest.TempPathFactory, run: Run, robot: Robot) -> str:
     return write_html([(run, robot)], tmp_path_factory.mktemp("page") / "walk.html", fps=50.0).as_uri()
 
 
+def show(browser: Any, address: str, *, width: int = 1000, height: int = 640) -> Any:
+    """A page at its first moment; ``said`` is what its console complains about, and what it asks for."""
+    viewport = {"width": width, "height": height}
+    page = browser.new_page(viewport=viewport, is_mobile=width < 500, offline=True)
+    page.set_default_timeout(90e3)
+    page.said, page.asked = [], []
+    page.on("console", lambda said: page.said.append(said.text) if said.type in ("error", "assert") else None)
+    page.on("pageerror", lambda error: page.said.append(str(error)))
+    page.on("request", lambda request: page.asked.append(request.url))
+    page.goto(address)
+    page.wait_for_function("document.documentElement.dataset.state !== 'loading'")
+    return page
+
+
 @pytest.fixture
-def opened(browser: Chromium, page: str) -> Chromium:
-    browser.resize(1000, 640)
-    browser.open_replay(page)
-    return browser
+def page(browser: Any, address: str) -> Iterator[Any]:
+    page = show(browser, address)
+    yield page
+    page.close()
 
 
-def go(browser: Chromium, time: float) -> None:
+def go(page: Any, time: float) -> None:
     """Show a moment, and wait until it is on the screen."""
-    browser.run(
+    page.evaluate(
         f"new Promise((done) => {{ replay.show({time});"
         " requestAnimationFrame(() => requestAnimationFrame(() => done(true))); })"
     )
 
 
-def box(browser: Chromium, selector: str) -> tuple[float, float, float, float]:
-    """Left, top, right and bottom of an element, pixels."""
-    script = f"(() => {{ const b = document.querySelector({selector!r}).getBoundingClientRect();"
-    left, top, right, bottom = browser.run(script + " return [b.left, b.top, b.right, b.bottom]; })()")
-    return left, top, right, bottom
+def place(page: Any, selector: str, share: float = 0.5) -> tuple[float, float]:
+    """A point of an element, pixels: at a share of its width, in the middle of its height."""
+    box = page.locator(selector).first.bounding_box()
+    return box["x"] + share * box["width"], box["y"] + 0.5 * box["height"]
 
 
-def move(browser: Chromium, x: float, y: float) -> None:
-    browser.do(lambda page: page.mouse.move(x, y))
-
-
-def press(browser: Chromium, x: float, y: float) -> None:
-    move(browser, x, y)
-    browser.do(lambda page: page.mouse.down())
-
-
-def click(browser: Chromium, x: float, y: float) -> None:
-    browser.do(lambda page: page.mouse.click(x, y))
-
-
-def seen(browser: Chromium, selector: str = ".pane") -> np.ndarray[Any, np.dtype[np.int64]]:
-    """(rows, columns, 3) pixels of an element."""
-    with Image.open(io.BytesIO(browser.picture())) as image:
-        pixels = np.asarray(image.convert("RGB"), dtype=np.int64)
-    left, top, right, bottom = (round(side) for side in box(browser, selector))
-    return pixels[top:bottom, left:right]
+def seen(page: Any) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """(rows, columns, 3) pixels of the scene."""
+    with Image.open(io.BytesIO(page.locator(".pane").screenshot())) as image:
+        return np.asarray(image.convert("RGB"), dtype=np.int64)
 
 
 def node(path: str) -> str:
@@ -97,31 +85,31 @@ def node(path: str) -> str:
 # --- what is seen -----------------------------------------------------------------------------------------------------
 
 
-def test_page_opens_alone_paused_at_its_moment(opened: Chromium, page: str) -> None:
-    assert opened.requested == [page]
-    assert opened.messages == []
-    assert opened.run("document.documentElement.dataset.state") == "paused"
-    assert opened.run("replay.time") == pytest.approx(opened.run("replay.content.moment.time"))
-    assert opened.run("replay.time") >= SLIDES
-    assert "left foot slides at 200 mm/s" in opened.run("document.getElementById('moment').textContent")
-    assert opened.run("document.querySelectorAll('.chart canvas').length") >= 8
+def test_page_opens_alone_paused_at_its_moment(page: Any, address: str) -> None:
+    assert page.asked == [address]
+    assert page.said == []
+    assert page.evaluate("document.documentElement.dataset.state") == "paused"
+    assert page.evaluate("replay.time") == pytest.approx(page.evaluate("replay.content.moment.time"))
+    assert page.evaluate("replay.time") >= SLIDES
+    assert "left foot slides at 200 mm/s" in page.evaluate("document.getElementById('moment').textContent")
+    assert page.evaluate("document.querySelectorAll('.chart canvas').length") >= 8
 
 
-def test_scene_is_not_blank_and_moves(opened: Chromium) -> None:
-    go(opened, 0.1)
-    before = seen(opened)
+def test_scene_is_not_blank_and_moves(page: Any) -> None:
+    go(page, 0.1)
+    before = seen(page)
     red, green, blue = np.moveaxis(before, -1, 0)
     assert np.sum((red > 150) & (green < 110) & (blue < 110)) > 300  # the robot's shell
     assert before.reshape(-1, 3).std(axis=0).min() > 10.0
-    go(opened, 0.5)
-    assert np.abs(seen(opened) - before).max(axis=2).mean() > 0.5
+    go(page, 0.5)
+    assert np.abs(seen(page) - before).max(axis=2).mean() > 0.5
 
 
-def test_cone_is_red_where_the_log_says_that_the_foot_slides(opened: Chromium, run: Run) -> None:
-    opened.run(f"{node('robot')}.visible = {node('reference')}.visible = {node('slip')}.visible = false")
+def test_cone_is_red_where_the_log_says_that_the_foot_slides(page: Any, run: Run) -> None:
+    page.evaluate(f"{node('robot')}.visible = {node('reference')}.visible = {node('slip')}.visible = false")
 
     def reddish() -> int:
-        red, green, blue = np.moveaxis(seen(opened), -1, 0)
+        red, green, blue = np.moveaxis(seen(page), -1, 0)
         return int(np.sum((red - green > 35) & (np.abs(green - blue) < 30)))
 
     for time in (0.2, 0.9):
@@ -129,27 +117,27 @@ def test_cone_is_red_where_the_log_says_that_the_foot_slides(opened: Chromium, r
         assert run["foot_force"][row, 0, 2] > 0.0
         slides = bool(run["foot_velocity"][row, 0, 0] > 0.01)
         assert slides == (time > SLIDES)
-        go(opened, time)
+        go(page, time)
         for kind, desired in (("sliding", slides), ("sticking", not slides)):
-            assert opened.run(f"{node('friction_cone/left_foot/' + kind)}.visible") is desired
+            assert page.evaluate(f"{node('friction_cone/left_foot/' + kind)}.visible") is desired
         assert (reddish() > 200) is slides
         assert (
-            "slides" in opened.run("document.getElementById('key').textContent.split('friction cone')[1]")[:12]
+            "slides" in page.evaluate("document.getElementById('key').textContent.split('friction cone')[1]")[:12]
         ) is (slides)
 
 
 # --- time -------------------------------------------------------------------------------------------------------------
 
 
-def check_together(browser: Chromium, run: Run, time: float) -> None:
+def check_together(page: Any, run: Run, time: float) -> None:
     """Robot, charts, slider and clock show this time."""
-    assert browser.run("replay.time") == pytest.approx(time, abs=0.003)
-    row = round(1e3 * browser.run("replay.time"))
-    place = browser.run(f"(() => {{ const p = {node('robot/root_joint')}.position; return [p.x, p.y, p.z]; }})()")
+    assert page.evaluate("replay.time") == pytest.approx(time, abs=0.003)
+    row = round(1e3 * page.evaluate("replay.time"))
+    place = page.evaluate(f"(() => {{ const p = {node('robot/root_joint')}.position; return [p.x, p.y, p.z]; }})()")
     np.testing.assert_allclose(place, run["q"][row, :3], atol=0.002)
-    assert browser.run("Number(document.getElementById('time').value)") == pytest.approx(time, abs=0.003)
-    assert browser.run("document.getElementById('clock').textContent") == f"{browser.run('replay.time'):.2f} s"
-    heads = browser.run(
+    assert page.evaluate("Number(document.getElementById('time').value)") == pytest.approx(time, abs=0.003)
+    assert page.evaluate("document.getElementById('clock').textContent") == f"{page.evaluate('replay.time'):.2f} s"
+    heads = page.evaluate(
         "replay.charts.plots.map((u) => [u.over.querySelector('.head').getBoundingClientRect().left"
         " - u.over.getBoundingClientRect().left, u.valToPos(replay.time, 'x')])"
     )
@@ -158,52 +146,51 @@ def check_together(browser: Chromium, run: Run, time: float) -> None:
         assert shown == pytest.approx(desired, abs=1.5)
 
 
-def test_scrubbing_moves_robot_and_charts_together(opened: Chromium, run: Run) -> None:
-    left, top, right, bottom = box(opened, "#time")
-    middle = 0.5 * (top + bottom)
-    press(opened, left + 0.1 * (right - left), middle)
+def test_scrubbing_moves_robot_and_charts_together(page: Any, run: Run) -> None:
+    page.mouse.move(*place(page, "#time", 0.1))
+    page.mouse.down()
     for share in (0.3, 0.5, 0.75):
-        move(opened, left + share * (right - left), middle)
-        time = opened.run("Number(document.getElementById('time').value)")
+        page.mouse.move(*place(page, "#time", share))
+        time = page.evaluate("Number(document.getElementById('time').value)")
         assert time == pytest.approx(share, abs=0.03)
-        check_together(opened, run, time)
-    opened.do(lambda page: page.mouse.up())
+        check_together(page, run, time)
+    page.mouse.up()
 
 
-def test_click_and_drag_on_a_chart_move_the_time(opened: Chromium, run: Run) -> None:
-    left, top, right, bottom = box(opened, ".chart:nth-of-type(2) .u-over")
-    middle = 0.5 * (top + bottom)
-    click(opened, left + 0.25 * (right - left), middle)
-    check_together(opened, run, 0.25 * opened.run("replay.charts.plots[0].scales.x.max"))
-    press(opened, left + 0.3 * (right - left), middle)
-    move(opened, left + 0.6 * (right - left), middle)
-    check_together(opened, run, 0.6 * opened.run("replay.charts.plots[0].scales.x.max"))
-    opened.do(lambda page: page.mouse.up())
+def test_click_and_drag_on_a_chart_move_the_time(page: Any, run: Run) -> None:
+    chart, end = ".chart:nth-of-type(2) .u-over", page.evaluate("replay.charts.plots[0].scales.x.max")
+    page.mouse.click(*place(page, chart, 0.25))
+    check_together(page, run, 0.25 * end)
+    page.mouse.move(*place(page, chart, 0.3))
+    page.mouse.down()
+    page.mouse.move(*place(page, chart, 0.6))
+    check_together(page, run, 0.6 * end)
+    page.mouse.up()
 
 
-def test_all_charts_zoom_together_and_follow_the_time(opened: Chromium, run: Run) -> None:
-    go(opened, 0.5)
-    opened.run("document.querySelector('.zoom button').click()")
-    spans = opened.run("replay.charts.plots.map((u) => [u.scales.x.min, u.scales.x.max])")
+def test_all_charts_zoom_together_and_follow_the_time(page: Any, run: Run) -> None:
+    go(page, 0.5)
+    page.evaluate("document.querySelector('.zoom button').click()")
+    spans = page.evaluate("replay.charts.plots.map((u) => [u.scales.x.min, u.scales.x.max])")
     assert len({tuple(span) for span in spans}) == 1
     assert spans[0][0] < 0.5 < spans[0][1]
     assert spans[0][1] - spans[0][0] == pytest.approx(0.5, rel=0.01)
-    go(opened, 0.95)
-    low, high = opened.run("[replay.charts.plots[0].scales.x.min, replay.charts.plots[0].scales.x.max]")
+    go(page, 0.95)
+    low, high = page.evaluate("[replay.charts.plots[0].scales.x.min, replay.charts.plots[0].scales.x.max]")
     assert low < 0.95 < high
-    check_together(opened, run, 0.95)
+    check_together(page, run, 0.95)
 
 
-def test_playing_goes_on_and_pausing_stops(opened: Chromium) -> None:
-    go(opened, 0.1)
-    click(opened, *(0.5 * (a + b) for a, b in zip(*np.reshape(box(opened, "#play"), (2, 2)), strict=True)))
-    assert opened.run("document.documentElement.dataset.state") == "playing"
-    opened.run("new Promise((done) => setTimeout(done, 500))")
-    assert opened.run("replay.time") != pytest.approx(0.1, abs=0.01)
-    opened.run("replay.pause()")
-    time = opened.run("replay.time")
-    opened.run("new Promise((done) => setTimeout(done, 100))")
-    assert opened.run("replay.time") == time
+def test_playing_goes_on_and_pausing_stops(page: Any) -> None:
+    go(page, 0.1)
+    page.locator("#play").click()
+    assert page.evaluate("document.documentElement.dataset.state") == "playing"
+    page.evaluate("new Promise((done) => setTimeout(done, 500))")
+    assert page.evaluate("replay.time") != pytest.approx(0.1, abs=0.01)
+    page.evaluate("replay.pause()")
+    time = page.evaluate("replay.time")
+    page.evaluate("new Promise((done) => setTimeout(done, 100))")
+    assert page.evaluate("replay.time") == time
 
 
 # --- layout -----------------------------------------------------------------------------------------------------------
@@ -236,12 +223,12 @@ LAYOUT = """(() => {
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844), (800, 1100)], ids=["desk", "phone", "tablet"])
 @pytest.mark.parametrize("runs", [1, 3])
 def test_nothing_overlaps(
-    browser: Chromium, run: Run, robot: Robot, tmp_path: Path, size: tuple[int, int], runs: int
+    browser: Any, run: Run, robot: Robot, tmp_path: Path, size: tuple[int, int], runs: int
 ) -> None:
     path = write_html([(run, robot)] * runs, tmp_path / "walk.html")
-    browser.resize(*size, mobile=size[0] < 500)
-    browser.open_replay(path.as_uri())
-    found = browser.run(LAYOUT)
+    page = show(browser, path.as_uri(), width=size[0], height=size[1])
+    found = page.evaluate(LAYOUT)
+    page.close()
     assert found["wide"] <= found["width"] == size[0]
     # What scrolls is cut by the bar: it goes on below, but is not seen there.
     edge = found["boxes"]["#bar"][1]
@@ -266,57 +253,58 @@ def test_nothing_overlaps(
         assert found["boxes"]["#charts"][1] >= found["boxes"]["#scenes"][3]
 
 
-def test_runs_side_by_side_play_in_step(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None:
+def test_runs_side_by_side_play_in_step(browser: Any, run: Run, robot: Robot, tmp_path: Path) -> None:
     short = Run({name: signal[:501] for name, signal in run.signals.items()}, run.metadata | {"ending": "fell"})
     path = write_html([(run, robot), (short, robot)], tmp_path / "two.html", names=["long", "short"])
-    browser.resize(1280, 800)
-    browser.open_replay(path.as_uri())
-    go(browser, 0.8)
+    page = show(browser, path.as_uri(), width=1280, height=800)
+    go(page, 0.8)
     places = [
-        browser.run(f"{node('robot/root_joint').replace('scenes[0]', f'scenes[{k}]')}.position.x") for k in (0, 1)
+        page.evaluate(f"{node('robot/root_joint').replace('scenes[0]', f'scenes[{k}]')}.position.x") for k in (0, 1)
     ]
     np.testing.assert_allclose(places, [0.3 * 0.8, 0.3 * 0.5], atol=0.002)
-    captions = browser.run("[...document.querySelectorAll('figcaption')].map((c) => c.textContent)")
+    captions = page.evaluate("[...document.querySelectorAll('figcaption')].map((c) => c.textContent)")
     assert captions[0].startswith("long")
     assert captions[1] == "shortfell"
-    rows = browser.run("[...document.querySelectorAll('#scores tr')].map((r) => r.textContent)")
+    rows = page.evaluate("[...document.querySelectorAll('#scores tr')].map((r) => r.textContent)")
+    page.close()
     assert any("walked to the end" in row and "fell at 0.50 s" in row for row in rows)
 
 
 # --- strangers --------------------------------------------------------------------------------------------------------
 
 
-def test_text_of_a_log_stays_text(browser: Chromium, robot: Robot, tmp_path: Path) -> None:
+def test_text_of_a_log_stays_text(browser: Any, robot: Robot, tmp_path: Path) -> None:
     attack = " ".join(ATTACKS[:2] + ATTACKS[4:])
     scenario = {"controller": attack, "governor": attack}
     metadata = {"ending": attack, "robot": attack, "controller": attack, "scenario": scenario, attack: attack}
     bad = make_run(robot, 100, metadata=metadata)
-    path = write_html([(bad, robot)] * 2, tmp_path / "page.html", names=[attack, attack + "2"])
-    browser.open_replay(path.as_uri())
-    assert attack in browser.run("document.querySelector('figcaption').textContent")
-    path = write_html([(bad, robot)], tmp_path / "page.html")
-    browser.open_replay(path.as_uri())
-    assert attack in browser.run("document.getElementById('facts').textContent")
-    assert browser.run("document.querySelectorAll('img, header b b').length") == 0
-    assert browser.run("document.querySelectorAll('script').length") == 5
-    assert browser.messages == []
+    for runs, names, shown in (([bad] * 2, [attack, attack + "2"], "figcaption"), ([bad], None, "#facts")):
+        path = write_html([(run, robot) for run in runs], tmp_path / "page.html", names=names)
+        page = show(browser, path.as_uri())
+        assert attack in page.locator(shown).first.text_content()
+        assert page.locator("img, header b b").count() == 0
+        assert page.locator("script").count() == 5
+        assert page.said == []
+        page.close()
 
 
-def test_fault_in_a_page_is_reported(browser: Chromium, tmp_path: Path, page: str) -> None:
-    (tmp_path / "fault.html").write_text("<script>nonsense();</script>", encoding="utf-8")
-    with pytest.raises(HarpyError, match="nonsense"):
-        browser.open_replay((tmp_path / "fault.html").as_uri())
-    with pytest.raises(HarpyError, match="script of the page"):
-        browser.run("nonsense()")
-    with pytest.raises(HarpyError, match="could not load"):
-        browser.open((tmp_path / "none.html").as_uri())
-    browser.open_replay(page)  # it goes on
+def test_fault_in_a_page_is_reported(browser: Any, run: Run, robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(runs: Any, path: Path) -> Path:
+        page = write_html(runs, path)
+        page.write_text(page.read_text().replace("\nstart();", "\nnonsense();"))
+        return page
+
+    monkeypatch.setattr(film_module, "write_html", broken)
+    with pytest.raises(HarpyError, match=r"could not show the page: .*nonsense"):
+        Film([(run, robot)])
 
 
 # --- pictures and films -----------------------------------------------------------------------------------------------
 
 
-def test_pictures_and_gif(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None:
+def test_pictures_and_gif_beside_a_running_loop(browser: Any, run: Run, robot: Robot, tmp_path: Path) -> None:
+    """As in a notebook, where an event loop runs in the thread of whoever takes pictures."""
+    assert asyncio.get_running_loop()
     with Film([(run, robot)]) as film:
         pictures = film.pictures(tmp_path / "walk.png", [0.2, 0.9], size=(300, 200))
         assert [path.name for path in pictures] == ["walk-0.2.png", "walk-0.9.png"]
@@ -332,7 +320,7 @@ def test_pictures_and_gif(browser: Chromium, run: Run, robot: Robot, tmp_path: P
         assert not (tmp_path / "none.gif").exists()
 
 
-def test_film(browser: Chromium, run: Run, robot: Robot, tmp_path: Path) -> None:
+def test_film(browser: Any, run: Run, robot: Robot, tmp_path: Path) -> None:
     encoder = pytest.importorskip("imageio_ffmpeg")
     with Film([(run, robot)]) as film:
         path = film.save(tmp_path / "walk.mp4", begin=0.0, end=0.2, size=(201, 161))
@@ -353,22 +341,8 @@ def test_no_playwright_is_a_clear_error(monkeypatch: pytest.MonkeyPatch, run: Ru
         Film([(run, robot)])
 
 
-def test_it_works_beside_a_running_loop() -> None:
-    """As in a notebook, where an event loop runs in the thread of whoever takes pictures."""
-    try:
-        find_chromium()
-    except HarpyError as error:
-        pytest.skip(str(error))
-
-    async def count() -> Any:
-        with Chromium() as browser:
-            return browser.run("1 + 1")
-
-    assert asyncio.run(count()) == 2
-
-
 def test_no_encoder_is_a_clear_error(
-    browser: Chromium, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot
+    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with Film([(run, robot)]) as film, pytest.raises(HarpyError, match=r"harpy-pin\[film\]"):

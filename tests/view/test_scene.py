@@ -13,9 +13,9 @@ import harpy_pin as hp
 from harpy_pin.view.page.charts import charts_of
 from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.scene import meshes
-from harpy_pin.view.scene.contacts import about_normals, ground_of, surface_of
-from harpy_pin.view.scene.frames import Frames
+from harpy_pin.view.scene.frames import Frames, about_normals, ground_of, surface_of
 from harpy_pin.view.scene.meshes import mesh_parts, thin_out
+from harpy_pin.view.scene.nodes import Mesh
 from harpy_pin.view.scene.robot_nodes import load_visuals
 from harpy_pin.view.scene.scene import scene_of
 
@@ -38,15 +38,15 @@ def area(vertices, faces):
 @pytest.mark.parametrize("most", [200, 1000, 4000])
 def test_a_mesh_keeps_its_shape(most):
     vertices, faces = ball(80)
-    fewer, kept = thin_out(vertices, faces, most)
+    thinned = thin_out(Mesh(vertices, faces), most)
+    fewer, kept = thinned.vertices, thinned.faces
     assert most // 4 < len(kept) <= most
     np.testing.assert_allclose(np.linalg.norm(fewer, axis=1), 1.0, atol=0.1)
     assert area(fewer, kept) == pytest.approx(4.0 * np.pi, rel=0.15)
     assert kept.min() >= 0
     assert kept.max() < len(fewer)
-    same, untouched = thin_out(vertices, faces, len(faces))
-    assert same is vertices
-    assert untouched is faces
+    mesh = Mesh(vertices, faces)
+    assert thin_out(mesh, len(faces)) is mesh
 
 
 @needs_robots
@@ -56,11 +56,11 @@ def test_a_file_of_several_colours_is_drawn_in_them():
     pytest.importorskip("collada")
     thigh = next(s for s in load_visuals(hp.load_robot("go2")) if Path(s.meshPath).name == "thigh.dae")
     parts = mesh_parts(thigh)
-    colours = {part.colour for part in parts}
+    colours = {colour for _, colour in parts}
     assert len(colours) == 2
     assert any(max(colour[:3]) < 0.8 for colour in colours)
     vertices = np.asarray(thigh.geometry.vertices())
-    drawn = np.concatenate([part.vertices for part in parts])
+    drawn = np.concatenate([mesh.vertices for mesh, _ in parts])
     np.testing.assert_allclose(drawn.min(axis=0), vertices.min(axis=0), atol=2e-3)
     np.testing.assert_allclose(drawn.max(axis=0), vertices.max(axis=0), atol=2e-3)
 
@@ -68,9 +68,9 @@ def test_a_file_of_several_colours_is_drawn_in_them():
 @needs_robots
 def test_a_colour_of_the_urdf_comes_first():
     hip = next(s for s in load_visuals(hp.load_robot("a1")) if Path(s.meshPath).name == "hip.dae")
-    (part,) = mesh_parts(hip)
-    np.testing.assert_allclose(part.colour, hip.meshColor, atol=1e-6)
-    assert len(part.faces) <= meshes.MAX_TRIANGLES
+    ((mesh, colour),) = mesh_parts(hip)
+    np.testing.assert_allclose(colour, hip.meshColor, atol=1e-6)
+    assert len(mesh.faces) <= meshes.MAX_TRIANGLES
 
 
 @needs_robots
@@ -80,10 +80,10 @@ def test_without_trimesh_all_is_drawn_as_pinocchio_reads_it(name, monkeypatch):
     with_it = [mesh_parts(shape) for shape in shapes]
     monkeypatch.setattr(meshes, "_read_parts", lambda path, scale: None)
     for shape, parts in zip(shapes, with_it, strict=True):
-        (part,) = mesh_parts(shape)
-        np.testing.assert_allclose(part.colour, np.clip(shape.meshColor, 0.0, 1.0), atol=1e-6)
-        low = np.min([p.vertices.min(axis=0) for p in parts], axis=0)
-        np.testing.assert_allclose(part.vertices.min(axis=0), low, atol=5e-3)
+        ((mesh, colour),) = mesh_parts(shape)
+        np.testing.assert_allclose(colour, np.clip(shape.meshColor, 0.0, 1.0), atol=1e-6)
+        low = np.min([part.vertices.min(axis=0) for part, _ in parts], axis=0)
+        np.testing.assert_allclose(mesh.vertices.min(axis=0), low, atol=5e-3)
 
 
 @needs_robots
@@ -106,7 +106,7 @@ def test_every_corner_of_a_file_of_several_parts_is_drawn(name):
     for shape in load_visuals(hp.load_robot(name)):
         if not hasattr(shape.geometry, "num_tris"):
             continue
-        drawn = np.concatenate([part.vertices[np.unique(part.faces)] for part in mesh_parts(shape)])
+        drawn = np.concatenate([mesh.vertices[np.unique(mesh.faces)] for mesh, _ in mesh_parts(shape)])
         vertices = np.asarray(shape.geometry.vertices())
         np.testing.assert_allclose(drawn.min(axis=0), vertices.min(axis=0), atol=5e-3)
         np.testing.assert_allclose(drawn.max(axis=0), vertices.max(axis=0), atol=5e-3)
@@ -156,7 +156,7 @@ def test_vectors_about_the_normal(run):
 
 def test_cones_stand_on_the_surface(run):
     robot = hp.load_harpy()
-    motions = scene_of(Frames.from_run(run, robot, fps=30.0)).motions
+    motions = scene_of(Frames(run, robot, fps=30.0)).motions
     for foot in robot.feet:
         for quaternion in motions[f"friction_cone/{foot}"].quaternion:
             up = pin.Quaternion(quaternion).matrix() @ (0.0, 0.0, 1.0)
@@ -166,7 +166,7 @@ def test_cones_stand_on_the_surface(run):
 def test_what_is_told_of_friction_is_about_the_normal(run):
     """The condensed controller keeps three quarters of the friction; about the vertical it would be far more."""
     robot = hp.load_harpy()
-    frames = Frames.from_run(run, robot, fps=30.0)
+    frames = Frames(run, robot, fps=30.0)
     own = frames.contacts[100:].used
     assert np.median(own[own > 0.0]) < 0.8
     charts = charts_of([Shown("walk", "#123456", frames)])

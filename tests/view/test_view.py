@@ -17,9 +17,8 @@ from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.view import figures_of, replay_html, show, write_html
-from harpy_pin.view.scene.contacts import Contacts
 from harpy_pin.view.scene.forces import Arrow, Cone, Scales, nice_scale
-from harpy_pin.view.scene.frames import Frames, sample_rows
+from harpy_pin.view.scene.frames import Contacts, Frames, sample_rows
 from harpy_pin.view.scene.nodes import Mesh, Motions, turn_z_to
 from harpy_pin.view.scene.robot_nodes import find_pantograph
 from harpy_pin.view.scene.scene import follow, scene_of
@@ -29,7 +28,7 @@ FPS = 30.0
 
 def motions_of(run: Run, robot: Robot, *, fps: float = FPS) -> Motions:
     """How the nodes of the scene move, by path."""
-    return scene_of(Frames.from_run(run, robot, fps=fps)).motions
+    return scene_of(Frames(run, robot, fps=fps)).motions
 
 
 def turn(quaternion: np.ndarray) -> np.ndarray:
@@ -100,7 +99,7 @@ def test_pyramid_is_the_box_of_forces_per_axis() -> None:
 
 def test_pantograph_closes_at_the_foot(robot: Robot) -> None:
     run = make_run(robot)
-    frames = Frames.from_run(run, robot, fps=FPS)
+    frames = Frames(run, robot, fps=FPS)
     data = robot.model.createData()
     for k, foot in enumerate(robot.feet):
         leg = find_pantograph(robot, foot)
@@ -129,7 +128,7 @@ def test_rows_of_a_frame_clock() -> None:
 
 
 def test_camera_path_is_the_line_of_a_straight_walk(robot: Robot) -> None:
-    frames = Frames.from_run(make_run(robot, 2001), robot, fps=FPS)
+    frames = Frames(make_run(robot, 2001), robot, fps=FPS)
     path = follow(frames)
     np.testing.assert_allclose(path[:, 0], frames["q"][:, 0], atol=1e-3)
     assert np.ptp(path[:, 1]) < np.ptp(frames["q"][:, 1])
@@ -189,7 +188,7 @@ def test_scene_has_its_objects_and_frames(page: str, robot: Robot) -> None:
 
 def test_page_holds_the_keyframes_of_the_scene(page: str, run: Run, robot: Robot) -> None:
     packed = content_of(page)["runs"][0]
-    np.testing.assert_allclose(packed["time"], Frames.from_run(run, robot, fps=FPS).time, atol=1e-6)
+    np.testing.assert_allclose(packed["time"], Frames(run, robot, fps=FPS).time, atol=1e-6)
     held = {(track["path"], track["name"]): track for track in packed["tracks"]}
     for path, motion in motions_of(run, robot).items():
         for name in ("position", "quaternion", "scale", "visible"):
@@ -246,7 +245,7 @@ def test_cone_turns_red_while_the_foot_slides(run: Run, robot: Robot) -> None:
 
 def test_per_axis_ground_draws_a_pyramid(robot: Robot) -> None:
     run = make_run(robot, 50, metadata={"ground": {"mu_s": 0.25, "cone": "per_axis"}})
-    nodes = scene_of(Frames.from_run(run, robot)).nodes
+    nodes = scene_of(Frames(run, robot)).nodes
     (side,) = (node for node in nodes if node.path == f"friction_cone/{robot.feet[0]}/sticking/side")
     assert isinstance(side.shape, Mesh)
     assert len(side.shape.faces) == 4
@@ -280,7 +279,7 @@ def test_one_row_is_a_still_picture(robot: Robot) -> None:
 def test_divergence_is_cut_where_the_numbers_end(robot: Robot) -> None:
     run = make_run(robot, metadata={"ending": "diverged"})
     run["q"][700:, 9], run["foot_force"][650:] = np.nan, np.inf
-    frames = Frames.from_run(run, robot, fps=FPS)
+    frames = Frames(run, robot, fps=FPS)
     assert frames.time[-1] == pytest.approx(0.649)
     assert "diverged" in replay_html([(run, robot)])
     assert len(figures_of(run, robot)["feet"].axes[0].lines[0].get_xdata()) == 650
@@ -293,7 +292,7 @@ def test_divergence_is_cut_where_the_numbers_end(robot: Robot) -> None:
 def test_rows_without_a_rotation_are_not_drawn(robot: Robot, factor: float) -> None:
     run = make_run(robot)
     run["q"][700:, 3:7] *= factor
-    assert Frames.from_run(run, robot, fps=FPS).time[-1] == pytest.approx(0.699)
+    assert Frames(run, robot, fps=FPS).time[-1] == pytest.approx(0.699)
     replay_html([(run, robot)])
 
 

@@ -1,6 +1,7 @@
 """Driving: the walk goes on in this process, and its page in another, so that looking never slows control.
 
-The two share a board of snapshots, written fifty times a second, and a pipe for what the driver wants.
+The two share a board of snapshots, written fifty times a second, and a pipe for what the driver wants. Every tick is
+logged.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import ipaddress
 import multiprocessing
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -17,16 +18,20 @@ from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError, RunFileError
-from harpy_pin.files import Shield, without_interrupts
+from harpy_pin.files import Shield, check_writable, replaceable, without_interrupts
+from harpy_pin.log.journal import Journal
+from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run
+from harpy_pin.log.run_file import FORMAT
 from harpy_pin.model.robot import Robot
-from harpy_pin.view.live.live_log import LiveLog
-from harpy_pin.view.live.live_session import LiveSession, Tick
+from harpy_pin.simulation.loop import keep_run, run_metadata
+from harpy_pin.view.identity import CONTROLLERS
+from harpy_pin.view.live.live_session import PERIOD, LiveSession, Tick
 from harpy_pin.view.live.settings import LiveSettings
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 from harpy_pin.view.live.times import TickTimes
 
-__all__ = ["Drive", "DriveSummary", "listen"]
+__all__ = ["Drive", "DriveSummary", "LiveLog", "listen"]
 
 SNAPSHOT_PERIOD = 0.02
 """Time between snapshots, s."""
@@ -35,6 +40,16 @@ NAP = 2e-3
 PAGE_ENDED = "the process of the page ended; what was driven until then is kept"
 READY_WITHIN = 120.0
 """Time that the page's process may take to start, s."""
+WISHES: Mapping[str, Callable[[LiveSession, Any], str | None]] = {
+    "change": LiveSession.change,
+    "strip": LiveSession.lay_strip,
+    "pull": LiveSession.pull,
+    "push": LiveSession.push,
+    "pause": LiveSession.pause,
+    "step": LiveSession.step,
+    "reset": lambda session, nothing: session.reset(),
+}
+"""What a driver may want of a session, which returns what the driver should know of it."""
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -257,29 +272,13 @@ class Drive:
                     self.driven.most_viewers = max(self.driven.most_viewers, value)
                     continue
                 try:
-                    note, refused = self._do(kind, value), False
+                    note, refused = WISHES[kind](self.session, value) or "", False
                 except InputError as error:
                     note, refused = str(error), True
                 if kind != "pull" or refused:
                     self._answer(note, refused=refused)
         except (EOFError, OSError):
             raise HarpyError(PAGE_ENDED) from None
-
-    def _do(self, kind: str, value: Any) -> str:
-        """One wish of the driver; what a driver should know of it."""
-        session = self.session
-        if kind == "change":
-            return session.change(value)
-        if kind == "strip":
-            return session.lay_strip(value)
-        if kind == "step":
-            session.pause(True)
-        does = {"pull": session.pull, "push": session.push, "pause": session.pause, "step": session.step}
-        if kind == "reset":
-            session.reset()
-        else:
-            does[kind](value)
-        return ""
 
     def _answer(self, note: str, *, refused: bool = False, busy: str = "") -> None:
         """Say in the page how things stand."""
@@ -298,3 +297,63 @@ class Drive:
         driven.simulated, driven.elapsed = session.time, elapsed
         driven.falls, driven.slip = session.falls, float(session.slip[:, 0].sum())
         driven.factor = 1.0 - min(session.pacer.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0
+
+
+class LiveLog:
+    """Writes every tick; its rows leave the memory every second, and are read back from disk at the end.
+
+    Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. It holds
+    :attr:`LiveSession.signals`: beside those of every log, what was set at each tick (``controller`` and ``schedule``
+    as numbers, whose names are in the metadata ``live``), and ``push``, the force on the body from outside, N.
+
+    Args:
+        session: that is logged.
+        path: of the log; it must be a file that can be replaced.
+
+    Raises:
+        RunFileError: it cannot be written.
+    """
+
+    def __init__(self, session: LiveSession, path: str | Path) -> None:
+        check_writable(path)
+        if not replaceable(path):
+            raise RunFileError(f"cannot write '{path}': a drive is saved as a file", path=path)
+        self.path = Path(path)
+        self._session = session
+        self._journal = Journal(path, {**self._metadata("unfinished"), "format": FORMAT})
+        self._recorder = Recorder(self._journal)
+
+    def append(self) -> None:
+        """Keep a tick, right after it."""
+        self._recorder.append(self._session.signals)
+
+    def close(self, ending: str) -> Run:
+        """Write the log in its place.
+
+        Args:
+            ending: of the run, see :attr:`harpy_pin.log.run.Run.ending`.
+
+        Raises:
+            RunFileError: it cannot be written; its rows are in the journal beside it, which the message names.
+        """
+        simulator = self._session.simulator
+        run, unsaved = keep_run(simulator, self._recorder, self._metadata(ending), self._journal, self.path)
+        if unsaved is not None:
+            raise unsaved
+        return run
+
+    def _metadata(self, ending: str) -> dict[str, Any]:
+        """How the drive came about and how it ended."""
+        session = self._session
+        return {
+            **run_metadata(session.simulator, session.controller, ending, PERIOD, ()),
+            "end_time": session.time,
+            "controller": "driven live",
+            "parameters": {"gait": dict(session.gait.describe())},
+            "live": {
+                "controllers": list(CONTROLLERS),
+                "schedules": list(session.ranges.schedules),
+                "settings": asdict(session.settings),
+                "falls": session.falls,
+            },
+        }

@@ -5,6 +5,7 @@ The robot stays in the middle: the world moves so that a place on the ground tha
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -14,15 +15,13 @@ import viser
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.viser_backend import ViserScene
 from harpy_pin.view.palette import APPLIED, TARGET, as_rgb, ground_colour
-from harpy_pin.view.scene.contacts import Contacts
 from harpy_pin.view.scene.forces import Arrow, Forces, Scales
-from harpy_pin.view.scene.frames import REFERENCES
-from harpy_pin.view.scene.nodes import Lines, Look, Motion, Motions, Node
+from harpy_pin.view.scene.frames import REFERENCES, Contacts
+from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Motion, Motions, Node, Sphere, from_matrices
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
-__all__ = ["LiveScene"]
+__all__ = ["LiveScene", "ViserScene"]
 
 FOLLOW_TIME = 0.4
 """Time constant with which the middle of the picture follows the body, s."""
@@ -32,10 +31,11 @@ CELL, SECTION = 0.1, 0.5
 """Distance between thin and between strong lines of the ground, m."""
 TRAIL, TRAIL_STEP = 150, 0.01
 """Points of a trail on the ground, at most, and the distance between two, m."""
-STRIP = (110, 190, 250)
-PUSH, WAY = "#cc3377", "#5b6573"
+STRIP, PUSH, WAY = "#6ebefa", "#cc3377", "#5b6573"
 HARPY_HEIGHT = 0.6
 """Height of Harpy's body above the ground, m."""
+EDGE = 1.5
+"""Width of lines, pixels."""
 FULL = 0.97
 """Share of the friction from which on a force counts as on its cone's edge: the cone turns red."""
 
@@ -76,9 +76,6 @@ class LiveScene:
             fade_distance=9.0,
             shadow_opacity=0.35,
         )
-        self._strip_box = scene.add_box(
-            "/friction_strip", color=STRIP, dimensions=(1.0, 8.0, 0.002), opacity=0.75, visible=False, cast_shadow=False
-        )
         self._drawn = ViserScene(scene)
         height = HARPY_HEIGHT * scale
         scales = Scales.of(robot, height)
@@ -86,6 +83,7 @@ class LiveScene:
         self._push = Arrow("push", PUSH, radius=0.012 * scale, metres_per_newton=1.0 / scales.contact)
         for part in (self._robot, self._forces, self._push):
             self._drawn.add(part.nodes)
+        self._drawn.add([Node("friction_strip", Box((1.0, 8.0, 0.002)), Look(STRIP, 0.75, light="ground"))])
         for name, size, colour in (("target", 0.16, TARGET), ("applied", 0.15, APPLIED)):
             self._drawn.add([Node(f"reference/{name}", _frame(size * scale), Look(colour))])
         self.handles = self._drawn.handles
@@ -116,6 +114,14 @@ class LiveScene:
                 quaternion=np.array([[0.0, 0.0, np.sin(half), np.cos(half)]]),
                 visible=np.isfinite(place).all(keepdims=True)[0],
             )
+        (begin, end), (x, y) = self._strip or (0.0, 1.0), s["q"][:2]
+        middle, turn = 0.5 * (begin + end), 0.5 * self._slope
+        motions["friction_strip"] = Motion(
+            position=np.array([[middle, y, s["below"] + np.tan(self._slope) * (middle - x) - 0.001]]),
+            quaternion=np.array([[0.0, -np.sin(turn), 0.0, np.cos(turn)]]),
+            scale=np.array([[end - begin, 1.0, 1.0]]),
+            visible=np.array([self._strip is not None]),
+        )
         self._drawn.move(motions)
 
     def lay_ground(self, friction: float, friction_strips: tuple[tuple[float, float, float], ...]) -> None:
@@ -124,10 +130,6 @@ class LiveScene:
             self._mu = friction
             self._floor.plane_color = as_rgb(ground_colour(friction))
         self._strip = friction_strips[0][:2] if friction_strips else None
-        if self._strip_box.visible != bool(friction_strips):
-            self._strip_box.visible = bool(friction_strips)
-        if self._strip is not None:
-            self._strip_box.dimensions = (self._strip[1] - self._strip[0], 8.0, 0.002)
 
     def draw_trails(self) -> None:
         """Show the trails as they are; slower than the rest."""
@@ -137,9 +139,11 @@ class LiveScene:
                 handle.points = np.stack((line[:-1], line[1:]), axis=1).astype(np.float32)
 
     def _follow(self, s: Any) -> None:
-        """Move the scene's origin after the body, and what lies on the ground with it."""
+        """Move the scene's origin after the body, and the floor with it."""
         desired = np.array([s["q"][0], s["q"][1], s["below"]])
-        self._tilt(float(s["ground_slope"]))
+        if self._slope != (slope := float(s["ground_slope"])):
+            self._slope = slope
+            self._floor.wxyz = (float(np.cos(0.5 * slope)), 0.0, -float(np.sin(0.5 * slope)), 0.0)
         passed = float(s["t"]) - self._time
         self._time = float(s["t"])
         gap = desired - self.origin
@@ -161,16 +165,6 @@ class LiveScene:
         c, rise = np.cos(self._slope), np.tan(self._slope)
         along = -((x / c) % SECTION) * c
         self._floor.position = (along, -(y % SECTION), rise * along - 0.002)
-        if self._strip is not None:
-            middle = 0.5 * sum(self._strip) - x
-            self._strip_box.position = (middle, -(y % SECTION), rise * middle - 0.001)
-
-    def _tilt(self, slope: float) -> None:
-        """Turn what lies on the ground about y."""
-        if slope != self._slope:
-            self._slope = slope
-            turn = (float(np.cos(0.5 * slope)), 0.0, -float(np.sin(0.5 * slope)), 0.0)
-            self._floor.wxyz = self._strip_box.wxyz = turn
 
 
 def _size(robot: Robot) -> float:
@@ -201,3 +195,79 @@ def _set_stage(scene: viser.SceneApi) -> None:
     scene.configure_default_lights(enabled=False)
     scene.add_light_hemisphere("/light/sky", sky_color=(255, 255, 255), ground_color=(205, 200, 190), intensity=1.8)
     scene.add_light_directional("/light/lamp", intensity=2.0, cast_shadow=True, position=(1.5, -2.5, 5.0))
+
+
+class ViserScene:
+    """Nodes and motions as viser draws them, below a frame that stands for the world's: what has changed is sent.
+
+    Args:
+        scene: of viser.
+
+    Attributes:
+        handles: of nodes that cast a shadow: the robot.
+    """
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        self._scene, self.handles = scene, list[Any]()
+        self._by_path: dict[str, Any] = {"": scene.add_frame("/walk", show_axes=False)}
+
+    def add(self, nodes: Iterable[Node]) -> None:
+        """Draw nodes."""
+        for node in nodes:
+            for place, character in enumerate(node.path):
+                if character == "/" and node.path[:place] not in self._by_path:
+                    above = self._scene.add_frame(f"/walk/{node.path[:place]}", show_axes=False)
+                    self._by_path[node.path[:place]] = above
+            handle = self._by_path[node.path] = self._draw(node)
+            if node.look.light == "body":
+                self.handles.append(handle)
+
+    def move(self, motions: Motions) -> None:
+        """Put nodes where they are at the first of n moments; what is hidden stays where it was."""
+        for path, motion in motions.items():
+            handle = self._by_path.get(path)
+            if handle is None:  # a joint without shapes
+                continue
+            if motion.visible is not None:
+                shown = bool(motion.visible[0])
+                if handle.visible != shown:
+                    handle.visible = shown
+                if not shown:
+                    continue
+            if motion.position is not None and not np.array_equal(handle.position, motion.position[0]):
+                handle.position = motion.position[0]
+            if motion.quaternion is not None:
+                x, y, z, w = motion.quaternion[0].tolist()
+                if not np.array_equal(handle.wxyz, (w, x, y, z)):
+                    handle.wxyz = w, x, y, z
+            if motion.scale is not None and not np.allclose(handle.scale, motion.scale[0], rtol=0.0, atol=1e-6):
+                handle.scale = tuple(motion.scale[0].tolist())
+
+    def _draw(self, node: Node) -> Any:
+        scene, shape, look, name = self._scene, node.shape, node.look, f"/walk/{node.path}"
+        place = _place(node.placement)
+        if isinstance(shape, Lines):
+            return scene.add_line_segments(
+                name, shape.points, as_rgb(look.colour), thickness=EDGE, thickness_units="screen", **place
+            )
+        body = look.light == "body"
+        place |= {"color": as_rgb(look.colour), "cast_shadow": body, "receive_shadow": body or look.light == "ground"}
+        place |= {"opacity": look.opacity if look.opacity < 1.0 else None}
+        if isinstance(shape, Box):
+            return scene.add_box(name, dimensions=shape.size, **place)
+        if isinstance(shape, Sphere):
+            return scene.add_icosphere(name, radius=shape.radius, **place)
+        if isinstance(shape, Cylinder):
+            return scene.add_cylinder(name, radius=shape.radius, height=shape.length, **place)
+        return scene.add_mesh_simple(
+            name, shape.vertices, shape.faces, flat_shading=body, side="front" if body else "double", **place
+        )
+
+
+def _place(placement: Vector) -> dict[str, Any]:
+    """Position and quaternion of a placement, as viser takes them."""
+    motion = from_matrices(placement[None])
+    assert motion.position is not None
+    assert motion.quaternion is not None
+    x, y, z, w = motion.quaternion[0].tolist()
+    return {"position": tuple(motion.position[0].tolist()), "wxyz": (w, x, y, z)}

@@ -1,15 +1,10 @@
-"""A walk that is driven: everything but the browser.
-
-The session knows no threads, and no clock but the one that it is given. What a driver sets is checked as a whole before
-anything of it acts.
-"""
+"""A walk that is driven: everything but the browser. It knows no threads, and no clock but the one that it is given."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from time import perf_counter_ns
 from types import SimpleNamespace
 from typing import Any, cast
@@ -33,18 +28,7 @@ from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.view.identity import CONTROLLERS
-from harpy_pin.view.live.settings import (
-    DrivenGait,
-    DriveRanges,
-    LiveSettings,
-    command_gait,
-    faces_x,
-    make_driven_gait,
-    may_change_schedule,
-    nearer_stiffness,
-    tilted,
-    usual_settings,
-)
+from harpy_pin.view.live.settings import DrivenGait, DriveRanges, LiveSettings, make_driven_gait, usual_settings
 from harpy_pin.view.live.times import RealTimePacer, TickTimes
 
 __all__ = ["PERIOD", "LiveSession", "Tick"]
@@ -55,6 +39,10 @@ PULL_LASTS = 0.25
 """How long a pull acts that is not renewed, s: one whose driver is gone does not last."""
 FOLLOWED = 10
 """Ticks between two changes of the ground."""
+STIFFNESS_RATE, TILT_RATE = 4.0, 0.1
+"""How fast the ground's stiffness changes, 1/s (by a factor of e in 0.25 s), and how fast it tilts, rad/s."""
+SLOW = 0.02
+"""Velocity below which a robot that never stops stepping may change its schedule, m/s and rad/s."""
 MAX_AT_ONCE = 50
 """Ticks that are made up for before the caller gets its turn."""
 STRIP_LENGTH = 0.6
@@ -200,7 +188,7 @@ class LiveSession:
         return np.full(len(self.robot.feet), self.settings.mu)
 
     def change(self, changes: Mapping[str, Any]) -> str:
-        """Set something, from the next tick on.
+        """Set something, from the next tick on; all of it is checked before any of it acts.
 
         Args:
             changes: values by the names of :class:`LiveSettings`.
@@ -213,10 +201,9 @@ class LiveSession:
         """
         before, after = self.settings, self.settings.changed(changes)
         self.ranges.check(after)
-        note = ""
-        controller, restarts = None, False
+        note, controller, restarts = "", None, False
         if (after.controller, after.mu, after.estimate) != (before.controller, before.mu, before.estimate):
-            restarts = not after.turns and not faces_x(self.gait)
+            restarts = not after.turns and bool(self.gait.target.heading[:2].any())
             if not restarts:
                 controller = self._make_controller(after)
         self.settings = after
@@ -229,7 +216,7 @@ class LiveSession:
             self.reset()
         elif controller is not None:
             self._take_over(controller)
-        command_gait(self.gait, after)
+        self._command_gait()
         if after.schedule != before.schedule and not self._schedule_fits():
             note = note or f"It stops, and then begins to {after.schedule}."
         if after.turning != 0.0 and not after.turns:
@@ -237,23 +224,16 @@ class LiveSession:
         return note
 
     def lay_strip(self, friction: float) -> str:
-        """Lay a strip of this friction across x, ahead of the body; one that was there goes.
-
-        Raises:
-            InputError: the friction is out of its domain.
-        """
+        """Lay a strip of this friction across x, ahead of the body; one that was there goes. See :meth:`change`."""
         x, ahead = float(self.simulator.q[0]), self.ranges.ahead
         begin = x + ahead if math.cos(float(self.gait.target.heading[0])) >= 0.0 else x - ahead - STRIP_LENGTH
         return self.change({"friction_strips": ((begin, begin + STRIP_LENGTH, friction),)})
 
     def push(self, impulse: ArrayLike) -> None:
-        """Push the body, within a tenth of a second.
-
-        Args:
-            impulse: (3,) world axes, N·s, at most 30 for Harpy, more for heavier robots.
+        """Push the body by a (3,) impulse, world axes, N·s, within a tenth of a second.
 
         Raises:
-            InputError: no finite vector, or a larger one.
+            InputError: no finite vector, or a larger one than 30 N·s; it may be larger for robots heavier than Harpy.
         """
         vector = checks.vector("impulse", impulse, 3)
         size, most = float(np.linalg.norm(vector)), self.ranges.impulse
@@ -263,10 +243,9 @@ class LiveSession:
         self._pushes.append(Push(self.simulator.t, (x, y, z)))
 
     def pull(self, force: ArrayLike) -> None:
-        """Pull the body, for a quarter of a second unless it is pulled again.
+        """Pull the body by a (3,) force, world axes, N, for a quarter of a second unless it is pulled again.
 
-        Args:
-            force: (3,) world axes, N; one above 60 N, for heavier robots than Harpy more, is shortened.
+        A force above 60 N is shortened; it may be larger for robots heavier than Harpy.
 
         Raises:
             InputError: no finite vector.
@@ -294,12 +273,14 @@ class LiveSession:
         self._take_over(self._make_controller(self.settings))
 
     def step(self, ticks: int) -> None:
-        """Walk some ticks, whatever the clock says.
+        """Pause, and walk some ticks, whatever the clock says.
 
         Raises:
             InputError: no whole number from 1 to 1000.
         """
-        for _ in range(checks.whole("ticks", ticks, low=1, high=1000)):
+        checks.whole("ticks", ticks, low=1, high=1000)
+        self.pause(True)
+        for _ in range(ticks):
             if self.ending:
                 return
             self.tick()
@@ -321,7 +302,7 @@ class LiveSession:
         s.t = self._tick * PERIOD
         if self._tick % FOLLOWED == 0:
             self._follow_ground()
-        if not self._schedule_fits() and may_change_schedule(self.gait):
+        if not self._schedule_fits() and self._may_change_schedule():
             self.gait = make_driven_gait(self.robot, self.settings)  # it goes on from where the robot stands
             self._start_gait(s.t)
             self._take_over(self._make_controller(self.settings))
@@ -380,8 +361,8 @@ class LiveSession:
         parameters = {**driven.parameters} if isinstance(driven, WalkingGait) else {}
         if settings.estimate:
             parameters["estimate_friction"] = True
-        make = partial(make_controller, chosen.name, gait, mu=settings.mu, governor=chosen.governor, period=PERIOD)
-        return make(**parameters)
+        given = {"mu": settings.mu, "governor": chosen.governor, "period": PERIOD, **parameters}
+        return make_controller(chosen.name, gait, **given)
 
     def _warm_up(self, names: Iterable[str]) -> None:
         """Compile or load the code of controllers by a tick of each; all are made before, to compile side by side."""
@@ -406,13 +387,28 @@ class LiveSession:
         """The gait's command and first target, at a time of the present walk, s."""
         if isinstance(self.gait, WalkingGait):
             self.gait.observe(self.simulator.state)
-        command_gait(self.gait, self.settings)
+        self._command_gait()
         self.gait.update(t)
+
+    def _command_gait(self) -> None:
+        """Give the gait the velocity that is set; one whose schedule is to change stops."""
+        s = self.settings
+        velocity = (s.forward, s.sideways, s.turning if s.turns else 0.0)
+        if isinstance(self.gait, CommandedGait):
+            self.gait.command[:] = velocity
+        else:
+            self.gait.command[:] = (*velocity, s.height) if self._schedule_fits() else 0.0
 
     def _schedule_fits(self) -> bool:
         """Whether the gait walks in the schedule that is set."""
         desired = self.settings.schedule
         return desired is None or isinstance(self.gait, CommandedGait) or self.gait.schedule == desired
+
+    def _may_change_schedule(self) -> bool:
+        """Whether the robot stands, or steps in place with every foot on the ground: a gait begins from standing."""
+        gait = cast(WalkingGait, self.gait)
+        always, swinging = bool(gait.record["always"][0]), bool(gait.record["in_air"].any())
+        return float(np.abs(gait.applied).max()) < SLOW and (not gait.walking or (always and not swinging))
 
     def _make_sensors(self) -> None:
         """Sensors as set; none where they would measure the true state."""
@@ -428,13 +424,17 @@ class LiveSession:
     def _follow_ground(self) -> None:
         """The ground's stiffness and slope go to those that are set; it tilts about the place below the body."""
         now, desired = self.simulator.ground.stiffness, self.settings.stiffness
-        slope, span = self.settings.slope, FOLLOWED * PERIOD
-        if now == desired and self.plane.slope == slope:
+        plane, slope, span = self.plane, self.settings.slope, FOLLOWED * PERIOD
+        if now == desired and plane.slope == slope:
             return
-        if self.plane.slope != slope:
-            self.plane = tilted(self.plane, slope, self.simulator.q[:2], span)
+        if plane.slope != slope:
+            x, y = self.simulator.q[:2].tolist()
+            step, height = TILT_RATE * span, float(plane.height(x, y))
+            angle = plane.slope + min(max(slope - plane.slope, -step), step)
+            self.plane = Plane(slope=angle, above=height - math.tan(angle) * x)
             cast(OnTerrain, self.controller.gait).lay_over(self.plane)
-        self._lay_ground(nearer_stiffness(now, desired, span))
+        most = math.exp(STIFFNESS_RATE * span)
+        self._lay_ground(min(max(desired, now / most), now * most))
 
     def _forces(self) -> list[Push]:
         """Pushes that still act, and the pull."""

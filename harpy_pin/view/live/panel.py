@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,14 +26,14 @@ PACES = {"real time": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}
 STEPS = {"1 ms": 1, "10 ms": 10, "100 ms": 100}
 DIRECTIONS = {"forward": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}
 KEYS = (
-    ("W", "arrowup", "Faster forward", "forward", 0.1),
-    ("S", "arrowdown", "Slower, or back", "forward", -0.1),
-    ("A", "arrowleft", "Turn left", "turning", 0.2),
-    ("D", "arrowright", "Turn right", "turning", -0.2),
-    ("Q", None, "Sideways to the left", "sideways", 0.05),
-    ("E", None, "Sideways to the right", "sideways", -0.05),
+    (("W", "arrowup"), "Faster forward", "forward", 0.1),
+    (("S", "arrowdown"), "Slower, or back", "forward", -0.1),
+    (("A", "arrowleft"), "Turn left", "turning", 0.2),
+    (("D", "arrowright"), "Turn right", "turning", -0.2),
+    (("Q",), "Sideways to the left", "sideways", 0.05),
+    (("E",), "Sideways to the right", "sideways", -0.05),
 )
-"""Letter and other key, label, setting and how much it changes."""
+"""Keys, label, setting and how much it changes."""
 HELP = (
     "**W S** or **↑ ↓** speed · **A D** or **← →** turn · **Q E** sideways · **X** stop · "
     "**P** pause · **N** step · **R** reset · **I** friction strip · **J L** push. "
@@ -62,7 +63,7 @@ class Panel:
         self._gui, self._send, self._ranges, self._feet = gui, send, ranges, WholeFeet(robot)
         self._settings = dict(settings)
         self._handles: dict[str, Any] = {}
-        self._choices: dict[str, dict[Any, str]] = {}
+        self._shown: dict[str, Callable[[Any], Any]] = {}  # a setting as its control shows it
         self._dragged: set[str] = set()
         self._lock = threading.Lock()
         self._power = np.zeros(2)
@@ -70,15 +71,12 @@ class Panel:
         gui.set_panel_label("harpy live")
         gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
         self._status = gui.add_markdown("starting…")
-        tabs = gui.add_tab_group()
-        with tabs.add_tab("Drive"):
-            self._add_drive(gui)
-        with tabs.add_tab("Ground"):
-            self._add_ground(gui)
-        with tabs.add_tab("Control"):
-            self._add_control(gui)
-        with tabs.add_tab("Push"):
-            self._add_push(gui)
+        tabs, kinds = gui.add_tab_group(), ("Drive", "Ground", "Control", "Push")
+        for kind, add in zip(
+            kinds, (self._add_drive, self._add_ground, self._add_control, self._add_push), strict=True
+        ):
+            with tabs.add_tab(kind):
+                add(gui)
         with tabs.add_tab("Keys"):
             gui.add_markdown(HELP)
         self._numbers = gui.add_markdown("")
@@ -95,7 +93,7 @@ class Panel:
             self._settings = standing["settings"]
         self._pause.label = "Go on" if standing["paused"] else "Pause"
         for name, handle in self._handles.items():
-            value = self._shown(name)
+            value = self._shown[name](self._settings[name])
             if handle.value != value and (standing["refused"] or name not in self._dragged):
                 handle.value = value
         self._dragged.clear()
@@ -120,33 +118,26 @@ class Panel:
         """Numbers of a snapshot."""
         with self._lock:
             settings, standing = self._settings, self._standing
-        self._say(self._status, _state(settings, standing, float(s["factor"])))
+        _say(self._status, _state(settings, standing, float(s["factor"])))
         force = self._feet.force(s["contact_force"])
         normal = np.maximum(force[:, 2], 1e-9)
         room = np.maximum(self._feet.least(s["foot_friction"]), 1e-9)
         used = np.where(force[:, 2] > 1.0, np.hypot(force[:, 0], force[:, 1]) / normal / room, 0.0)
         self._power += SMOOTH * (s["power"] - self._power)
         joints, thrusters = self._power
-        power = f"{joints:.0f} W joints" + (f", {thrusters:.0f} W thrusters" if len(s["thrust"]) else "")
         v = s["applied_velocity"]
-        feet = " · ".join(f"{100.0 * share:.0f} %" for share in used)
         rows = (
             ("Time", f"{float(s['t']):.1f} s"),
             ("Falls", f"{int(s['falls'])}"),
             ("Applied", f"{v[0]:.2f}, {v[1]:.2f} m/s, {v[2]:.2f} rad/s"),
             ("Slip", f"{1e3 * float(np.sum(s['slip_path'])):.1f} mm"),
-            ("Power", power),
-            ("Friction used", feet),
+            ("Power", f"{joints:.0f} W joints" + (f", {thrusters:.0f} W thrusters" if len(s["thrust"]) else "")),
+            ("Friction used", " · ".join(f"{100.0 * share:.0f} %" for share in used)),
             ("Assumed μ", " · ".join(f"{value:.2f}" for value in self._feet.least(s["friction_estimate"]))),
             ("Tick", f"p50 {float(s['p50']):.0f}, p99 {float(s['p99']):.0f} µs"),
             ("Real time", f"{s['factor']:.2f} ×" + (f", {float(s['lost']):.1f} s lost" if s["lost"] > 0.05 else "")),
         )
-        table = "\n".join(f"| {name} | {value} |" for name, value in rows)
-        self._say(self._numbers, f"| | |\n|:--|:--|\n{table}")
-
-    def _say(self, handle: Any, text: str) -> None:
-        if handle.content != text:
-            handle.content = text
+        _say(self._numbers, "| | |\n|:--|:--|\n" + "\n".join(f"| {name} | {value} |" for name, value in rows))
 
     def _add_drive(self, gui: viser.GuiApi) -> None:
         ranges = self._ranges
@@ -161,7 +152,7 @@ class Panel:
         if ranges.height is not None:
             self._slider("height", "Height, m", *ranges.height, 0.01, "Change of the body's height.")
         self._pause = gui.add_button("Pause", hint="Key P")
-        self._pause.on_click(lambda _: self._send("pause", not self._standing["paused"]))
+        self._pause.on_click(lambda _: self._toggle())
         walk = gui.add_button_group("Walk", ("Stop", "Reset"), hint="Keys X and R")
         walk.on_click(lambda event: self._stop() if event.target.value == "Stop" else self._send("reset", None))
         step = gui.add_button_group("Step", tuple(STEPS))
@@ -171,26 +162,12 @@ class Panel:
 
     def _add_ground(self, gui: viser.GuiApi) -> None:
         self._slider("friction", "Friction", MIN_FRICTION, MAX_FRICTION, 0.01, "Static; sliding friction is 0.9 of it.")
-        softest, hardest = (1e-3 * end for end in self._ranges.stiffness)
-        stiffness = gui.add_slider(
-            "Stiffness, kN/m",
-            round(softest, 1),
-            round(hardest, 1),
-            0.1 if softest < 2.0 else 1.0,
-            1e-3 * self._settings["stiffness"],
-            hint="It changes by a factor of e in 0.25 s: at once, it would throw the robot.",
-        )
-        self._bind("stiffness", stiffness, lambda value: 1e3 * value)
+        softest, hardest = (round(1e-3 * end, 1) for end in self._ranges.stiffness)
+        gently = "It changes by a factor of e in 0.25 s: at once, it would throw the robot."
+        step = 0.1 if softest < 2.0 else 1.0
+        self._slider("stiffness", "Stiffness, kN/m", softest, hardest, step, gently, unit=1e3)
         steepest = math.floor(math.degrees(MAX_SLOPE))
-        slope = gui.add_slider(
-            "Slope, °",
-            -steepest,
-            steepest,
-            1,
-            round(math.degrees(self._settings["slope"])),
-            hint="It tilts by 6° in a second.",
-        )
-        self._bind("slope", slope, math.radians)
+        self._slider("slope", "Slope, °", -steepest, steepest, 1, "It tilts by 6° in a second.", unit=math.radians(1.0))
         self._strip = gui.add_slider("Friction of strip", 0.02, 0.5, 0.01, 0.1)
         ahead = gui.add_button("Friction strip ahead", hint="I: 0.6 m along x, across the way")
         ahead.on_click(lambda _: self._lay_strip())
@@ -198,21 +175,14 @@ class Panel:
 
     def _add_control(self, gui: viser.GuiApi) -> None:
         self._choice("controller", "Controller", {CONTROLLERS[name].label: name for name in self._ranges.controllers})
+        known, friction = self._settings["assumed"] is None, self._settings["friction"]
         self._knows = gui.add_checkbox("Knows the friction", True, hint="Of the ground, not of the strip.")
-        self._assumed = gui.add_slider(
-            "Assumes",
-            MIN_FRICTION,
-            MAX_FRICTION,
-            0.01,
-            self._settings["friction"],
-            disabled=self._settings["assumed"] is None,
-        )
+        self._assumed = gui.add_slider("Assumes", MIN_FRICTION, MAX_FRICTION, 0.01, friction, disabled=known)
         self._knows.on_update(self._on_assumed)
         self._assumed.on_update(self._on_assumed)
         estimate = gui.add_checkbox("Estimates friction", False, hint="From measured forces and slip.")
-        self._bind("estimate", estimate, bool)
-        delay = gui.add_slider("Delay, ms", 0, 10, 1, 0, hint="Of the measurements.")
-        self._bind("delay", delay, int)
+        self._bind("estimate", estimate, bool, bool)
+        self._slider("delay", "Delay, ms", 0, 10, 1, "Of the measurements.")
         self._slider("noise", "Noise", 0.0, 3.0, 0.1, "As a multiple of typical noise.")
 
     def _add_push(self, gui: viser.GuiApi) -> None:
@@ -224,40 +194,43 @@ class Panel:
 
     def _add_keys(self, gui: viser.GuiApi) -> None:
         """Keys, which the command palette lists too."""
-        for letter, other, label, name, change in KEYS:
-            for key in (letter, other):
-                if key is not None:
-                    command: Any = gui.add_command(label, hotkey=key)  # type: ignore[arg-type]
-                    command.on_trigger(lambda _, name=name, change=change: self._nudge(name, change))
-        actions: tuple[tuple[Any, str, Callable[[], None]], ...] = (
+        actions: list[tuple[str, str, Callable[[], None]]] = [
+            (key, label, partial(self._nudge, name, change)) for keys, label, name, change in KEYS for key in keys
+        ]
+        actions += [
             ("X", "Stop", self._stop),
-            ("P", "Pause or go on", lambda: self._send("pause", not self._standing["paused"])),
+            ("P", "Pause or go on", self._toggle),
             ("N", "Step 10 ms", lambda: self._send("step", 10)),
             ("R", "Reset", lambda: self._send("reset", None)),
             ("I", "Friction strip ahead", self._lay_strip),
             ("J", "Push left", lambda: self._push("left")),
             ("L", "Push right", lambda: self._push("right")),
-        )
+        ]
         for number, schedule in enumerate(self._ranges.schedules):
             wish = {"schedule": schedule}
-            command = gui.add_command(schedule.capitalize(), hotkey=str(number + 1))  # type: ignore[arg-type]
-            command.on_trigger(lambda _, wish=wish: self._send("change", wish))
+            actions.append((str(number + 1), schedule.capitalize(), partial(self._send, "change", wish)))
         for key, label, act in actions:
-            gui.add_command(label, hotkey=key).on_trigger(lambda _, act=act: act())  # type: ignore[misc]
+            gui.add_command(label, hotkey=key).on_trigger(lambda _, act=act: act())  # type: ignore[misc, arg-type]
 
-    def _slider(self, name: str, label: str, low: float, high: float, step: float, hint: str | None = None) -> None:
-        handle = self._gui.add_slider(label, low, high, step, float(self._settings[name]), hint=hint)
-        self._bind(name, handle, float)
+    def _slider(
+        self, name: str, label: str, low: float, high: float, step: float, hint: str | None = None, unit: float = 1
+    ) -> None:
+        """A slider of a setting, which it shows in a unit; one whose step is whole shows whole numbers."""
+
+        def shown(value: float) -> float:
+            return round(value / unit) if isinstance(step, int) else value / unit
+
+        handle = self._gui.add_slider(label, low, high, step, shown(self._settings[name]), hint=hint)
+        self._bind(name, handle, shown, lambda value: unit * value)
 
     def _choice(self, name: str, label: str, values: Mapping[str, Any]) -> None:
         by_value = {value: text for text, value in values.items()}
         handle = self._gui.add_dropdown(label, tuple(values), initial_value=by_value.get(self._settings[name]))
-        self._choices[name] = by_value
-        self._bind(name, handle, values.__getitem__)
+        self._bind(name, handle, by_value.get, values.__getitem__)
 
-    def _bind(self, name: str, handle: Any, read: Callable[[Any], Any]) -> None:
+    def _bind(self, name: str, handle: Any, shown: Callable[[Any], Any], read: Callable[[Any], Any]) -> None:
         """What a driver changes in a control is sent; what we change is not."""
-        self._handles[name] = handle
+        self._handles[name], self._shown[name] = handle, shown
 
         def changed(event: Any) -> None:
             if event.client is not None:
@@ -265,15 +238,6 @@ class Panel:
                 self._send("change", {name: read(event.target.value)})
 
         handle.on_update(changed)
-
-    def _shown(self, name: str) -> Any:
-        """A setting as its control shows it."""
-        value = self._settings[name]
-        if name in self._choices:
-            return self._choices[name].get(value)
-        if name == "slope":
-            return round(math.degrees(value))
-        return 1e-3 * value if name == "stiffness" else value
 
     def _on_assumed(self, event: Any) -> None:
         if event.client is not None:
@@ -285,6 +249,9 @@ class Panel:
         handle.value = value
         self._send("change", {name: value})
 
+    def _toggle(self) -> None:
+        self._send("pause", not self._standing["paused"])
+
     def _stop(self) -> None:
         self._send("change", {"forward": 0.0, "sideways": 0.0, "turning": 0.0})
 
@@ -295,6 +262,11 @@ class Panel:
         x, y = DIRECTIONS[direction]
         size = float(self._impulse.value)
         self._send("push", (x * size, y * size, 0.0))
+
+
+def _say(handle: Any, text: str) -> None:
+    if handle.content != text:
+        handle.content = text
 
 
 def _state(settings: Mapping[str, Any], standing: Mapping[str, Any], factor: float) -> str:

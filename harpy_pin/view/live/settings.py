@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
@@ -15,24 +14,12 @@ from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
 from harpy_pin.gaits.walking.build import FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground, walking_stiffness
-from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.identity import CONTROLLERS
 
-__all__ = [
-    "DriveRanges",
-    "DrivenGait",
-    "LiveSettings",
-    "command_gait",
-    "faces_x",
-    "make_driven_gait",
-    "may_change_schedule",
-    "nearer_stiffness",
-    "tilted",
-    "usual_settings",
-]
+__all__ = ["DriveRanges", "DrivenGait", "LiveSettings", "make_driven_gait", "usual_settings"]
 
 DrivenGait: TypeAlias = CommandedGait | WalkingGait
 
@@ -145,12 +132,6 @@ class LiveSettings:
 
 HARPY_MASS = 4.0
 """kg: pushes on other robots grow with their mass."""
-SLOW = 0.02
-"""Velocity below which a robot that never stops stepping may change its schedule, m/s and rad/s."""
-STIFFNESS_RATE = 4.0
-"""How fast the stiffness changes, 1/s: by a factor of e in 0.25 s."""
-TILT_RATE = 0.1
-"""How fast the ground tilts, rad/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,41 +234,3 @@ def make_driven_gait(robot: Robot, settings: LiveSettings) -> DrivenGait:
     if is_harpy(robot):
         return make_commanded_gait(robot, stiffness=settings.stiffness)
     return WalkingGait(robot, settings.schedule)
-
-
-def command_gait(gait: DrivenGait, settings: LiveSettings) -> None:
-    """Give a gait the velocity that is set; one whose schedule is to change stops."""
-    turning = settings.turning if settings.turns else 0.0
-    if isinstance(gait, CommandedGait):
-        gait.command[:] = settings.forward, settings.sideways, turning
-    elif settings.schedule in (None, gait.schedule):
-        gait.command[:] = settings.forward, settings.sideways, turning, settings.height
-    else:
-        gait.command[:] = 0.0
-
-
-def may_change_schedule(gait: DrivenGait) -> bool:
-    """Whether the robot stands, or steps in place with every foot on the ground: a new gait begins from standing."""
-    if isinstance(gait, CommandedGait):
-        return False
-    slow = float(np.abs(gait.applied).max()) < SLOW
-    return slow and (not gait.walking or (bool(gait.record["always"][0]) and not gait.record["in_air"].any()))
-
-
-def faces_x(gait: DrivenGait) -> bool:
-    """Whether a walk faces x, and does not turn: then a controller that faces x may go on with it."""
-    return isinstance(gait, WalkingGait) or not gait.target.heading[:2].any()
-
-
-def nearer_stiffness(now: float, desired: float, span: float) -> float:
-    """The stiffness, N/m, that goes to the desired one after a time, s."""
-    most = math.exp(STIFFNESS_RATE * span)
-    return min(desired, now * most) if desired > now else max(desired, now / most)
-
-
-def tilted(plane: Plane, slope: float, place: Vector, span: float) -> Plane:
-    """The ground after a time, s, in which it tilts to a slope, rad, about a (2,) place that keeps its height, m."""
-    step = TILT_RATE * span
-    angle = plane.slope + min(max(slope - plane.slope, -step), step)
-    height = float(plane.height(place[0], place[1]))
-    return Plane(slope=angle, above=height - math.tan(angle) * float(place[0]))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin.log.power import PRESETS
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.live_session import LiveSession, Tick
-from harpy_pin.view.scene.contacts import about_normals
+from harpy_pin.view.scene.frames import about_normals
 
 __all__ = ["SharedSnapshots", "power_of"]
 

@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.model.state import Vector
-from harpy_pin.view.page.charts import Chart, charts_of
-from harpy_pin.view.page.clock import Clock
-from harpy_pin.view.page.moment import telling_moment
-from harpy_pin.view.page.shown import Shown, headline, scoreboard
+from harpy_pin.view.page.charts import Chart, Clock, charts_of
+from harpy_pin.view.page.shown import Shown, headline, scoreboard, telling_moment
 from harpy_pin.view.palette import (
     APPLIED,
     BODY,

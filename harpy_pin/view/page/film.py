@@ -1,30 +1,46 @@
-"""Pictures and films of a replay: one browser session that goes from moment to moment."""
+"""Pictures and films of a replay, taken by headless Chromium through Playwright."""
 
 from __future__ import annotations
 
 import io
+import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_writable, replacing
-from harpy_pin.view.page.chromium import Chromium
 from harpy_pin.view.page.replay import write_html
 from harpy_pin.view.page.shown import Runs
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+    from playwright.sync_api import Page
 
-__all__ = ["Film"]
+__all__ = ["Film", "find_chromium"]
 
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+SWITCHES = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+)
+"""Software rendering, and no network."""
+TIMEOUT = 90.0
+"""s; software rendering of a first picture is slow on a busy machine."""
 OVERSAMPLING = 2
 """Pixels drawn per pixel of a picture and axis."""
+Result = TypeVar("Result")
 
 
 class _Kind(NamedTuple):
@@ -54,8 +70,23 @@ KINDS = {  # GIF counts in hundredths of a second
 }
 
 
+def find_chromium() -> str:
+    """Path of a Chromium or Chrome on the search path.
+
+    Raises:
+        HarpyError: there is none; the message lists the names that were tried.
+    """
+    for name in NAMES:
+        if (found := shutil.which(name)) is not None:
+            return found
+    raise HarpyError(f"no Chromium on PATH (tried {', '.join(NAMES)}); install one to take pictures of a replay")
+
+
 class Film(AbstractContextManager["Film"]):
-    """Takes pictures of a page of runs, through headless Chromium; ends with its ``with`` block.
+    """Takes pictures of a page of runs; ends with its ``with`` block.
+
+    Its Chromium is Playwright's own where that is installed, else the one on the search path. Playwright works in a
+    thread of its own: beside a running event loop, as in a notebook, it would refuse.
 
     Args:
         runs: as of :func:`harpy_pin.view.replay_html`.
@@ -68,14 +99,22 @@ class Film(AbstractContextManager["Film"]):
     """
 
     def __init__(self, runs: Runs, *, charts: bool = False, words: bool = True) -> None:
-        self._browser = Chromium()
+        try:
+            from playwright.sync_api import Error
+        except ImportError:
+            raise HarpyError("pictures and films need Playwright: pip install 'harpy-pin[film]'") from None
+        self._error = Error
+        self._thread = ThreadPoolExecutor(1, "playwright")
+        self._playwright: Any = None
         self._folder = tempfile.TemporaryDirectory(prefix="harpy_view_", ignore_cleanup_errors=True)
         try:
-            page = write_html(runs, Path(self._folder.name) / "replay.html")
-            self._browser.open_replay(page.as_uri() + ("" if charts else "#still" if words else "#still&bare"))
-            self._start = float(self._browser.run("replay.content.runs[0].start"))
-            self._duration = float(self._browser.run("replay.content.duration"))
-            self._moment = self._start + float(self._browser.run("replay.content.moment.time"))
+            html = write_html(runs, Path(self._folder.name) / "replay.html")
+            self._url = html.as_uri() + ("" if charts else "#still" if words else "#still&bare")
+            self._browser = self._do(self._launch)
+            page = self._do(self._load, (640, 400), 1)
+            numbers = "[replay.content.runs[0].start, replay.content.duration, replay.content.moment.time]"
+            self._start, self._duration, self._moment = map(float, self._do(page.evaluate, numbers))
+            self._do(page.close)
         except BaseException:
             self.close()
             raise
@@ -99,7 +138,8 @@ class Film(AbstractContextManager["Film"]):
             InputError: a time or a size is out of its domain.
         """
         target = Path(path)
-        moments = [self._moment] if times is None else [checks.number("time", time) for time in times]
+        times = [self._start + self._moment] if times is None else times
+        moments = [checks.number("time", time) for time in times]
         several = len(moments) > 1
         paths = [target.with_stem(f"{target.stem}-{time:g}") if several else target for time in moments]
         for each in paths:
@@ -160,7 +200,10 @@ class Film(AbstractContextManager["Film"]):
 
     def close(self) -> None:
         """End the browser."""
-        self._browser.close()
+        if self._playwright is not None:
+            with suppress(self._error):
+                self._thread.submit(self._playwright.stop).result()
+        self._thread.shutdown()
         self._folder.cleanup()
 
     def __exit__(self, *error: object) -> None:
@@ -180,15 +223,53 @@ class Film(AbstractContextManager["Film"]):
         from PIL import Image
 
         width, height = (int(checks.number("size", side, low=16, high=8192)) for side in size)
-        self._browser.resize(width, height, scale=scale)
+        page = self._do(self._load, (width, height), scale)
         for time in times:
             # The page draws at once; two frames later what it drew is on the screen.
-            self._browser.run(
+            self._do(
+                page.evaluate,
                 f"new Promise((done) => {{ replay.show({time - self._start!r});"
-                " requestAnimationFrame(() => requestAnimationFrame(() => done(true))); })"
+                " requestAnimationFrame(() => requestAnimationFrame(() => done(true))); })",
             )
-            with Image.open(io.BytesIO(self._browser.picture())) as shot:
+            with Image.open(io.BytesIO(self._do(page.screenshot))) as shot:
                 image = shot.convert("RGB")
             if image.size != (width, height):
                 image = image.resize((width, height), Image.Resampling.LANCZOS)
             yield image
+        self._do(page.close)
+
+    def _launch(self) -> Any:
+        from playwright.sync_api import sync_playwright
+
+        self._playwright = sync_playwright().start()
+        launch = self._playwright.chromium.launch
+        try:
+            return launch(args=SWITCHES, handle_sigint=False)
+        except self._error:
+            return launch(args=SWITCHES, handle_sigint=False, executable_path=find_chromium())
+
+    def _load(self, size: tuple[int, int], scale: float) -> Page:
+        """A page of so many pixels, each of which is drawn by ``scale`` squared, with the replay at its first moment.
+
+        Raises:
+            HarpyError: a script of the page failed.
+        """
+        viewport = {"width": size[0], "height": size[1]}
+        page: Page = self._browser.new_page(viewport=viewport, device_scale_factor=scale, offline=True)
+        page.set_default_timeout(1e3 * TIMEOUT)
+        page.goto(self._url)
+        page.wait_for_function("document.documentElement.dataset.state !== 'loading'")
+        if page.evaluate("document.documentElement.dataset.state") == "fault":
+            raise HarpyError(f"Chromium could not show the page: {page.text_content('#fault')}")
+        return page
+
+    def _do(self, act: Callable[..., Result], *arguments: Any, **options: Any) -> Result:
+        """Call something of Playwright's in its thread.
+
+        Raises:
+            HarpyError: Playwright could not do it.
+        """
+        try:
+            return self._thread.submit(act, *arguments, **options).result()
+        except self._error as error:
+            raise HarpyError(f"Chromium: {str(error).strip().partition(chr(10))[0]}") from error

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -29,7 +28,7 @@ def replay_html(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = 
     """The replay of a run as HTML text (to write, to serve, or for a notebook's ``IFrame(srcdoc=...)``).
 
     The page shows the robot, and charts of its forces that move with it; it opens, paused, at the moment that tells
-    most (:func:`harpy_pin.view.page.moment.telling_moment`). Space plays and pauses, the arrow keys go frame by frame,
+    most (:func:`harpy_pin.view.page.shown.telling_moment`). Space plays and pauses, the arrow keys go frame by frame,
     a click on a chart goes to that time, the mouse turns the view about the robot. ``#t=2.1`` at the end of its address
     opens it at 2.1 s, ``#play`` playing from the start. Several runs are played in step, with charts and measures that
     compare them.
@@ -49,20 +48,14 @@ def replay_html(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = 
 
 @checked
 def write_html(runs: Runs, path: str | Path, *, fps: float = 30.0, names: Sequence[str] | None = None) -> Path:
-    """Write the replay as one self-contained HTML file; an older file goes only once the new one is whole.
+    """Write :func:`replay_html` as one self-contained file; an older file goes only once the new one is whole.
 
     Args:
-        runs: as of :func:`replay_html`.
-        path: the file.
-        fps: frames per second of simulated time.
-        names: of the runs; found in their logs by default.
-
-    Returns:
-        The file's path.
+        runs: as of :func:`replay_html`, like ``fps``, ``names`` and the other errors.
+        path: the file, which is returned.
 
     Raises:
         RunFileError: the file cannot be written (found out before the work is done).
-        InputError: as :func:`replay_html`.
     """
     target = Path(path)
     check_writable(target)
@@ -99,15 +92,6 @@ def show(runs: Runs, *, open_browser: bool = True, fps: float = 30.0, port: int 
 def _encoded(text: str) -> bytes:
     """UTF-8; what a log may hold but no text (half a surrogate pair) becomes a reference that browsers show as �."""
     return text.encode("utf-8", errors="xmlcharrefreplace")
-
-
-class _Server(ThreadingHTTPServer):
-    """Says nothing of browsers that hang up."""
-
-    daemon_threads = True
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """A closed tab is no event."""
 
 
 class ReplayServer(AbstractContextManager["ReplayServer"]):
@@ -152,9 +136,10 @@ class ReplayServer(AbstractContextManager["ReplayServer"]):
                 """Say nothing on the terminal."""
 
         try:
-            self._server = _Server(("127.0.0.1", port), Handler)
+            self._server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
         except OSError as error:
             raise RunFileError(f"cannot serve the replay on port {port}: {error.strerror or error}") from error
+        self._server.handle_error = lambda *request: None  # type: ignore[method-assign] # a closed tab is no event
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
         self.url = f"http://127.0.0.1:{self._server.server_address[1]}/"

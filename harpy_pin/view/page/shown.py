@@ -1,30 +1,35 @@
-"""Runs as a page shows them: with names and colours, facts, and their measures side by side."""
+"""Runs as a page shows them: names and colours, facts, the moment at which it opens, and measures side by side."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.log.measures import Measures, measure
+from harpy_pin.log.measures import STUMBLE, Measures, measure
 from harpy_pin.log.optional import tick_times
 from harpy_pin.log.run import Run
 from harpy_pin.log.run_file import MAX_NUMBER
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 from harpy_pin.view.identity import name_of, robot_of
 from harpy_pin.view.palette import RUNS
-from harpy_pin.view.scene.contacts import ground_of
-from harpy_pin.view.scene.frames import Frames
+from harpy_pin.view.scene.frames import Frames, ground_of
 
-__all__ = ["MAX_RUNS", "Runs", "Score", "Shown", "headline", "line_up", "scoreboard"]
+__all__ = ["MAX_RUNS", "Moment", "Runs", "Score", "Shown", "headline", "line_up", "scoreboard", "telling_moment"]
 
 MAX_RUNS = len(RUNS)
 """Runs that one page plays side by side."""
 Runs: TypeAlias = Run | Sequence[Run | tuple[Run, Robot]]
 """A run, or several, each with its robot where the log does not lead to it."""
+LOADED = 0.2
+"""A foot is loaded above this share of the mean normal force of all feet."""
+START = 0.5
+"""A longer run has begun by then, s: before, the feet settle on the ground."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +56,7 @@ def line_up(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None
         names: of the runs; found in their logs by default.
 
     Raises:
-        InputError: no run or too many, another number of names, or as :meth:`Frames.from_run`.
+        InputError: no run or too many, another number of names, or as :class:`Frames`.
     """
     given = [runs] if isinstance(runs, Run) else list(runs)
     if any(not isinstance(entry, Run | tuple) or (isinstance(entry, tuple) and len(entry) != 2) for entry in given):
@@ -62,7 +67,7 @@ def line_up(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None
     names = _distinct([run for run, _ in pairs]) if names is None else names
     if len(names) != len(pairs):
         raise InputError(f"{len(pairs)} runs need as many names, got {len(names)}", name="names")
-    frames = [Frames.from_run(run, robot, fps=fps) for run, robot in pairs]
+    frames = [Frames(run, robot, fps=fps) for run, robot in pairs]
     return [Shown(str(name), colour, one) for name, colour, one in zip(names, RUNS, frames, strict=False)]
 
 
@@ -99,6 +104,61 @@ def headline(shown: Shown) -> tuple[str, list[tuple[str, str]]]:
         facts.append(("slip", f"{measure(run).slip_mm_per_step:.1f} mm per step"))
     facts.append(("ending", run.ending if shown.frames.complete else f"{run.ending} (drawn up to there)"))
     return f"{title}, {run.ending}", facts
+
+
+class Moment(NamedTuple):
+    """A moment of a run.
+
+    Attributes:
+        time: since the run began, s.
+        reason: what happens, in a few words.
+        power: that friction takes from the robot there, W; zero where no foot slides.
+    """
+
+    time: float
+    reason: str
+    power: float
+
+
+def telling_moment(frames: Frames) -> Moment:
+    """Where a loaded foot loses most to friction while it slides; else where one that holds uses most of its friction.
+
+    A foot that slides fast under a small force, as at touchdown, tells less than one that slides under load: what
+    counts is speed times tangential force. A body that has tilted as far as in a stumble is falling already; what
+    happens after that does not count, nor does a slip in a single frame, a touchdown.
+    """
+    feet, time = [name.replace("_", " ") for name in frames.robot.feet], frames.time
+    if not feet:
+        return Moment(0.0, "the start: this robot has no feet", 0.0)
+    contacts = frames.contacts[frames.rows]
+    loaded = contacts.force[..., 2] > LOADED * float(contacts.normal.sum(axis=1).mean()) / len(feet)
+    loaded &= _upright(frames["q"])[:, None]
+    speed, tangential = (np.hypot(v[..., 0], v[..., 1]) for v in (contacts.velocity, contacts.force))
+    slides = np.pad(contacts.slides, ((1, 1), (0, 0)))
+    lasting = slides[1:-1] & (slides[:-2] | slides[2:])
+    row, foot, power = _largest(np.where(lasting & loaded, speed * tangential, 0.0))
+    if power > 0.0:
+        how = f"slides at {1e3 * speed[row, foot]:.0f} mm/s under {contacts.force[row, foot, 2]:.0f} N"
+        return Moment(float(time[row]), f"{feet[foot]} {how}", power)
+    if contacts.mu is not None:
+        settled = time >= (START if time[-1] > 4.0 * START else 0.0)
+        used = np.where(loaded & settled[:, None] & np.isfinite(contacts.used), contacts.used, 0.0)
+        row, foot, share = _largest(used)
+        if share > 0.0:
+            return Moment(float(time[row]), f"{feet[foot]} uses {100.0 * share:.0f} % of its friction", 0.0)
+    return Moment(float(time[_largest(tangential)[0]]), "largest tangential force", 0.0)
+
+
+def _largest(values: Vector) -> tuple[int, int, float]:
+    """Row and column of the largest value, and the value."""
+    row, column = np.unravel_index(int(np.argmax(values)), values.shape)
+    return int(row), int(column), float(values[row, column])
+
+
+def _upright(q: Vector) -> NDArray[np.bool_]:
+    """(n,) whether no row so far has a body that tilts by more than a stumble does."""
+    tilt = np.arccos(np.clip(1.0 - 2.0 * (q[:, 3] ** 2 + q[:, 4] ** 2), -1.0, 1.0))
+    return np.asarray(np.logical_and.accumulate(tilt <= STUMBLE))
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import CONTACT, FLOOR, FRICTION, SLIDING, THRUST
-from harpy_pin.view.scene.contacts import Contacts
+from harpy_pin.view.scene.frames import Contacts
 from harpy_pin.view.scene.nodes import Lines, Look, Mesh, Motion, Motions, Node, node_name, revolved, turn_z_to
 
 __all__ = ["Arrow", "Cone", "Forces", "Scales", "nice_scale"]
@@ -56,14 +57,12 @@ class Arrow:
         direction = np.where(shown[:, None], force / np.where(shown, strength, 1.0)[:, None], (0.0, 0.0, 1.0))
         small = np.clip(length / self.head, 0.01, 1.0)
         shaft = np.maximum(length - self.head, 0.0)
-        zero = np.zeros_like(length)
+        stretched, zero = np.maximum(shaft, 1e-4), np.zeros_like(length)
         return {
             self._path: Motion(position=origin, quaternion=turn_z_to(direction), visible=shown),
-            f"{self._path}/shaft": Motion(
-                scale=np.stack((small, small, np.maximum(shaft, 1e-4)), axis=1), visible=shaft > 0.0
-            ),
+            f"{self._path}/shaft": Motion(scale=np.column_stack((small, small, stretched)), visible=shaft > 0.0),
             f"{self._path}/head": Motion(
-                position=np.stack((zero, zero, shaft), axis=1), scale=np.repeat(small[:, None], 3, axis=1)
+                position=np.column_stack((zero, zero, shaft)), scale=np.column_stack((small, small, small))
             ),
         }
 
@@ -75,8 +74,8 @@ class Cone:
         path: of its node.
         slant: length of the side of the circular cone, m.
         per_axis: the pyramid |f_x| ≤ μ f_z, |f_y| ≤ μ f_z instead of a circular cone.
-        floor: height at which a ring marks the smallest normal force that is desired, m; none where the cone ends
-            below.
+        ring: height at which a ring marks the smallest normal force that is desired, m; there is none where the cone
+            ends below.
         full: share of its friction from which on a force counts as outside.
 
     Attributes:
@@ -84,52 +83,42 @@ class Cone:
     """
 
     def __init__(
-        self, path: str, *, slant: float, per_axis: bool = False, floor: float | None = None, full: float = ROUNDING
+        self, path: str, *, slant: float, per_axis: bool = False, ring: float | None = None, full: float = ROUNDING
     ) -> None:
-        self._path, self._slant, self._per_axis, self._floor, self._full = path, slant, per_axis, floor, full
+        self._path, self._slant, self._ring, self._full = path, slant, ring, full
         if per_axis:
             corners = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
         else:
             angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
             corners = np.stack((np.cos(angle), np.sin(angle)), axis=1)
         rim = np.column_stack((corners, np.ones(len(corners))))
-        ring, spokes = np.stack((rim, np.roll(rim, -1, axis=0)), axis=1), np.stack((np.zeros_like(rim), rim), axis=1)
-        triangles = np.concatenate((np.zeros((len(rim), 1, 3)), ring), axis=1)  # unshared corners: sharp edges
+        edge, spokes = np.stack((rim, np.roll(rim, -1, axis=0)), axis=1), np.stack((np.zeros_like(rim), rim), axis=1)
+        triangles = np.concatenate((np.zeros((len(rim), 1, 3)), edge), axis=1)  # unshared corners: sharp edges
         side = Mesh(triangles.reshape(-1, 3), np.arange(3 * len(rim)).reshape(-1, 3))
-        edges = Lines(np.concatenate((ring, spokes)) if per_axis else ring)
+        edges = Lines(np.concatenate((edge, spokes)) if per_axis else edge)
         self.nodes = [
             Node(f"{path}/{kind}/{name}", shape, Look(colour, opacity))
             for kind, colour in (("sticking", FRICTION), ("sliding", SLIDING))
             for name, shape, opacity in (("side", side, 0.3), ("edges", edges, 1.0))
         ]
-        if floor is not None:
-            self.nodes.append(Node(f"{path}/floor", Lines(ring), Look(FLOOR)))
+        if ring is not None:
+            self.nodes.append(Node(f"{path}/floor", Lines(edge), Look(FLOOR)))
 
     def motions(self, contact: Contacts, normal: Vector | None) -> Motions:
-        """Motion of the cone.
-
-        Args:
-            contact: (n,) of the foot, which is the apex; where there is no friction there is no cone.
-            normal: (n, 3) the cone's axis, world; None is the vertical.
-        """
+        """Motion of the cone: its apex is the foot of the (n,) contacts, its axis the (n, 3) normal or the vertical."""
         assert contact.mu is not None
         mu, slides = contact.mu, contact.slides | (contact.used > self._full)
         height = self._slant / np.hypot(1.0, mu)
         scale = np.stack((mu * height, mu * height, height), axis=1)
-        motions = {
-            self._path: Motion(
-                position=contact.position,
-                quaternion=None if normal is None else turn_z_to(normal),
-                visible=contact.touching & (mu > 0.0),
-            )
-        }
+        turn, visible = None if normal is None else turn_z_to(normal), contact.touching & (mu > 0.0)
+        motions = {self._path: Motion(position=contact.position, quaternion=turn, visible=visible)}
         for kind, shown in (("sticking", ~slides), ("sliding", slides)):
             motions[f"{self._path}/{kind}"] = Motion(visible=shown)
             for name in ("side", "edges"):
                 motions[f"{self._path}/{kind}/{name}"] = Motion(scale=np.maximum(scale, 1e-6))
-        if self._floor is not None:
-            ring = self._floor * np.stack((mu, mu, np.ones_like(mu)), axis=1)
-            motions[f"{self._path}/floor"] = Motion(scale=np.maximum(ring, 1e-6), visible=self._floor < height)
+        if self._ring is not None:
+            ring = self._ring * np.stack((mu, mu, np.ones_like(mu)), axis=1)
+            motions[f"{self._path}/floor"] = Motion(scale=np.maximum(ring, 1e-6), visible=self._ring < height)
         return motions
 
 
@@ -140,37 +129,24 @@ class Forces:
         robot: whose forces they are.
         scales: of the arrows.
         cones: draw friction cones.
-        per_axis: see :class:`Cone`.
         floor: smallest normal force that is desired, N; None where there is none.
-        full: see :class:`Cone`.
+        cone: further arguments of :class:`Cone`.
 
     Attributes:
         nodes: of all arrows and cones.
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        scales: Scales,
-        *,
-        cones: bool = True,
-        per_axis: bool = False,
-        floor: float | None = None,
-        full: float = ROUNDING,
+        self, robot: Robot, scales: Scales, *, cones: bool = True, floor: float | None = None, **cone: Any
     ) -> None:
         def arrow(path: str, colour: str, radius: float, newtons_per_metre: float) -> Arrow:
             return Arrow(path, colour, radius=radius * scales.height, metres_per_newton=1.0 / newtons_per_metre)
 
-        ring = None if floor is None else floor / scales.contact
-        slant = CONE_SLANT * scales.height
         feet, thrusters = ([node_name(name) for name in names] for names in (robot.feet, robot.thrusters))
+        cone |= {"slant": CONE_SLANT * scales.height, "ring": None if floor is None else floor / scales.contact}
         self._contacts = [arrow(f"contact_force/{name}", CONTACT, CONTACT_RADIUS, scales.contact) for name in feet]
         self._thrusts = [arrow(f"thrust/{name}", THRUST, THRUST_RADIUS, scales.thrust) for name in thrusters]
-        self._cones = [
-            Cone(f"friction_cone/{name}", slant=slant, per_axis=per_axis, floor=ring, full=full)
-            for name in feet
-            if cones
-        ]
+        self._cones = [Cone(f"friction_cone/{name}", **cone) for name in feet if cones]
         parts: list[Arrow | Cone] = [*self._contacts, *self._cones, *self._thrusts]
         self.nodes = [node for part in parts for node in part.nodes]
 

@@ -1,9 +1,13 @@
-"""The rows of a run that are drawn: cut where the numbers end, checked against the robot, thinned to a frame rate."""
+"""The rows of a run that are drawn, checked against its robot and thinned to a frame rate, and the feet's contacts.
+
+Forces and velocities of contacts are about the ground's normal: their third part is along it.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,14 +17,15 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
+from harpy_pin.ground.contact_frame import in_contact_frames
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.terrain import Terrain
+from harpy_pin.log.measures import SLIDING_SPEED
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.scene.contacts import Contacts, ground_of, surface_of
 
-__all__ = ["Frames", "normal_floor", "sample_rows"]
+__all__ = ["Contacts", "Frames", "about_normals", "ground_of", "normal_floor", "sample_rows", "surface_of"]
 
 LARGEST = 1e9
 """Largest number that is drawn."""
@@ -39,35 +44,45 @@ DRAWN = ("t", "q", "foot_position", "foot_velocity", "foot_force", "thrust")
 REFERENCES = {"target": "x_r", "applied": "x_w"}
 
 
-@dataclass(frozen=True, eq=False)
 class Frames:
     """A run, and which of its rows are drawn; world axes. ``frames["q"]`` is a signal at the frames.
 
+    Rows from the first one on that is not finite (a divergence) are left out. The last finite row is always drawn, so
+    that the end of a fall is seen.
+
+    Args:
+        run: the log.
+        robot: the robot that was logged.
+        fps: frames per second of simulated time; a log with fewer rows gives fewer frames.
+
     Attributes:
-        fps: frames per second.
         run: the rows of the log before the first one that is not finite.
         complete: whether these are all rows.
-        robot: that was logged.
         ground: of the run; None where the log has none.
-        contacts: (rows of the run, feet).
+        surface: terrain of the ground; None where it is level.
         references: for each logged reference ("target", "applied") its (rows of the run, 3) positions, m.
         rows: (n,) numbers of the rows that are drawn.
         time: (n,) time since the first frame, s.
         joints: (n, model joints, 4, 4) placement of every joint frame of the model.
         mount: (n, thrusters, 3) position of the thruster mounts, m.
+
+    Raises:
+        InputError: the frame rate is not positive, the run holds no finite row, or it is of another robot.
     """
 
-    fps: float
-    run: Run
-    complete: bool
-    robot: Robot
-    ground: Ground | None
-    contacts: Contacts
-    references: dict[str, Vector]
-    rows: NDArray[np.intp]
-    time: Vector
-    joints: Vector
-    mount: Vector
+    @checked
+    def __init__(self, run: Run, robot: Robot, *, fps: float = 30.0) -> None:
+        self.fps, self.robot = checks.number("fps", fps, low=0.0, strict=True), robot
+        _require_match(run, robot)
+        self.run = finite = _finite_part(run)
+        self.complete = len(finite) == len(run)
+        self.ground = ground_of(finite)
+        self.surface = surface_of(self.ground)
+        logged = {label: finite[name] for label, name in REFERENCES.items() if name in finite}
+        self.references = {label: place[:, :3] for label, place in logged.items() if place.shape[1] >= 3}
+        self.rows = sample_rows(finite["t"], fps)
+        self.time = finite["t"][self.rows] - finite["t"][0]
+        self.joints, self.mount = _placements(robot, self["q"])
 
     def __len__(self) -> int:
         return len(self.time)
@@ -75,50 +90,116 @@ class Frames:
     def __getitem__(self, signal: str) -> Vector:
         return np.asarray(self.run[signal][self.rows])
 
-    @property
-    def surface(self) -> Terrain | None:
-        """Terrain of the ground; None where it is level."""
-        return surface_of(self.ground)
+    @cached_property
+    def contacts(self) -> Contacts:
+        """(rows of the run, feet)."""
+        return Contacts.of(self.run, self.ground)
+
+
+def ground_of(run: Run) -> Ground | None:
+    """The ground of a run; None where the log holds no friction coefficient.
+
+    Raises:
+        InputError: the metadata hold a ground that is none.
+    """
+    given = run.metadata.get("ground")
+    mu = given.get("mu_s") if isinstance(given, Mapping) else None
+    if not isinstance(given, Mapping) or not isinstance(mu, int | float) or not 0.0 <= mu <= checks.MAX_FRICTION:
+        return None
+    named = {name: given[name] for name in ("friction_strips", "slope", "terrain") if given.get(name)}
+    return Ground(mu_s=mu, cone="per_axis" if given.get("cone") == "per_axis" else "circular", **named)
+
+
+def surface_of(ground: Ground | None) -> Terrain | None:
+    """The terrain of a ground; None where it is level."""
+    surface = None if ground is None else ground.surface
+    return None if surface is None or surface.record["level"][0] else surface
+
+
+def about_normals(surface: Terrain | None, place: Vector, vectors: Vector) -> Vector:
+    """Vectors at feet, of world axes, in the frames of the contacts: their third part is along the normal.
+
+    Args:
+        surface: of the ground; where it is None they stay as they are.
+        place: (..., 3) of the feet, m.
+        vectors: (..., 3).
+    """
+    if surface is None:
+        return vectors
+    normal = surface.normal(np.nan_to_num(place[..., 0]), np.nan_to_num(place[..., 1]))
+    flat = np.ascontiguousarray(vectors, dtype=np.float64).reshape(-1, 3)
+    return in_contact_frames(np.ascontiguousarray(normal).reshape(-1, 3), flat).reshape(vectors.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Contacts of feet with the ground, one for each entry of the arrays; forces and velocities about the normal.
+
+    Attributes:
+        position: (..., 3) of the feet, world, m.
+        force: (..., 3) of the ground on the feet, N.
+        velocity: (..., 3) of the feet, m/s.
+        mu: (...,) static friction coefficient; None where it is not known.
+        per_axis: whether friction bounds the two tangential forces apart, instead of their length.
+    """
+
+    position: Vector
+    force: Vector
+    velocity: Vector
+    mu: Vector | None = None
+    per_axis: bool = False
 
     @classmethod
-    @checked
-    def from_run(cls, run: Run, robot: Robot, *, fps: float = 30.0) -> Frames:
-        """Thin a run to a frame rate.
+    def of(cls, run: Run, ground: Ground | None) -> Contacts:
+        """The (rows, feet) contacts of a run; where the ground changed, the signal ``foot_friction`` says how."""
+        place, mu = run["foot_position"], None
+        force, velocity = (about_normals(surface_of(ground), place, run[n]) for n in ("foot_force", "foot_velocity"))
+        if ground is not None:
+            logged = run.signals.get("foot_friction")
+            usable = logged is not None and logged.dtype.kind == "f" and logged.shape == place.shape[:2]
+            mu = np.maximum(logged, 0.0) if logged is not None and usable else ground.friction(place[..., 0])
+        return cls(place, force, velocity, mu, ground is not None and ground.cone == "per_axis")
 
-        Rows from the first one on that is not finite (a divergence) are left out. The last finite row is always
-        drawn, so that the end of a fall is seen.
+    def __getitem__(self, chosen: Any) -> Contacts:
+        """Some of the contacts, by an index of the arrays."""
+        mu = None if self.mu is None else self.mu[chosen]
+        return Contacts(self.position[chosen], self.force[chosen], self.velocity[chosen], mu, self.per_axis)
 
-        Args:
-            run: the log.
-            robot: the robot that was logged.
-            fps: frames per second of simulated time; a log with fewer rows gives fewer frames.
+    @property
+    def normal(self) -> Vector:
+        """(...,) normal force, N; zero without contact."""
+        return np.maximum(self.force[..., 2], 0.0)
 
-        Raises:
-            InputError: the frame rate is not positive, the run holds no finite row, or it is of another robot.
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """(...,) whether the foot is on the ground."""
+        return np.asarray(self.force[..., 2] > 0.0)
+
+    @property
+    def slides(self) -> NDArray[np.bool_]:
+        """(...,) whether the foot slides: in contact, and faster along the ground than 10 mm/s."""
+        return np.asarray(self.touching & (np.hypot(self.velocity[..., 0], self.velocity[..., 1]) > SLIDING_SPEED))
+
+    @property
+    def tangential(self) -> Vector:
+        """(...,) the force that friction bounds, N: the length of the tangential one, or its larger part."""
+        return self.tangential_of(self.force)
+
+    def tangential_of(self, force: Vector) -> Vector:
+        """(...,) the same of other (..., 3) forces on this ground, N."""
+        sides = np.abs(force[..., :2])
+        return np.asarray(sides.max(axis=-1) if self.per_axis else np.hypot(sides[..., 0], sides[..., 1]))
+
+    @property
+    def used(self) -> Vector:
+        """(...,) tangential force as a share of what friction allows: 1 on the cone, more outside.
+
+        It is zero without contact, and infinite for any tangential force where there is no friction.
         """
-        fps = checks.number("fps", fps, low=0.0, strict=True)
-        _require_match(run, robot)
-        finite = _finite_part(run)
-        rows = sample_rows(finite["t"], fps)
-        joints, mount = _placements(robot, finite["q"][rows])
-        ground = ground_of(finite)
-        return cls(
-            fps=fps,
-            run=finite,
-            complete=len(finite) == len(run),
-            robot=robot,
-            ground=ground,
-            contacts=Contacts.of(finite, ground),
-            references={
-                label: finite[name][:, :3]
-                for label, name in REFERENCES.items()
-                if name in finite and finite[name].shape[1] >= 3
-            },
-            rows=rows,
-            time=finite["t"][rows] - finite["t"][0],
-            joints=joints,
-            mount=mount,
-        )
+        assert self.mu is not None
+        bound, tangential = self.mu * self.normal, self.tangential
+        share = np.divide(tangential, bound, out=np.full(bound.shape, np.inf), where=bound > 0.0)
+        return np.where(self.touching & (tangential > 0.0), share, 0.0)
 
 
 def _require_match(run: Run, robot: Robot) -> None:

@@ -10,8 +10,7 @@ from harpy_pin.ground.terrain import Terrain
 from harpy_pin.log.measures import SLIDING_SPEED
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import PRESSURE, SLIP, TARGET, ground_colour
-from harpy_pin.view.scene.contacts import surface_of
-from harpy_pin.view.scene.frames import Frames
+from harpy_pin.view.scene.frames import Frames, surface_of
 from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Mesh, Motion, Motions, Node, shifted
 
 __all__ = ["centre_of_pressure", "footholds", "ground_nodes", "marks", "pressure", "slip_marks", "slip_steps"]

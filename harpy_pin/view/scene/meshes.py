@@ -7,10 +7,9 @@ without colours; they are read by trimesh, where it is installed (the extra ``ro
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import coal  # type: ignore[import-untyped]
 import numpy as np
@@ -18,8 +17,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.model.state import Vector
+from harpy_pin.view.scene.nodes import Mesh
 
-__all__ = ["MeshPart", "mesh_parts", "thin_out"]
+__all__ = ["mesh_parts", "thin_out"]
 
 MAX_TRIANGLES = 8000
 """Most triangles of a mesh: what a replay page can hold of every link, and more than is seen of it."""
@@ -35,30 +35,14 @@ WHITE = 0.9
 """Brightness from which on the colour in a URDF is none."""
 COLOURED = (".dae", ".obj", ".glb", ".gltf")
 """Mesh files that may hold colours."""
+Colour: TypeAlias = tuple[float, float, float, float]
+"""Red, green, blue and opacity, between 0 and 1."""
 
 
-@dataclass(frozen=True, eq=False)
-class MeshPart:
-    """Triangles of one colour.
-
-    Attributes:
-        vertices: (n, 3) in the frame of the shape, m.
-        faces: (m, 3) three vertices each.
-        colour: red, green, blue and opacity, between 0 and 1.
-    """
-
-    vertices: Vector
-    faces: NDArray[np.int64]
-    colour: tuple[float, float, float, float]
-
-
-def mesh_parts(shape: pin.GeometryObject) -> list[MeshPart]:
-    """The parts of a shape that is a mesh, in the colours that it is drawn in.
+def mesh_parts(shape: pin.GeometryObject) -> list[tuple[Mesh, Colour]]:
+    """The parts of a shape that is a mesh, in its frame, and the colours that they are drawn in.
 
     The colour of the URDF comes first, but for one that is white or missing, and for files of several colours.
-
-    Args:
-        shape: whose geometry is a mesh.
     """
     red, green, blue, alpha = (float(np.clip(c, 0.0, 1.0)) for c in shape.meshColor)
     vertices = np.asarray(shape.geometry.vertices(), dtype=float)
@@ -70,26 +54,18 @@ def mesh_parts(shape: pin.GeometryObject) -> list[MeshPart]:
         # left over.
         if len(np.unique(faces)) < len(vertices):
             _warn_of_wrong_surfaces()
-        return [MeshPart(*thin_out(vertices, faces, MAX_TRIANGLES), (red, green, blue, alpha))]
+        return [(thin_out(Mesh(vertices, faces), MAX_TRIANGLES), (red, green, blue, alpha))]
     plain = not shape.overrideMaterial or min(red, green, blue) > WHITE
     if Path(path).suffix.lower() in COLOURED and (plain or len(read[0]) > 1):
         return read[0]
-    return [replace(part, colour=(red, green, blue, alpha)) for part in read[0]]
+    return [(mesh, (red, green, blue, alpha)) for mesh, _ in read[0]]
 
 
-def thin_out(vertices: Vector, faces: NDArray[np.int64], most: int) -> tuple[Vector, NDArray[np.int64]]:
-    """A mesh with fewer triangles: corners in the same cell of a grid become one, in their middle.
-
-    Args:
-        vertices: (n, 3).
-        faces: (m, 3).
-        most: triangles that are left at most; a mesh with no more stays as it is.
-
-    Returns:
-        Vertices and faces.
-    """
+def thin_out(mesh: Mesh, most: int) -> Mesh:
+    """A mesh of at most so many triangles: corners in the same cell of a grid become one, in their middle."""
+    vertices, faces = mesh.vertices, mesh.faces
     if len(faces) <= most:
-        return vertices, faces
+        return mesh
     low = vertices.min(axis=0)
     cell = FINEST * float(np.ptp(vertices, axis=0).max())
     while True:
@@ -103,11 +79,11 @@ def thin_out(vertices: Vector, faces: NDArray[np.int64], most: int) -> tuple[Vec
         cell *= COARSER
     middles = np.zeros((len(count), 3))
     np.add.at(middles, place, vertices)
-    return middles / count[:, None], kept
+    return Mesh(middles / count[:, None], kept)
 
 
 @lru_cache(maxsize=256)
-def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[MeshPart], Vector] | None:
+def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[tuple[Mesh, Colour]], Vector] | None:
     """The parts of a file by colour, and the (2, 3) bounds of all; None without trimesh, or if it cannot read it."""
     try:
         import trimesh
@@ -115,7 +91,7 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[MeshPart], Ve
         return None
     try:
         meshes: list[Any] = trimesh.load_scene(path).dump()
-        by_colour: dict[tuple[float, float, float, float], list[Any]] = {}
+        by_colour: dict[Colour, list[Any]] = {}
         for mesh in meshes:
             by_colour.setdefault(_colour(mesh), []).append(mesh)
     except Exception:  # a stranger's reader, whose errors are of all kinds: the shape is drawn without its colours
@@ -127,10 +103,8 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[MeshPart], Ve
         most = max(int(MAX_TRIANGLES * len(whole.faces) / max(total, 1)), 50)
         vertices = np.array(scale) * np.asarray(whole.vertices, dtype=float)
         corners.append(vertices)
-        parts.append(MeshPart(*thin_out(vertices, np.asarray(whole.faces), most), colour))
-    if not parts:
-        return None
-    return parts, _bounds(np.concatenate(corners))
+        parts.append((thin_out(Mesh(vertices, np.asarray(whole.faces)), most), colour))
+    return (parts, _bounds(np.concatenate(corners))) if parts else None
 
 
 @cache
@@ -140,12 +114,8 @@ def _warn_of_wrong_surfaces() -> None:
     warnings.warn(f"{message}: pip install 'harpy-pin[robots]'", stacklevel=2)
 
 
-def _colour(mesh: Any) -> tuple[float, float, float, float]:
-    """Colour of a mesh of trimesh's: of its material, or the mean of its texture.
-
-    Raises:
-        Exception: whatever trimesh raises where it has none.
-    """
+def _colour(mesh: Any) -> Colour:
+    """Colour of a mesh of trimesh's, which raises where it has none: of its material, or the mean of its texture."""
     colours = mesh.visual.to_color().vertex_colors
     red, green, blue, alpha = (float(c) for c in np.mean(np.atleast_2d(colours), axis=0) / 255.0)
     return round(red, 2), round(green, 2), round(blue, 2), round(alpha, 2)

@@ -79,9 +79,9 @@ class RobotNodes:
         place = shape.placement.homogeneous
         if isinstance(shape.geometry, coal.BVHModelBase):
             parts = mesh_parts(shape)
-            for number, part in enumerate(parts):
+            for number, (mesh, colour) in enumerate(parts):
                 name = path if len(parts) == 1 else f"{path}/{number}"
-                self.nodes.append(Node(name, Mesh(part.vertices, part.faces), _look(part.colour), place))
+                self.nodes.append(Node(name, mesh, _look(colour), place))
             return
         drawn = _primitive(shape.geometry)
         if drawn is None:
@@ -151,14 +151,14 @@ class Pantograph:
     """Lower leg of one foot.
 
     Attributes:
-        foot: name of the foot's frame.
+        path: of its node.
         thigh_joint: index of the hip sagittal joint, whose frame is the thigh's.
         shank_joint: index of the serial chain's knee.
         thigh: hip sagittal axis to knee motor, m.
         shin: length of the shin and of the tarsus, m.
     """
 
-    foot: str
+    path: str
     thigh_joint: int
     shank_joint: int
     thigh: float
@@ -176,26 +176,24 @@ class Pantograph:
     @property
     def nodes(self) -> list[Node]:
         """Shin, tarsus, and pins where they turn: the ankle, and the serial knee at the opposite corner."""
-        half, across, path = shifted(z=-0.5 * self.shin), np.eye(4), f"lower_leg/{node_name(self.foot)}"
+        half, across = shifted(z=-0.5 * self.shin), np.eye(4)
         across[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
         bars = (("shin", 0.022), ("tarsus", 0.018))
         return [
-            *(Node(f"{path}/{name}/bar", Box((width, 0.014, self.shin)), CARBON, half) for name, width in bars),
-            *(Node(f"{path}/{name}_pin/pin", Cylinder(0.05, 0.008), ROD, across) for name in ("ankle", "knee")),
+            *(Node(f"{self.path}/{name}/bar", Box((width, 0.014, self.shin)), CARBON, half) for name, width in bars),
+            *(Node(f"{self.path}/{name}_pin/pin", Cylinder(0.05, 0.008), ROD, across) for name in ("ankle", "knee")),
         ]
 
     def motions(self, joints: Vector) -> Motions:
         """The lower leg follows the joints of the equivalent chain."""
         shank, thigh = (from_matrices(joints[:, j]).quaternion for j in (self.shank_joint, self.thigh_joint))
-        ankle = self.ankle(joints)
-        places = (
-            ("shin", self.motor(joints), shank),
-            ("tarsus", ankle, thigh),
-            ("ankle_pin", ankle, thigh),
-            ("knee_pin", joints[:, self.shank_joint, :3, 3], shank),
-        )
-        path = f"lower_leg/{node_name(self.foot)}"
-        return {f"{path}/{name}": Motion(position=point, quaternion=turn) for name, point, turn in places}
+        ankle, knee = self.ankle(joints), joints[:, self.shank_joint, :3, 3]
+        return {
+            f"{self.path}/shin": Motion(position=self.motor(joints), quaternion=shank),
+            f"{self.path}/tarsus": Motion(position=ankle, quaternion=thigh),
+            f"{self.path}/ankle_pin": Motion(position=ankle, quaternion=thigh),
+            f"{self.path}/knee_pin": Motion(position=knee, quaternion=shank),
+        }
 
 
 def find_pantograph(robot: Robot, foot: str) -> Pantograph | None:
@@ -214,4 +212,4 @@ def find_pantograph(robot: Robot, foot: str) -> Pantograph | None:
     mass_at = -float(model.inertias[chain[1]].lever[2])
     if thigh <= 0.0 or leg.lower <= 0.0 or abs(mass_at - thigh) > MOTOR_TOLERANCE:
         return None
-    return Pantograph(foot, int(chain[1]), int(chain[2]), thigh, leg.lower)
+    return Pantograph(f"lower_leg/{node_name(foot)}", int(chain[1]), int(chain[2]), thigh, leg.lower)
