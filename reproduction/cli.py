@@ -14,7 +14,8 @@ from rich.table import Table
 
 from harpy_pin import checks
 from harpy_pin.cli.ending import one_line_errors, say, stopping
-from harpy_pin.cli.output import BAD_INPUT, INTERRUPTED, JsonOption, console, stderr, values_table
+from harpy_pin.cli.output import BAD_INPUT, INTERRUPTED, console, stderr, values_table
+from harpy_pin.cli.walk_options import JsonOption
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs, check_writable, write_json
 

@@ -77,13 +77,13 @@ def live(
         raise HarpyError("driving needs viser, which is not installed: pip install 'harpy-pin[live]'")
     from harpy_pin.model.robot import load_harpy, load_robot
     from harpy_pin.view.live.drive import Drive, listen
-    from harpy_pin.view.live.settings import DriveRanges, LiveSettings, usual_settings
+    from harpy_pin.view.live.settings import DriveRanges, usual_settings
 
     driven_robot = load_harpy(urdf) if robot == "harpy" else load_robot(robot)
     ranges = DriveRanges.of(driven_robot)
     checks.number("speed", speed, low=-ranges.forward, high=ranges.forward)
     changes = {"friction": friction, "forward": speed, **read_settings(settings or ())}
-    start = LiveSettings(**usual_settings(driven_robot)).changed(changes)
+    start = usual_settings(driven_robot).changed(changes)
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # the line below says it
 
     def show(url: str) -> None:

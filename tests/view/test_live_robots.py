@@ -15,7 +15,7 @@ from harpy_pin.view.identity import robot_of
 from harpy_pin.view.live.drive import LiveLog
 from harpy_pin.view.live.live_charts import WholeFeet
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
-from harpy_pin.view.live.settings import DriveRanges, LiveSettings, usual_settings
+from harpy_pin.view.live.settings import DriveRanges, usual_settings
 
 pytestmark = needs_robots
 
@@ -26,7 +26,7 @@ def go2() -> hp.Robot:
 
 
 def make(robot: hp.Robot, **settings: Any) -> LiveSession:
-    return LiveSession(LiveSettings(**usual_settings(robot)).changed(settings), robot=robot)
+    return LiveSession(usual_settings(robot).changed(settings), robot=robot)
 
 
 def walk(session: LiveSession, duration: float) -> LiveSession:

@@ -382,7 +382,7 @@ def test_robot_stands_before_controllers_are_made(robot: hp.Robot) -> None:
 def test_the_ground_tilts_about_the_place_below_the_body(robot: hp.Robot, name: str) -> None:
     """Far from the origin, too: the ground below it stays where it was, and it walks on up the slope and down again."""
     driven = robot if name == "harpy" else hp.load_robot("go2")
-    session = LiveSession(LiveSettings(**usual_settings(driven)).changed({"forward": 0.3}), robot=driven)
+    session = LiveSession(usual_settings(driven).changed({"forward": 0.3}), robot=driven)
     walk(session, 2.0)
     for degrees, wait in ((12.0, 3.0), (-12.0, 5.0)):
         before, (x, y) = session.simulator.ground_below, session.simulator.q[:2].tolist()

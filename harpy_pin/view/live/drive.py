@@ -123,8 +123,8 @@ class Drive:
     """A session with its page.
 
     Args:
-        settings: to begin with.
-        robot: who walks, see :class:`LiveSession`; Harpy by default.
+        settings: to begin with, see :class:`LiveSession`.
+        robot: who walks, see :class:`LiveSession`.
         save: file of the log; none is kept without it.
         listener: the page's socket; no page without one.
         on_page: called with the page's address when it can be opened. The robot stands there; controllers are compiled
@@ -150,8 +150,7 @@ class Drive:
         listener: socket.socket | None = None,
         on_page: Callable[[str], None] = lambda url: None,
     ) -> None:
-        self.viewers, self._over = 0, False
-        self.url = ""
+        self.viewers, self.url, self._over = 0, "", False
         self._listener, self._on_page = listener, on_page
         self._pipe: Connection | None = None
         self._page: Any = None
@@ -234,8 +233,7 @@ class Drive:
                 self._page.join()
 
     def _loop(self, begin: float, duration: float | None, shield: Shield) -> None:
-        session = self.session
-        session.on_tick = self._after
+        session, self.session.on_tick = self.session, self._after
         published = checked = begin
         while True:
             now = time.monotonic()
@@ -300,11 +298,10 @@ class Drive:
 
 
 class LiveLog:
-    """Writes every tick; its rows leave the memory every second, and are read back from disk at the end.
+    """What was driven, as a run on disk: its rows leave the memory every second, and are read back at the end.
 
     Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. It holds
-    :attr:`LiveSession.signals`: beside those of every log, what was set at each tick (``controller`` and ``schedule``
-    as numbers, whose names are in the metadata ``live``), and ``push``, the force on the body from outside, N.
+    :attr:`LiveSession.signals`, the same whatever controller drives.
 
     Args:
         session: that is logged.
@@ -324,14 +321,11 @@ class LiveLog:
         self._recorder = Recorder(self._journal)
 
     def append(self) -> None:
-        """Keep a tick, right after it."""
+        """Keep a tick."""
         self._recorder.append(self._session.signals)
 
     def close(self, ending: str) -> Run:
-        """Write the log in its place.
-
-        Args:
-            ending: of the run, see :attr:`harpy_pin.log.run.Run.ending`.
+        """Write the log in its place, with an ending (:attr:`harpy_pin.log.run.Run.ending`).
 
         Raises:
             RunFileError: it cannot be written; its rows are in the journal beside it, which the message names.

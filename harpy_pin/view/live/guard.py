@@ -36,10 +36,10 @@ MAX_BYTES = 1 << 16
 def guarded_server(
     listener: socket.socket, *, label: str, on_refused: Callable[[str], None] = lambda reason: None
 ) -> viser.ViserServer:
-    """A viser server on a socket that listens already.
+    """A viser server on a socket that listens already, and whose address says who may be served.
 
     Args:
-        listener: bound and listening; its address says who may be served: on the loopback address only this machine.
+        listener: bound and listening; on the loopback address it serves this machine only.
         label: title of the panel.
         on_refused: called with the reason where a page sends a value that its control cannot have.
 
@@ -148,11 +148,7 @@ def _take_values_only(server: viser.ViserServer, on_refused: Callable[[str], Non
 
 
 def check_value(handle: Any, value: object) -> None:
-    """Refuse what this control cannot be set to.
-
-    Args:
-        handle: viser's, of a control.
-        value: as it came from a page.
+    """Refuse a value from a page that a control of viser's cannot have.
 
     Raises:
         InputError: no option of the control, no number within its ends, or neither true nor false.
@@ -163,14 +159,10 @@ def check_value(handle: Any, value: object) -> None:
             raise InputError(f"{label} must be a name, got {value!r:.60}", name=label, value=value)
         checks.one_of(f"option of {label}", value[:60], handle.options)
     elif isinstance(handle, GuiSliderHandle):
-        _check_number(label, value, handle)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(f"{label} must be a number, got {value!r:.60}", name=label, value=value)
+        number = checks.number(label, value, low=handle.min, high=handle.max)
+        if isinstance(handle.value, int):
+            checks.whole(label, int(number) if number.is_integer() else value)
     elif isinstance(handle, GuiCheckboxHandle) and not isinstance(value, bool):
         raise InputError(f"{label} must be true or false, got {value!r:.60}", name=label, value=value)
-
-
-def _check_number(label: str, value: object, slider: Any) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{label} must be a number, got {value!r:.60}", name=label, value=value)
-    number = checks.number(label, value, low=slider.min, high=slider.max)
-    if isinstance(slider.value, int):
-        checks.whole(label, int(number) if number.is_integer() else value)

@@ -73,7 +73,7 @@ class LiveSession:
     controller faces x does the robot begin anew.
 
     Args:
-        settings: to begin with.
+        settings: to begin with; by default :func:`usual_settings`.
         robot: who walks: Harpy, the default, or any robot with two or four feet and a posture in which it stands.
         on_standing: called with the session when the robot stands, before the controllers' kernels are compiled.
 
@@ -106,7 +106,7 @@ class LiveSession:
     ) -> None:
         self.robot = robot if robot is not None else load_harpy()
         self.ranges = DriveRanges.of(self.robot)
-        self.settings = s = settings if settings is not None else LiveSettings(**usual_settings(self.robot))
+        self.settings = s = settings if settings is not None else usual_settings(self.robot)
         self.ranges.check(s)
         self.simulator = Simulator(
             self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, friction_strips=s.friction_strips)
@@ -139,7 +139,11 @@ class LiveSession:
 
     @property
     def signals(self) -> dict[str, ArrayLike]:
-        """The last tick and how things stand: what is logged at each tick, by the names of logs."""
+        """The last tick and how things stand: what is logged at each tick, by the names of logs.
+
+        ``controller`` and ``schedule`` are numbers, whose names are in the metadata ``live``; ``push`` is the force on
+        the body from outside, N.
+        """
         tick, target, settings, s = self.last, self.controller.target, self.settings, self.simulator
         schedules, gait, slip = self.ranges.schedules, self.gait, self.slip
         schedule = {"schedule": schedules.index(gait.schedule)} if isinstance(gait, WalkingGait) else {}
@@ -188,10 +192,7 @@ class LiveSession:
         return np.full(len(self.robot.feet), self.settings.mu)
 
     def change(self, changes: Mapping[str, Any]) -> str:
-        """Set something, from the next tick on; all of it is checked before any of it acts.
-
-        Args:
-            changes: values by the names of :class:`LiveSettings`.
+        """Set values of :class:`LiveSettings` by their names, from the next tick on.
 
         Returns:
             What a driver should know of it; empty where it is as expected.
@@ -256,11 +257,7 @@ class LiveSession:
         self._pull_until = self.simulator.t + PULL_LASTS
 
     def pause(self, paused: bool) -> None:
-        """Let time stand still, or go on.
-
-        Raises:
-            InputError: neither true nor false.
-        """
+        """Let time stand still, or go on; an :class:`InputError` for what is neither true nor false."""
         if not isinstance(paused, bool):
             raise InputError(f"paused must be true or false, got {paused!r:.60}", name="paused", value=paused)
         self.paused = paused

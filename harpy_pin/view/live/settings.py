@@ -24,26 +24,22 @@ __all__ = ["DriveRanges", "DrivenGait", "LiveSettings", "make_driven_gait", "usu
 DrivenGait: TypeAlias = CommandedGait | WalkingGait
 
 SOFTEST, HARDEST = 2e3, 2e5
-"""Ends of the ground's stiffness, N/m: between them Harpy's gait is in the legs' reach, and the ground may change. For
-other robots they grow with the weight on a contact point."""
-LIGHTEST, HEAVIEST = 0.01, 100.0
-"""Weight on a contact point beside Harpy's for which there are such ends."""
+"""Ends of the ground's stiffness, N/m, between which Harpy's gait is in the legs' reach."""
 MAX_SPEED, MAX_SLOPE = 3.0, 0.35
 """Ends of the commanded velocity, m/s, of which the gait scales down what its legs cannot do, and of the slope, rad."""
 MIN_FRICTION, MAX_FRICTION = 0.02, 1.0
-"""Ends of the ground's friction."""
 ENDS: Mapping[str, tuple[float, float]] = {
     "forward": (-MAX_SPEED, MAX_SPEED),
     "sideways": (-MAX_SPEED, MAX_SPEED),
     "turning": (-2.0, 2.0),
     "height": (-0.5, 0.5),
     "friction": (MIN_FRICTION, MAX_FRICTION),
-    "stiffness": (LIGHTEST * SOFTEST, HEAVIEST * HARDEST),
+    "stiffness": (0.01 * SOFTEST, 100.0 * HARDEST),  # of robots from a hundredth to a hundred times Harpy's weight
     "slope": (-MAX_SLOPE, MAX_SLOPE),
     "noise": (0.0, 10.0),
     "pace": (0.01, 1.0),
 }
-"""Least and largest value of settings, in their units."""
+"""Least and largest value of settings, in their units; those of a robot (:class:`DriveRanges`) lie between them."""
 MAX_DELAY = 20
 """Largest delay of the measurements, ms."""
 
@@ -130,13 +126,9 @@ class LiveSettings:
         return replace(self, **changes)
 
 
-HARPY_MASS = 4.0
-"""kg: pushes on other robots grow with their mass."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class DriveRanges:
-    """Ends of what a driver sets, and what there is to choose from.
+    """Ends of what a driver sets, and what there is to choose from; the defaults are Harpy's.
 
     Attributes:
         controllers: names of :data:`harpy_pin.view.identity.CONTROLLERS` that walk the robot.
@@ -152,7 +144,7 @@ class DriveRanges:
         ahead: distance from the body to ice that is laid ahead, m.
     """
 
-    controllers: tuple[str, ...]
+    controllers: tuple[str, ...] = tuple(CONTROLLERS)
     schedules: tuple[str, ...] = ()
     forward: float = 0.5
     sideways: float = 0.2
@@ -166,21 +158,18 @@ class DriveRanges:
 
     @classmethod
     def of(cls, robot: Robot) -> DriveRanges:
-        """Settings of a robot.
-
-        Args:
-            robot: Harpy or a variant of it, or any robot with two or four feet.
+        """The ranges of Harpy or a variant of it, or of any robot with two or four feet.
 
         Raises:
             InputError: it does not walk.
         """
         if is_harpy(robot):
-            return cls(controllers=tuple(CONTROLLERS))
+            return cls()
         gait = WalkingGait(robot)
         speed = min(np.floor(20.0 * gait.max_speed) / 20.0, MAX_SPEED)
         low, high = (round(float(end), 2) for end in gait.record["height_range"][0])
         usual = walking_stiffness(robot)
-        share = max(robot.mass / HARPY_MASS, 1.0)
+        share = max(robot.mass / 4.0, 1.0)  # beside the mass of Harpy, kg
         nominal: Vector = field(gait.record, "nominal")
         return cls(
             controllers=tuple(name for name, one in CONTROLLERS.items() if one.name != "governed"),
@@ -196,12 +185,7 @@ class DriveRanges:
         )
 
     def check(self, settings: LiveSettings) -> None:
-        """Refuse settings that the robot does not have.
-
-        Raises:
-            InputError: another controller or schedule, a ground too soft or too hard, or a height where the gait keeps
-                its own.
-        """
+        """Raise an :class:`InputError` for settings that the robot does not have."""
         checks.one_of("controller of this robot", settings.controller, self.controllers)
         checks.number("stiffness", settings.stiffness, low=self.stiffness[0], high=self.stiffness[1])
         if settings.schedule is not None:
@@ -222,11 +206,11 @@ def _schedules(robot: Robot) -> tuple[str, ...]:
     return tuple(TWO_FEET if len(robot.corners) == 2 else FOUR_FEET)
 
 
-def usual_settings(robot: Robot) -> dict[str, Any]:
-    """Settings of a robot that differ from Harpy's, which are the defaults: stiffness of the ground, and schedule."""
+def usual_settings(robot: Robot) -> LiveSettings:
+    """The settings with which a drive of a robot begins: the defaults are Harpy's."""
     if is_harpy(robot):
-        return {}
-    return {"stiffness": walking_stiffness(robot), "schedule": next(iter(_schedules(robot)))}
+        return LiveSettings()
+    return LiveSettings(stiffness=walking_stiffness(robot), schedule=_schedules(robot)[0])
 
 
 def make_driven_gait(robot: Robot, settings: LiveSettings) -> DrivenGait:
