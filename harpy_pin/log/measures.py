@@ -100,7 +100,7 @@ class Measures:
             steps, root mean square (NaN without a logged command).
         turning_rms_rad_s: the same error of the velocity about the vertical.
         pressure_margin_mm: distance to its edge that the centre of pressure of a flat foot keeps in 95 % of the time in
-            which it carries a fifth of the weight (NaN without flat feet).
+            which it bears a fifth of the weight (NaN without flat feet).
     """
 
     fell: bool

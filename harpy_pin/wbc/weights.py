@@ -32,7 +32,7 @@ rounding."""
 class WholeBodyWeights:
     """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N); each at most 1e6.
 
-    ``docs/performance.md`` says how they, the gains and the share of friction were found.
+    ``docs/limitations.md`` says how they, the gains and the share of friction were found.
 
     Attributes:
         body: linear acceleration of the body.
