@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,41 +23,15 @@ MIN_NORMAL_FORCE = 20.0
 SLIDING_SPEED = 0.01
 STUMBLE = 0.5
 LATE = 0.05
-WORDS = {
-    "fell": "fell",
-    "ending": "ending",
-    "duration_s": "simulated time, s",
-    "distance_m": "distance along x, m",
-    "steps": "steps",
-    "slip_mm_per_step": "slip, mm per step",
-    "net_slip_mm_per_step": "net slip, mm per step",
-    "late_slip_mm_per_step": "slip later than 50 ms after touchdown, mm per step",
-    "sliding": "share of contact time sliding",
-    "low_force": "share of time with normal force under 20 N",
-    "no_contact": "share of time without contact",
-    "tracking_rms_mm": "distance from the target, mm rms",
-    "thrust_rms_n": "sum of the thrusts, N rms",
-    "thrust_max_n": "largest thrust, N",
-    "torque_max_nm": "largest joint torque, N·m",
-    "roll_max_rad": "largest roll, rad",
-    "pitch_max_rad": "largest pitch, rad",
-    "yaw_max_rad": "largest yaw, rad",
-    "solver_failures": "ticks without a QP solution",
-    "tilt_max_rad": "largest tilt, rad",
-    "stumbled": "stumbled",
-    "bad_samples": "ticks with invalid measurements",
-    "cost_of_transport": "cost of transport (positive work / weight / path)",
-    "joint_power_w": "power of the joints without braking, W",
-    "thrust_power_w": "power of the thrusters at 1 kW for 18 N, W",
-    "velocity_rms_m_s": "error of the velocity over two steps, m/s rms",
-    "turning_rms_rad_s": "error of turning over two steps, rad/s rms",
-    "pressure_margin_mm": "centre of pressure inside a sole for 95 % of the time, mm",
-}
-"""The measures in words, with their units."""
 OF_SOME_WALKS = ("tracking_rms_mm", "cost_of_transport", "velocity_rms_m_s", "turning_rms_rad_s", "pressure_margin_mm")
 """Measures that are shown where there are any: of a target, a path, a command, or flat feet."""
 OF_THRUSTERS = ("thrust_rms_n", "thrust_max_n", "thrust_power_w")
 """Measures that are shown of robots with thrusters."""
+
+
+def _called(words: str) -> Any:
+    """A measure, and what it is called where it is shown, with its unit."""
+    return field(metadata={"words": words})
 
 
 @dataclass(frozen=True)
@@ -103,34 +78,34 @@ class Measures:
             which it bears a fifth of the weight (NaN without flat feet).
     """
 
-    fell: bool
-    ending: str
-    duration_s: float
-    distance_m: float
-    steps: float
-    slip_mm_per_step: float
-    net_slip_mm_per_step: float
-    late_slip_mm_per_step: float
-    sliding: float
-    low_force: float
-    no_contact: float
-    tracking_rms_mm: float
-    thrust_rms_n: float
-    thrust_max_n: float
-    torque_max_nm: float
-    roll_max_rad: float
-    pitch_max_rad: float
-    yaw_max_rad: float
-    solver_failures: int
-    tilt_max_rad: float
-    stumbled: bool
-    bad_samples: int
-    cost_of_transport: float = math.nan
-    joint_power_w: float = math.nan
-    thrust_power_w: float = math.nan
-    velocity_rms_m_s: float = math.nan
-    turning_rms_rad_s: float = math.nan
-    pressure_margin_mm: float = math.nan
+    fell: bool = _called("fell")
+    ending: str = _called("ending")
+    duration_s: float = _called("simulated time, s")
+    distance_m: float = _called("distance along x, m")
+    steps: float = _called("steps")
+    slip_mm_per_step: float = _called("slip, mm per step")
+    net_slip_mm_per_step: float = _called("net slip, mm per step")
+    late_slip_mm_per_step: float = _called("slip later than 50 ms after touchdown, mm per step")
+    sliding: float = _called("share of contact time sliding")
+    low_force: float = _called("share of time with normal force under 20 N")
+    no_contact: float = _called("share of time without contact")
+    tracking_rms_mm: float = _called("distance from the target, mm rms")
+    thrust_rms_n: float = _called("sum of the thrusts, N rms")
+    thrust_max_n: float = _called("largest thrust, N")
+    torque_max_nm: float = _called("largest joint torque, N·m")
+    roll_max_rad: float = _called("largest roll, rad")
+    pitch_max_rad: float = _called("largest pitch, rad")
+    yaw_max_rad: float = _called("largest yaw, rad")
+    solver_failures: int = _called("ticks without a QP solution")
+    tilt_max_rad: float = _called("largest tilt, rad")
+    stumbled: bool = _called("stumbled")
+    bad_samples: int = _called("ticks with invalid measurements")
+    cost_of_transport: float = _called("cost of transport (positive work / weight / path)")
+    joint_power_w: float = _called("power of the joints without braking, W")
+    thrust_power_w: float = _called("power of the thrusters at 1 kW for 18 N, W")
+    velocity_rms_m_s: float = _called("error of the velocity over two steps, m/s rms")
+    turning_rms_rad_s: float = _called("error of turning over two steps, rad/s rms")
+    pressure_margin_mm: float = _called("centre of pressure inside a sole for 95 % of the time, mm")
 
     def __str__(self) -> str:
         """One line for each measure that there is, in words and with its unit."""
@@ -145,6 +120,10 @@ class Measures:
     def as_dict(self) -> dict[str, float | bool | str]:
         """Names and values, ready for JSON."""
         return asdict(self)
+
+
+WORDS = {entry.name: str(entry.metadata["words"]) for entry in fields(Measures)}
+"""The measures in words, with their units."""
 
 
 def body_angles(q: Vector) -> Vector:

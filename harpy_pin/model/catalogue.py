@@ -46,19 +46,17 @@ class CatalogueRobot:
         file: within the folder of robots.
         feet: frame names of the feet.
         angles: standing angles of joints by name, rad; the other joints are at zero.
-        soles: feet that are no frames of the file: the link of each, and its place in the link's frame, m.
+        mounts: feet and rotors that are no frames of the file: the link of each, and its place in the link's frame, m.
         flat_feet: the feet that are flat.
         rotors: thrusters with a fixed axis.
-        mounts: rotors' frames that are no frames of the file, like ``soles``.
     """
 
     file: str
     feet: tuple[str, ...]
     angles: Mapping[str, float]
-    soles: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
+    mounts: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
     flat_feet: Mapping[str, FlatFoot] = field(default_factory=dict)
     rotors: tuple[Rotor, ...] = ()
-    mounts: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
 
     def path(self) -> Path:
         """The URDF.
@@ -74,12 +72,12 @@ class CatalogueRobot:
 
     @checked
     def add_frames(self, model: pin.Model) -> None:
-        """Add to a model of the file the frames of :attr:`soles` and :attr:`mounts`.
+        """Add to a model of the file the frames of :attr:`mounts`.
 
         Args:
             model: changed in place; a frame is added for each.
         """
-        for name, (link, place) in {**self.soles, **self.mounts}.items():
+        for name, (link, place) in self.mounts.items():
             number = model.getFrameId(link)
             parent = model.frames[number]
             placement = parent.placement * pin.SE3(np.eye(3), np.array(place))

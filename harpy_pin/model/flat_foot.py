@@ -101,38 +101,6 @@ def add_flat_feet(
     return tuple(points), tuple(counts)
 
 
-def check_corners(model: pin.Model, feet: Sequence[str], corners: Sequence[int]) -> None:
-    """Refuse groups of contact points that are no flat feet.
-
-    Args:
-        model: has the feet.
-        feet: frames of the contact points.
-        corners: how many of them each foot has, in their order.
-
-    Raises:
-        InputError: the numbers do not add up, or the corners of a foot are two, on several links, or on one line.
-    """
-    if any(n < 1 for n in corners) or sum(corners) != len(feet):
-        raise InputError(f"the corners {tuple(corners)} are not those of {len(feet)} contact points", name="flat_feet")
-    first = 0
-    for n in corners:
-        names = feet[first : first + n]
-        first += n
-        if n == 1:
-            continue
-        frames = [model.frames[model.getFrameId(name)] for name in names]
-        shown = ", ".join(names)
-        if len({frame.parentJoint for frame in frames}) != 1:
-            raise InputError(f"the corners {shown} of a flat foot are on several links", name="flat_feet")
-        places = np.array([frame.placement.translation for frame in frames])
-        spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)[1] / np.sqrt(n)
-        if n == 2 or spread < MIN_SPREAD:
-            message = (
-                f"the corners {shown} lie on one line, about which the foot turns freely: a flat foot needs a width"
-            )
-            raise InputError(message, name="flat_feet")
-
-
 @kernel
 def flat_foot_rows(
     jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector

@@ -109,74 +109,45 @@ class KeepsViews:
     def __copy__(self) -> Self:
         return deepcopy(self)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        made = object.__new__(type(self))
-        memo[id(self)] = made
-        _fill(made, {name: _copied(value, memo) for name, value in _attributes(self).items()})
-        return made
-
     def __reduce__(self) -> tuple[Any, ...]:
-        state = {name: _packed(value) for name, value in _attributes(self).items()}
-        return _make, (type(self),), state, None, None, _fill
+        slots = [name for kind in type(self).__mro__ for name in getattr(kind, "__slots__", ())]
+        state = {name: getattr(self, name) for name in slots if name != "__weakref__" and hasattr(self, name)}
+        state |= getattr(self, "__dict__", {})
+        return _make, (type(self),), {name: _packed(state[name]) for name in state.keys() - {*self._made_anew}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+        self._make_anew()
 
 
 class _Part:
-    """An array that is a part of another one, or all of it, on its way through a pickle."""
+    """An array that is a part of another one, or all of it, on its way through a copy or a pickle."""
 
-    def __init__(self, part: _Array, owner: _Array) -> None:
-        self._arguments = (owner, part.dtype, part.shape, _offset(part, owner), part.strides, part.flags.writeable)
+    def __init__(self, part: _Array) -> None:
+        owner = part
+        while isinstance(owner.base, np.ndarray):
+            owner = owner.base
+        offset = int(part.__array_interface__["data"][0] - owner.__array_interface__["data"][0])
+        self._arguments: tuple[Any, ...] = (owner, part.dtype, part.shape, offset, part.strides, part.flags.writeable)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Array:
+        owner, *rest = self._arguments
+        return _part_of(deepcopy(owner, memo), *rest)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _part_of, self._arguments
 
 
-def _attributes(holder: KeepsViews) -> dict[str, Any]:
-    """Attributes that are copied, those in slots too."""
-    slots = [name for kind in type(holder).__mro__ for name in getattr(kind, "__slots__", ())]
-    found = {name: getattr(holder, name) for name in slots if name != "__weakref__" and hasattr(holder, name)}
-    found |= getattr(holder, "__dict__", {})
-    return {name: value for name, value in found.items() if name not in holder._made_anew}
-
-
-def _copied(value: Any, memo: dict[int, Any]) -> Any:
-    """A deep copy in which parts of one array stay parts of one array."""
-    if isinstance(value, np.ndarray):
-        owner = _owner(value)
-        if id(owner) not in memo:
-            memo[id(owner)] = owner.copy(order="K")
-            memo.setdefault(id(memo), []).append(owner)  # alive as long as its address is a key
-        copy = memo[id(owner)]
-        if value is owner:
-            return copy
-        return _part_of(copy, value.dtype, value.shape, _offset(value, owner), value.strides, value.flags.writeable)
-    if type(value) in (list, tuple):
-        return type(value)(_copied(entry, memo) for entry in value)
-    if type(value) is dict:
-        return {_copied(key, memo): _copied(entry, memo) for key, entry in value.items()}
-    return deepcopy(value, memo)
-
-
 def _packed(value: Any) -> Any:
     """A value in which arrays that are parts of others say so."""
     if isinstance(value, np.ndarray):
-        return _Part(value, _owner(value))
+        return _Part(value)
     if type(value) in (list, tuple):
         return type(value)(_packed(entry) for entry in value)
     if type(value) is dict:
         return {_packed(key): _packed(entry) for key, entry in value.items()}
     return value
-
-
-def _owner(array: _Array) -> _Array:
-    """The array whose memory this one shows."""
-    while isinstance(array.base, np.ndarray):
-        array = array.base
-    return array
-
-
-def _offset(part: _Array, owner: _Array) -> int:
-    """Bytes from the beginning of an array to that of its part."""
-    return int(part.__array_interface__["data"][0] - owner.__array_interface__["data"][0])
 
 
 def _part_of(
@@ -198,12 +169,5 @@ def _known(dtype: np.dtype[Any]) -> np.dtype[Any]:
 
 
 def _make(kind: type) -> Any:
-    """An object without attributes, which pickle then fills."""
+    """An object without attributes, which :meth:`KeepsViews.__setstate__` then fills."""
     return object.__new__(kind)
-
-
-def _fill(made: Any, state: dict[str, Any]) -> None:
-    """The attributes of a copy."""
-    for name, value in state.items():
-        object.__setattr__(made, name, value)
-    made._make_anew()

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, catalogue_robot, installed_data, known_name
-from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet, check_corners
+from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import build_model, check_file
@@ -245,7 +245,6 @@ def load_robot(
                 where = shown(str(path), 300)
                 raise RobotError(f"{where} has no {kind} frame {shown(name)}; its links: {found}", path=path)
     points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
-    check_corners(model, points, corners)
     posture = None if known is None else known.posture(model)
     robot = Robot(
         model,

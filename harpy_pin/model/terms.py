@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
 
@@ -37,12 +38,8 @@ def place_bodies(t: TreeRecord, q: Vector, v: Vector) -> None:
 @kernel
 def _base(t: TreeRecord, q: Vector, v: Vector) -> None:
     """Rotation, velocity and drift of the base."""
-    x, y, z, w = q[3], q[4], q[5], q[6]
-    r = t.rotation
-    r[0, 0], r[0, 1], r[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    r[1, 0], r[1, 1], r[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    r[2, 0], r[2, 1], r[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-    g = t.gravity
+    r, g = t.rotation, t.gravity
+    body_rotation(q, r)
     for c in range(3):
         t.drift[0, c] = -(r[0, c] * g[0] + r[1, c] * g[1] + r[2, c] * g[2])
     for c in range(6):
@@ -120,6 +117,19 @@ def joint_space_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
 
 
 @kernel
+def _force_of(h: Vector, m: Vector, s: Vector) -> tuple[float, float, float, float, float, float]:
+    """Inertia times a motion s, both linear and angular (6,): mass and first moment in h (4,), second moments in m."""
+    return (
+        h[0] * s[0] - (h[2] * s[5] - h[3] * s[4]),
+        h[0] * s[1] - (h[3] * s[3] - h[1] * s[5]),
+        h[0] * s[2] - (h[1] * s[4] - h[2] * s[3]),
+        m[0, 0] * s[3] + m[0, 1] * s[4] + m[0, 2] * s[5] + h[2] * s[2] - h[3] * s[1],
+        m[1, 0] * s[3] + m[1, 1] * s[4] + m[1, 2] * s[5] + h[3] * s[0] - h[1] * s[2],
+        m[2, 0] * s[3] + m[2, 1] * s[4] + m[2, 2] * s[5] + h[1] * s[1] - h[2] * s[0],
+    )
+
+
+@kernel
 def _weigh(t: TreeRecord, i: int) -> None:
     """Inertia of a body about the base's origin, and the force that its drift needs."""
     r, mass = t.axes[i], t.mass[i]
@@ -142,38 +152,23 @@ def _weigh(t: TreeRecord, i: int) -> None:
     m[2, 1] -= hy * cz
     m[0, 1], m[0, 2], m[1, 2] = m[1, 0], m[2, 0], m[2, 1]
     t.moment[i, 0], t.moment[i, 1], t.moment[i, 2], t.moment[i, 3] = mass, hx, hy, hz
-    # Momentum (p, l), then force = inertia × drift + twist × momentum.
-    u, a = t.twist[i], t.drift[i]
-    px = mass * u[0] - (hy * u[5] - hz * u[4])
-    py = mass * u[1] - (hz * u[3] - hx * u[5])
-    pz = mass * u[2] - (hx * u[4] - hy * u[3])
-    lx = m[0, 0] * u[3] + m[0, 1] * u[4] + m[0, 2] * u[5] + hy * u[2] - hz * u[1]
-    ly = m[1, 0] * u[3] + m[1, 1] * u[4] + m[1, 2] * u[5] + hz * u[0] - hx * u[2]
-    lz = m[2, 0] * u[3] + m[2, 1] * u[4] + m[2, 2] * u[5] + hx * u[1] - hy * u[0]
-    f = t.force[i]
-    f[0] = mass * a[0] - (hy * a[5] - hz * a[4]) + u[4] * pz - u[5] * py
-    f[1] = mass * a[1] - (hz * a[3] - hx * a[5]) + u[5] * px - u[3] * pz
-    f[2] = mass * a[2] - (hx * a[4] - hy * a[3]) + u[3] * py - u[4] * px
-    f[3] = m[0, 0] * a[3] + m[0, 1] * a[4] + m[0, 2] * a[5] + hy * a[2] - hz * a[1]
-    f[4] = m[1, 0] * a[3] + m[1, 1] * a[4] + m[1, 2] * a[5] + hz * a[0] - hx * a[2]
-    f[5] = m[2, 0] * a[3] + m[2, 1] * a[4] + m[2, 2] * a[5] + hx * a[1] - hy * a[0]
-    f[3] += u[4] * lz - u[5] * ly + u[1] * pz - u[2] * py
-    f[4] += u[5] * lx - u[3] * lz + u[2] * px - u[0] * pz
-    f[5] += u[3] * ly - u[4] * lx + u[0] * py - u[1] * px
+    # Force = inertia × drift + twist × momentum.
+    u, f = t.twist[i], t.force[i]
+    px, py, pz, lx, ly, lz = _force_of(t.moment[i], m, u)
+    fx, fy, fz, mx, my, mz = _force_of(t.moment[i], m, t.drift[i])
+    f[0] = fx + u[4] * pz - u[5] * py
+    f[1] = fy + u[5] * px - u[3] * pz
+    f[2] = fz + u[3] * py - u[4] * px
+    f[3] = mx + (u[4] * lz - u[5] * ly + u[1] * pz - u[2] * py)
+    f[4] = my + (u[5] * lx - u[3] * lz + u[2] * px - u[0] * pz)
+    f[5] = mz + (u[3] * ly - u[4] * lx + u[0] * py - u[1] * px)
 
 
 @kernel
 def _joint_terms(t: TreeRecord, i: int, mass_matrix: Vector, bias: Vector) -> None:
     """One joint's bias force, and its row and column of the mass matrix."""
-    s, column, h, m = t.screw[i], t.column[i], t.moment[i], t.composite[i]
-    # Force (p, l) for unit acceleration of the joint.
-    px = h[0] * s[0] - (h[2] * s[5] - h[3] * s[4])
-    py = h[0] * s[1] - (h[3] * s[3] - h[1] * s[5])
-    pz = h[0] * s[2] - (h[1] * s[4] - h[2] * s[3])
-    lx = m[0, 0] * s[3] + m[0, 1] * s[4] + m[0, 2] * s[5] + h[2] * s[2] - h[3] * s[1]
-    ly = m[1, 0] * s[3] + m[1, 1] * s[4] + m[1, 2] * s[5] + h[3] * s[0] - h[1] * s[2]
-    lz = m[2, 0] * s[3] + m[2, 1] * s[4] + m[2, 2] * s[5] + h[1] * s[1] - h[2] * s[0]
-    f = t.force[i]
+    s, column, f = t.screw[i], t.column[i], t.force[i]
+    px, py, pz, lx, ly, lz = _force_of(t.moment[i], t.composite[i], s)  # for unit acceleration of the joint
     bias[column] = s[0] * f[0] + s[1] * f[1] + s[2] * f[2] + s[3] * f[3] + s[4] * f[4] + s[5] * f[5]
     k = i
     while k > 0:

@@ -87,17 +87,9 @@ def keep_run(
 class ClosedLoop:
     """A closed loop, and how far it came: :attr:`ending` and :attr:`failure` are kept whatever ends it.
 
-    Attributes:
-        simulator: whose state goes on.
-        controller: that is run.
-        recorder: of the log.
+    Attributes that :meth:`harpy_pin.simulation.plant.Plant.run` does not have:
         ticks: at most.
-        period: between ticks, s.
         substeps: physics steps of a tick.
-        on_tick: called with the true state at each tick.
-        on_piece: called with the time now and then.
-        pushes: forces on the body.
-        sensors: between state and controller, if any.
         ending: see :attr:`harpy_pin.log.run.Run.ending`.
         failure: what the controller raised.
     """

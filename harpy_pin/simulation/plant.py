@@ -37,7 +37,7 @@ from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.loop import ClosedLoop, Controller, keep_run, run_metadata
 from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.simulation.sensors import Sensors
-from harpy_pin.simulation.step import VERDICTS, PlantRecord, stands
+from harpy_pin.simulation.step import VERDICTS, PlantRecord, plant_record, stands
 from harpy_pin.simulation.thrusters import settle_thrusters
 
 if TYPE_CHECKING:
@@ -75,10 +75,9 @@ class Plant(KeepsViews, ABC):
     Args:
         robot: what to simulate; only its feet touch the ground, so that one without feet falls through it.
         ground: contact parameters, those that the feet feel.
-        record: of contact and actuators.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s²; tilt it to stand on a slope.
-        actuators: motors, joint friction and thrusters, as the record has them.
+        actuators: motors, joint friction and thrusters; those of the model by default.
 
     Attributes:
         q: (nq,) configuration.
@@ -100,24 +99,26 @@ class Plant(KeepsViews, ABC):
     name: str  # in the log
     _q_: Vector
     _v_: Vector
-    _terrain: NDArray[np.void]  # of the ground
 
     def __init__(
         self,
         robot: Robot,
-        ground: Ground,
-        record: Records[PlantRecord],
+        ground: Ground | None = None,
         *,
-        dt: float,
-        gravity: ArrayLike,
-        actuators: Actuators,
+        dt: float = 5e-4,
+        gravity: ArrayLike = (0.0, 0.0, -GRAVITY),
+        actuators: Actuators | None = None,
     ) -> None:
-        self.robot = robot
-        self.ground = ground
+        checks.instance("robot", robot, Robot)
+        self.ground = Ground() if ground is None else checks.instance("ground", ground, Ground)
         self.dt = checks.number("dt", dt, low=1e-6)
+        self.actuators = Actuators() if actuators is None else checks.instance("actuators", actuators, Actuators)
+        self.robot = robot = self.actuators.damped(robot)
+        self._ground = self.ground.record
+        self._terrain = self._ground["terrain"]
         self.gravity = checks.vector("gravity", gravity, 3)
         self.dynamics = Dynamics(robot, gravity=self.gravity)
-        self.record, self.actuators = record, actuators
+        self.record = record = self._make_record()
         self.attached: tuple[Attachment, ...] = ()
         self._foot_force: Vector = field(record, "force").reshape(-1, 3)
         self._shapes = ((len(robot.joints),), (len(robot.thrusters), 3))
@@ -138,6 +139,10 @@ class Plant(KeepsViews, ABC):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.robot.name}', t={self.t:.3f} s, mu_s={self.ground.mu_s:g})"
+
+    def _make_record(self) -> Records[PlantRecord]:
+        """The record of contact and actuators."""
+        return plant_record(PlantRecord, self.robot.sizes, self.actuators, self.robot.torque_limit, self.dt)
 
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""

@@ -18,18 +18,18 @@ from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.calls import Call
 from harpy_pin.ground.ground import Ground
 from harpy_pin.log.recorder import Recorder
-from harpy_pin.model.robot import Robot
+from harpy_pin.model.memory import read_only
+from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State
-from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push, push_forces
-from harpy_pin.simulation.step import MISFIT_COMMAND, physics_steps, step_record
+from harpy_pin.simulation.step import MISFIT_COMMAND, StepRecord, physics_steps, step_record
 from harpy_pin.simulation.ticks import CompiledLoop, lasting_signals
 
 __all__ = ["GRAVITY", "Simulator"]
 
-MAX_STEPS = 64
-"""Physics steps in one control tick for which no array is made."""
+NO_PUSH = read_only(np.zeros((64, 3)))
+"""Forces of physics steps in which nobody pushes; for more steps than these an array is made."""
 
 
 class Simulator(Plant):
@@ -53,32 +53,13 @@ class Simulator(Plant):
 
     name = "compliant"
 
-    def __init__(
-        self,
-        robot: Robot,
-        ground: Ground | None = None,
-        *,
-        dt: float = 5e-4,
-        gravity: ArrayLike = (0.0, 0.0, -GRAVITY),
-        actuators: Actuators | None = None,
-    ) -> None:
-        checks.instance("robot", robot, Robot)
-        ground = Ground() if ground is None else checks.instance("ground", ground, Ground)
-        dt = checks.number("dt", dt, low=1e-6)
-        self._ground = ground.record
-        self._terrain = self._ground["terrain"]
-        actuators = Actuators() if actuators is None else checks.instance("actuators", actuators, Actuators)
-        robot = actuators.damped(robot)
-        thrusters = {"thrusts": robot.n_thrust, "thrusters": len(robot.thrusters)}
-        sizes = {"nv": robot.model.nv, "feet": len(robot.feet), **thrusters}
-        record = step_record(**sizes, dt=dt, actuators=actuators, peak=robot.torque_limit)
-        self._no_push = np.zeros((MAX_STEPS, 3))
-        self.sweeps = 0
-        super().__init__(robot, ground, record, dt=dt, gravity=gravity, actuators=actuators)
+    sweeps = 0
+
+    def _make_record(self) -> Records[StepRecord]:
+        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, peak=self.robot.torque_limit)
 
     def _prepare(self) -> None:
-        torque, thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
-        arrays = (self.q, self.v, torque, thrust, self._no_push)
+        arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)
         physics_steps.prepare(self.dynamics.record, self._ground, self.record, *arrays)
         super()._prepare()
 
@@ -109,8 +90,8 @@ class Simulator(Plant):
             for _ in range(steps):
                 self.advance(command, pushes)
             return
-        quiet = isinstance(pushes, tuple | list) and not pushes and steps <= len(self._no_push)
-        push = self._no_push[:steps] if quiet else push_forces(pushes, self.t, self.dt, steps)
+        quiet = isinstance(pushes, tuple | list) and not pushes and steps <= len(NO_PUSH)
+        push = NO_PUSH[:steps] if quiet else push_forces(pushes, self.t, self.dt, steps)
         plant = (self.dynamics.record, self._ground, self.record, self.q, self.v)
         try:
             sweeps = physics_steps(*plant, command.torque, command.thrust, push)

@@ -12,8 +12,11 @@ plane. A foot feels the tangent plane below it at the beginning of the step.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TypeVar
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world
@@ -50,6 +53,7 @@ MAX_SWEEPS = 500
 """Limit of the contact solver's Gauss–Seidel iteration."""
 MISFIT_COMMAND = -1
 """What :func:`physics_steps` returns for a command that it refuses."""
+Kind = TypeVar("Kind", bound="PlantRecord")
 VERDICTS = ("completed", "fell", "diverged")
 """How a run ends, by what :func:`stands` returns."""
 
@@ -103,37 +107,38 @@ class StepRecord(PlantRecord):
     joints: JointFrictionRecord
 
 
-def step_record(
-    *,
-    nv: int,
-    feet: int,
-    dt: float,
-    thrusts: int = 0,
-    thrusters: int = 0,
-    actuators: Actuators | None = None,
-    peak: Vector | None = None,
-) -> Records[StepRecord]:
-    """A new :class:`StepRecord`.
+def plant_record(
+    kind: type[Kind], sizes: Mapping[str, int], actuators: Actuators, peak: Vector, step: float, **own: ArrayLike
+) -> Records[Kind]:
+    """A new record of a plant.
 
     Args:
-        nv: of the robot.
-        feet: contact points.
-        dt: step, s.
-        thrusts: thrust variables.
-        thrusters: thrusters and rotors.
-        actuators: motors, joint friction and thrusters; those of the model by default.
-        peak: (joints,) torques of the motors, N·m; needed where they have a limit.
+        kind: of record.
+        sizes: of the robot, by the names of :attr:`harpy_pin.model.robot.Robot.sizes`.
+        actuators: motors and thrusters.
+        peak: (joints,) torques of the motors, N·m.
+        step: s.
+        own: fields that a :class:`PlantRecord` does not have.
     """
-    own = Actuators() if actuators is None else actuators
+    thrusters = {"count": sizes["thrusters"], "variables": sizes["thrusts"]}
     return make_record(
-        StepRecord,
-        {"nv": nv, "feet": feet, "thrusts": thrusts},
-        dt=float(dt),
-        slip=slip_record(feet),
-        joints=joint_friction_record(nv=nv, feet=feet, coulomb=own.coulomb_friction),
-        motors=motors_record(own, np.full(max(nv - 6, 0), np.inf) if peak is None else peak),
-        thrusters=thrusters_record(own.thrusters, count=thrusters, variables=thrusts, dt=float(dt)),
+        kind,
+        sizes,
+        slip=slip_record(sizes["feet"]),
+        motors=motors_record(actuators, peak),
+        thrusters=thrusters_record(actuators.thrusters, **thrusters, dt=step),
+        **own,
     )
+
+
+def step_record(
+    sizes: Mapping[str, int], *, dt: float, actuators: Actuators | None = None, peak: Vector | None = None
+) -> Records[StepRecord]:
+    """A new :class:`StepRecord`, see :func:`plant_record`; by default of a model without motors and thrusters."""
+    sizes, actuators = {"thrusts": 0, "thrusters": 0, **sizes}, Actuators() if actuators is None else actuators
+    joints = joint_friction_record(nv=sizes["nv"], feet=sizes["feet"], coulomb=actuators.coulomb_friction)
+    peak = np.zeros(0) if peak is None else peak
+    return plant_record(StepRecord, sizes, actuators, peak, dt, dt=dt, joints=joints)
 
 
 @kernel
@@ -203,7 +208,8 @@ def implicit_step(
         for c in range(nc):
             change[i] += dt * columns[i, c] * force[c]
     if not flat:
-        forces_to_world(s)
+        for k in range(nc // 3):
+            to_world(s.frame[k], force[3 * k : 3 * k + 3])
     solve_factor(s.factor, change.reshape((nv, 1)), 1)
     for i in range(nv):
         v[i] += change[i]
@@ -235,13 +241,6 @@ def into_contact_frames(d: EquationsRecord, t: TerrainRecord, s: StepRecord, v: 
         to_contact(frame, s.force[3 * k : 3 * k + 3])
         for i in range(v.shape[0]):
             to_contact(frame, s.columns[i, 3 * k : 3 * k + 3])
-
-
-@kernel
-def forces_to_world(s: StepRecord) -> None:
-    """The forces of the step in world axes."""
-    for k in range(s.height.shape[0]):
-        to_world(s.frame[k], s.force[3 * k : 3 * k + 3])
 
 
 @kernel

@@ -203,7 +203,7 @@ class PlanarWalk(KeepsViews):
         self._walk = walk_record(gait, self.joints, period=self.period)
         self._model = self.model.record.copy()
         self._ground = self.ground.record
-        self._step = step_record(nv=NV, feet=2, dt=DT)
+        self._step = step_record({"nv": NV, "feet": 2}, dt=DT)
         self.q, self.v, self.integral = np.zeros(NV), np.zeros(NV), field(self._walk, "integral")
         self.t = 0.0
         self.reset(*self.initial_state())

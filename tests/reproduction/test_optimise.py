@@ -81,7 +81,7 @@ def test_planar_step_is_the_simulators_step(model):
     simulator = PinocchioPlane(model, ground)
     q, v = np.array([0, 0.65, 0.1, -0.5, 0.9, -0.3, 0.6]), rng.uniform(-1, 1, 7)
     simulator.reset(q, v)
-    terms, step = model.record.copy(), step_record(nv=7, feet=2, dt=5e-4)
+    terms, step = model.record.copy(), step_record({"nv": 7, "feet": 2}, dt=5e-4)
     force = field(step, "force")
     touched = 0
     for _ in range(600):

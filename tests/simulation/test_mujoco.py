@@ -18,6 +18,7 @@ from harpy_pin import Command, Disturbances, Governed, Ground, InputError, Mujoc
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.simulation.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
 from harpy_pin.simulation.mujoco import mujoco_plant as plant_module
+from harpy_pin.simulation.mujoco.conventions import from_mujoco
 from harpy_pin.simulation.mujoco.mujoco_model import MIN_INERTIA
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
@@ -94,7 +95,7 @@ def test_state_of_any_tree_comes_back_and_means_the_same(seed):
     q, v = random_state(model, rng)
     inside.reset(q, v)
     again_q, again_v = pin.neutral(model), np.zeros(model.nv)
-    inside.conventions.from_mujoco(inside.data.qpos, inside.data.qvel, again_q, again_v)
+    from_mujoco(inside.conventions.record, inside.data.qpos, inside.data.qvel, again_q, again_v)
     np.testing.assert_allclose(again_q, q, rtol=0, atol=1e-14)
     np.testing.assert_allclose(again_v, v, rtol=0, atol=1e-14)
     data = model.createData()
@@ -121,7 +122,9 @@ def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
         inside.apply(torque, np.zeros((len(robot.thrusters), 3)))
         mujoco.mj_forward(inside.model, inside.data)
         found, own, own_v = inside.data.qacc, pin.neutral(model), np.zeros(model.nv)
-        inside.conventions.from_mujoco(inside.qpos, found, own, own_v)  # turns accelerations as it does velocities
+        from_mujoco(
+            inside.conventions.record, inside.qpos, found, own, own_v
+        )  # turns accelerations as it does velocities
         own_v[:3] -= np.cross(v[3:6], v[:3])
         data = model.createData()
         matrix = np.triu(pin.crba(model, data, q))

@@ -29,7 +29,7 @@ class PinocchioPlane:
             foot_velocity=np.zeros((feet, 3)),
             thruster_jacobian=np.zeros((3 * thrusters, nv)),
         )
-        self._ground, self._step = ground.record, step_record(nv=nv, feet=feet, dt=dt)
+        self._ground, self._step = ground.record, step_record({"nv": nv, "feet": feet}, dt=dt)
 
     def reset(self, q, v):
         self.q, self.v = q.copy(), v.copy()

@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import re
+from functools import cached_property
 from importlib.metadata import version
 from importlib.util import find_spec
 from typing import Any
@@ -23,12 +24,13 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["Conventions", "import_mujoco", "installed_version"]
+__all__ = ["Conventions", "from_mujoco", "import_mujoco", "installed_version", "to_mujoco"]
 
 FREE = 0
 """``mujoco.mjtJoint.mjJNT_FREE``."""
@@ -88,6 +90,7 @@ class Conventions:
         robot: whose states these are.
 
     Attributes:
+        record: where base and joints are, for :func:`to_mujoco` and :func:`from_mujoco`.
         velocity: (joints,) places of the robot's joints in MuJoCo's ``qvel``.
 
     Raises:
@@ -108,7 +111,7 @@ class Conventions:
         joints = [by_name[name] for name in robot.joints]
         ours = list(robot.model.joints)[ROOT + 1 :]
         self.velocity = np.array([int(joint.dofadr[0]) for joint in joints], dtype=np.int64)
-        self._record = make_record(
+        self.record = make_record(
             ConventionsRecord,
             base_position=np.int64(free[0].qposadr[0]),
             base_velocity=np.int64(free[0].dofadr[0]),
@@ -119,8 +122,8 @@ class Conventions:
             velocity=self.velocity,
         )
         q, v = np.zeros(robot.model.nq), np.zeros(robot.model.nv)
-        _to_mujoco.prepare(self._record, q, v, q, v)
-        _from_mujoco.prepare(self._record, q, v, q, v)
+        to_mujoco.prepare(self.record, q, v, q, v)
+        from_mujoco.prepare(self.record, q, v, q, v)
 
     def write(self, state: State, data: Any) -> None:
         """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the caller's.
@@ -134,7 +137,7 @@ class Conventions:
         """
         q = checks.vector("q", state.q, self._robot.model.nq)
         v = checks.vector("v", state.v, self._robot.model.nv)
-        self.to_mujoco(q, v, data.qpos, data.qvel)
+        to_mujoco(self.record, q, v, data.qpos, data.qvel)
         data.time = state.t
 
     def read(self, data: Any) -> State:
@@ -150,53 +153,16 @@ class Conventions:
             InputError: MuJoCo is not installed.
         """
         q, v, qpos = pin.neutral(self._robot.model), np.zeros(self._robot.model.nv), np.array(data.qpos)
-        begin = int(self._record["base_position"][0]) + 3
+        begin = int(self.record["base_position"][0]) + 3
         qpos[begin : begin + 4] /= np.linalg.norm(qpos[begin : begin + 4])
-        self.from_mujoco(qpos, data.qvel, q, v)
-        position, velocity = self._feet(q, v)
+        from_mujoco(self.record, qpos, data.qvel, q, v)
+        self._dynamics.update(q, v)
+        position, velocity = self._dynamics.foot_position.copy(), self._dynamics.foot_velocity.copy()
         return State(float(data.time), q, v, position, velocity, self._foot_forces(data, position))
 
-    def to_mujoco(self, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
-        """Write a state into MuJoCo's arrays.
-
-        Args:
-            q: (nq,) configuration.
-            v: (nv,) generalised velocity.
-            qpos: out, MuJoCo's positions, the quaternion in the order w, x, y, z.
-            qvel: out, MuJoCo's velocities, the linear one of the base in world axes.
-        """
-        _to_mujoco(self._record, q, v, qpos, qvel)
-
-    def from_mujoco(self, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
-        """Read a state from MuJoCo's arrays into q (nq,) and v (nv,).
-
-        Args:
-            qpos: MuJoCo's positions.
-            qvel: MuJoCo's velocities.
-            q: (nq,) out, this library's configuration.
-            v: (nv,) out, its generalised velocity.
-        """
-        _from_mujoco(self._record, qpos, qvel, q, v)
-
-    def joint_forces(self, torque: Vector, out: Vector) -> None:
-        """Write joint torques (joints,) into MuJoCo's generalised forces; its other entries become zero.
-
-        Args:
-            torque: (joints,) in the order of the robot's joints, N·m.
-            out: (nv,) MuJoCo's ``qfrc_applied``, written in place.
-        """
-        out[:] = 0.0
-        out[self.velocity] = torque
-
-    def _feet(self, q: Vector, v: Vector) -> tuple[Vector, Vector]:
-        """(feet, 3) positions and velocities, world axes."""
-        robot, data = self._robot, self._robot.model.createData()
-        pin.forwardKinematics(robot.model, data, q, v)
-        position, velocity = np.zeros((len(robot.feet), 3)), np.zeros((len(robot.feet), 3))
-        for k, frame in enumerate(map(robot.frame_id, robot.feet)):
-            position[k] = pin.updateFramePlacement(robot.model, data, frame).translation
-            velocity[k] = pin.getFrameVelocity(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
-        return position, velocity
+    @cached_property
+    def _dynamics(self) -> Dynamics:
+        return Dynamics(self._robot)
 
     def _foot_forces(self, data: Any, position: Vector) -> Vector:
         """(feet, 3) forces of the contacts on the links of the feet, world axes, N."""
@@ -236,27 +202,24 @@ def _plain(name: str) -> str:
 
 
 @kernel
-def _turn(q: Vector, body: Vector, world: Vector, into_world: bool) -> None:
-    """R body → world, or Rᵀ world → body, for the quaternion in q."""
+def _turn(q: Vector, given: Vector, out: Vector, back: bool) -> None:
+    """R times a given vector (3,), or Rᵀ times it where it is turned back, with R of the quaternion in q."""
     r = np.empty((3, 3))
     body_rotation(q, r)
     for i in range(3):
-        total = 0.0
+        out[i] = 0.0
         for j in range(3):
-            total += r[i, j] * body[j] if into_world else r[j, i] * world[j]
-        if into_world:
-            world[i] = total
-        else:
-            body[i] = total
+            out[i] += (r[j, i] if back else r[i, j]) * given[j]
 
 
 @kernel
-def _to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
+def to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
+    """Write a state q (nq,), v (nv,) into MuJoCo's arrays."""
     base, moving = qpos[c.base_position : c.base_position + 7], qvel[c.base_velocity : c.base_velocity + 6]
     base[:3] = q[:3]
     base[3] = q[6]
     base[4:7] = q[3:6]
-    _turn(q, v, moving, True)
+    _turn(q, v, moving, False)
     moving[3:6] = v[3:6]
     for k in range(c.place.shape[0]):
         i = c.place[k]
@@ -265,12 +228,13 @@ def _to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: V
 
 
 @kernel
-def _from_mujoco(c: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
+def from_mujoco(c: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
+    """Read a state q (nq,), v (nv,) from MuJoCo's arrays."""
     base, moving = qpos[c.base_position : c.base_position + 7], qvel[c.base_velocity : c.base_velocity + 6]
     q[:3] = base[:3]
     q[6] = base[3]
     q[3:6] = base[4:7]
-    _turn(q, v, moving, False)
+    _turn(q, moving, v, True)
     v[3:6] = moving[3:6]
     for k in range(c.place.shape[0]):
         i = c.place[k]

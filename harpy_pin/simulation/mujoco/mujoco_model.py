@@ -15,7 +15,7 @@ from harpy_pin.model.entry import as_array
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, tree_record
-from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco
+from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco, to_mujoco
 
 __all__ = ["MujocoModel"]
 
@@ -99,7 +99,7 @@ class MujocoModel:
         """
         self.mujoco.mj_resetData(self.model, self.data)
         q, v = as_array("q", q, self._sizes[:1]), as_array("v", v, self._sizes[1:])
-        self.conventions.to_mujoco(q, v, self.qpos, self.qvel)
+        to_mujoco(self.conventions.record, q, v, self.qpos, self.qvel)
         self.mujoco.mj_fwdPosition(self.model, self.data)
 
     def apply(self, torque: Vector, thrust: Vector, push: Vector | None = None) -> None:
@@ -115,7 +115,8 @@ class MujocoModel:
         """
         model, data, apply, out = self.model, self.data, self.mujoco.mj_applyFT, self._applied
         try:
-            self.conventions.joint_forces(torque, out)
+            out[:] = 0.0
+            out[self.joint_places] = torque
             for (body, place, drag), force in zip(self._mounts, thrust, strict=True):
                 apply(model, data, force, drag * force if drag else NO_MOMENT, place, body, out)
             if push is not None:

@@ -32,20 +32,19 @@ from harpy_pin.errors import InputError
 from harpy_pin.ground.contact_frame import contact_frame
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
-from harpy_pin.log.slip import note_slip, slip_record
+from harpy_pin.log.slip import note_slip
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts, write_thrusts
 from harpy_pin.model.state import Command, Vector
-from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
-from harpy_pin.simulation.mujoco.conventions import installed_version
+from harpy_pin.simulation.actuators import Actuators, drive_motors
+from harpy_pin.simulation.mujoco.conventions import from_mujoco, installed_version
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import PlantRecord
-from harpy_pin.simulation.thrusters import drive_thrusters, thrusters_record
+from harpy_pin.simulation.thrusters import drive_thrusters
 
 __all__ = ["MujocoPlant"]
 
@@ -105,24 +104,12 @@ class MujocoPlant(Plant):
         if (ground.surface is not None or ground.stiffness_strips) and (contact is not None or foot_radius):
             message = "on terrain or strips feet are points with the ground's own contact: no contact, no foot_radius"
             raise InputError(message, name="ground", value=ground)
-        actuators = Actuators() if actuators is None else actuators
-        robot, feet = actuators.damped(robot), len(robot.feet)
-        count, variables = len(robot.thrusters), robot.n_thrust
-        dt = checks.number("dt", dt, low=1e-6)
-        record = make_record(
-            PlantRecord,
-            {"feet": feet, "thrusts": variables},
-            slip=slip_record(feet),
-            motors=motors_record(actuators, robot.torque_limit),
-            thrusters=thrusters_record(actuators.thrusters, count=count, variables=variables, dt=dt),
-        )
-        self._terrain = ground.record["terrain"]
+        feet, self._forces = len(robot.feet), np.zeros((len(robot.thrusters), 3))
+        super().__init__(robot, ground, dt=dt, gravity=gravity, actuators=actuators)
         self._flat = bool(self._terrain["level"][0])
-        self._forces = np.zeros((count, 3))
-        super().__init__(robot, ground, record, dt=dt, gravity=gravity, actuators=actuators)
         self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
         self._inside = inside = MujocoModel(
-            robot,
+            self.robot,
             friction=ground.mu_s,
             dt=self.dt,
             gravity=self.gravity,
@@ -130,7 +117,7 @@ class MujocoPlant(Plant):
             own_planes=not self._flat,
         )
         self.model, self.data = inside.model, inside.data
-        self.model.dof_frictionloss[inside.joint_places] = actuators.coulomb_friction
+        self.model.dof_frictionloss[inside.joint_places] = self.actuators.coulomb_friction
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
         self._planes = np.zeros((feet, 7))
         self.model.geom_sameframe[inside.planes] = 0  # they are where the plant puts them
@@ -202,7 +189,7 @@ class MujocoPlant(Plant):
         mj.mj_fwdConstraint(model, data)
         self._read_forces(contacts)
         mj.mj_Euler(model, data)
-        inside.conventions.from_mujoco(inside.qpos, inside.qvel, self.q, self.v)
+        from_mujoco(inside.conventions.record, inside.qpos, inside.qvel, self.q, self.v)
         self.dynamics.update(self.q, self.v)
         position = self.dynamics.foot_position
         if self.foot_radius:
