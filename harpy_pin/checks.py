@@ -239,11 +239,8 @@ def gains(name: str, value: ArrayLike, size: int = 3) -> NDArray[np.float64]:
     Raises:
         InputError: wrong shape, negative, or not finite.
     """
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, OverflowError, ValueError):
-        raise InputError(f"{name} must be numbers, got {shown(value)}", name=name, value=value) from None
-    result = vector(name, np.full(size, array) if array.ndim == 0 else array, size)
+    given = array(name, value, None)
+    result = vector(name, np.full(size, given) if given.ndim == 0 else given, size)
     if np.any(result < 0.0):
         raise InputError(f"{name} must not be negative, got {shown(result.tolist())}", name=name, value=value)
     return result

@@ -17,26 +17,22 @@ __all__ = [
     "control_period",
     "given_thrust",
     "has_target",
-    "is_float",
     "last_count",
     "optional_signal",
     "step_duration",
     "tick_times",
 ]
 
-FEET = -1
-"""Stands for the number of feet."""
-SHAPES: dict[str, tuple[int, ...]] = {
+SHAPES: dict[str, tuple[int | str, ...]] = {
     "x_r": (3,),
-    "slip_path": (FEET,),
-    "slip_net": (FEET,),
+    "slip_path": ("foot_force",),
+    "slip_net": ("foot_force",),
+    "applied_thrust": ("thrust", 3),
     "qp_status": (),
     "bad_samples": (),
-    "command": (3,),
-    "applied_velocity": (3,),
     "battery_energy": (7,),
 }
-"""Shapes of one row; of the reference x_r, the least."""
+"""Shapes of one row, with as many rows in a tick as the signal named has; of the reference x_r, the least."""
 MAX_COUNT = 1e15
 
 
@@ -49,8 +45,7 @@ def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
     if name not in run:
         return None
     signal = run[name]
-    feet = run["foot_force"].shape[1]
-    desired = tuple(feet if size == FEET else size for size in SHAPES[name])
+    desired = tuple(run[size].shape[1] if isinstance(size, str) else size for size in SHAPES[name])
     found = signal.shape[1:]
     if name == "x_r" and len(found) == 1 and found[0] > 3:
         desired = found
@@ -66,12 +61,8 @@ def given_thrust(run: Run) -> NDArray[Any]:
     Raises:
         InputError: the signal ``applied_thrust`` is not like ``thrust``.
     """
-    commanded = run["thrust"]
-    given: NDArray[Any] = run.signals.get("applied_thrust", commanded)
-    if given.shape != commanded.shape or given.dtype.kind != "f":
-        message = f"the signal applied_thrust of the run must be {commanded.shape} floats, got {given.shape}"
-        raise InputError(f"{message} of {given.dtype}", name="run", value="applied_thrust")
-    return given
+    given = optional_signal(run, "applied_thrust")
+    return run["thrust"] if given is None else given
 
 
 def has_target(run: Run) -> bool:
@@ -80,11 +71,6 @@ def has_target(run: Run) -> bool:
     for name in ("parameters", "gait", "gait"):
         place = place.get(name) if isinstance(place, Mapping) else None
     return "x_r" in run and place != "walking"
-
-
-def is_float(run: Run, name: str) -> bool:
-    """Whether a signal is made of floats."""
-    return run[name].dtype.kind == "f"
 
 
 def last_count(run: Run, name: str) -> int:

@@ -188,12 +188,7 @@ def _versions() -> dict[str, str]:
 
 
 def _column_names(run: Run, signal: str) -> list[str]:
-    """Names of the numbers in a row of a signal, in their order in memory, without that of the signal.
-
-    Args:
-        run: gives the names of feet and thrusters.
-        signal: its name.
-    """
+    """Names of the numbers in a row of a signal, in their order in memory, without that of the signal."""
     shape = run[signal].shape[1:]
     names = []
     for axis, size in enumerate(shape):

@@ -24,23 +24,14 @@ DEBOUNCE = 0.02
 
 
 class SlipRecord(RecordOf):
-    """What :func:`note_slip` keeps.
+    """What :func:`note_slip` keeps."""
 
-    Attributes:
-        path: (feet,) m.
-        net: (feet,) m, the present contact's included.
-        ended: (feet,) net displacements of the contacts that have ended, m.
-        touchdown: (feet, 3) where the present or last contact began, m.
-        before: (feet, 3) where each foot was before the step, m.
-        away: (feet,) since the last touch, s.
-    """
-
-    path: Vector = sized("feet")
-    net: Vector = sized("feet")
-    ended: Vector = sized("feet")
-    touchdown: Vector = sized("feet", 3)
-    before: Vector = sized("feet", 3)
-    away: Vector = sized("feet", fill=np.inf)
+    path: Vector = sized("feet")  # (feet,) m
+    net: Vector = sized("feet")  # (feet,) m, the present contact's included
+    ended: Vector = sized("feet")  # (feet,) net displacements of the contacts that have ended, m
+    touchdown: Vector = sized("feet", 3)  # (feet, 3) where the present or last contact began, m
+    before: Vector = sized("feet", 3)  # (feet, 3) where each foot was before the step, m
+    away: Vector = sized("feet", fill=np.inf)  # (feet,) since the last touch, s
 
 
 def slip_record(feet: int) -> Records[SlipRecord]:
@@ -59,15 +50,9 @@ def forget_slip(s: SlipRecord, position: Vector) -> None:
 
 @kernel
 def note_slip(s: SlipRecord, level: bool, frame: Vector, position: Vector, force: Vector, dt: float) -> None:
-    """Take one step into account.
+    """Take a step dt, s, into account: its forces (3 feet,), world axes, N, and the positions (feet, 3) at its end, m.
 
-    Args:
-        s: element of the record.
-        level: whether the ground is flat; frames are not read then.
-        frame: (feet, 3, 3) of the contacts.
-        position: (feet, 3) at the end of the step, m.
-        force: (3 feet,) over the step, world axes, N.
-        dt: of the step, s.
+    Frames (feet, 3, 3) of the contacts are not read where the ground is level.
     """
     for k in range(position.shape[0]):
         f, r = force[3 * k : 3 * k + 3], frame[k]

@@ -32,13 +32,8 @@ BIN, BINS = 1e-4, 2000
 def walk_measures(run: Run, *, period: float, step_duration: float) -> dict[str, float]:
     """What a walk costs, how it follows its command, and how far the centre of pressure keeps inside.
 
-    Args:
-        run: gives mass, names and signals.
-        period: time between its rows, s.
-        step_duration: time over which the velocity is averaged: two steps of this duration, s.
-
-    Returns:
-        Measures by their names in :class:`harpy_pin.log.measures.Measures`.
+    These are measures by their names in :class:`harpy_pin.log.measures.Measures`. The period between rows is in s, and
+    so is the step duration; the velocity is averaged over two steps.
     """
     q, v = run["q"], run["v"]
     mass = run.metadata.get("mass", math.nan)
@@ -103,7 +98,7 @@ def _commanded(run: Run) -> bool:
     """Whether the log holds a velocity that a gait applied, and its heading."""
     shapes = [run[name].shape[1:] if name in run else () for name in ("applied_velocity", "heading")]
     known = shapes[0] in ((3,), (4,)) and shapes[1] in ((3,), (2,))
-    return known and optional.is_float(run, "applied_velocity") and optional.is_float(run, "heading")
+    return known and all(run[name].dtype.kind == "f" for name in ("applied_velocity", "heading"))
 
 
 def _world_velocity(q: Vector, v: Vector) -> Vector:
@@ -120,12 +115,9 @@ def _world_velocity(q: Vector, v: Vector) -> Vector:
 
 
 def _margins(position: Vector, normal: Vector, least: float) -> Vector:
-    """Distances of the centre of pressure to the edge of a sole, in the rows in which it is loaded, m.
+    """Distances of the centre of pressure to the edge of a sole, in the rows in which it carries ``least``, N, m.
 
-    Args:
-        position: (n, 4, 3) of the corners, m.
-        normal: (n, 4) forces, N.
-        least: load from which on it counts, N.
+    ``position`` (n, 4, 3) is that of the corners, m, and ``normal`` (n, 4) their forces, N.
     """
     load = normal.sum(axis=1)
     rows = load > max(least, 1e-9) if math.isfinite(least) else load > 1e-9

@@ -173,15 +173,10 @@ def _rotors(
     drag: float,
     quaternions: Sequence[tuple[float, float, float, float]] | None = None,
 ) -> tuple[tuple[Rotor, ...], dict[str, tuple[str, tuple[float, float, float]]]]:
-    """Rotors whose frames are not in the file, and the mounts of these frames.
+    """Rotors whose frames are not in the file, and the mounts of these frames, at places of a link, m.
 
-    Args:
-        link: that they are fixed to.
-        places: in its frame, m.
-        turns: of each rotor, seen from above: ``-`` for counterclockwise, ``+`` for clockwise.
-        limit: of each, N.
-        drag: of each, without its sign, m.
-        quaternions: (x, y, z, w) of the rotors' frames in the link's, whose z axis is the rotor's; upright by default.
+    Each turns, seen from above, counterclockwise (``-``) or clockwise (``+``), with the drag, m, and the limit, N. The
+    quaternions (x, y, z, w) are those of the rotors' frames, whose z axis is the rotor's; upright by default.
     """
     rotors, mounts = [], {}
     for k, (place, turn) in enumerate(zip(places, turns, strict=True)):

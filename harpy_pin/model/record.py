@@ -84,11 +84,7 @@ class _Sized:
     whole: bool
 
     def made(self, sizes: Mapping[str, int]) -> NDArray[Any]:
-        """The array.
-
-        Args:
-            sizes: what the names of its shape stand for.
-        """
+        """The array, with sizes for the names of its shape."""
         shape = [_size(entry, sizes) for entry in self.shape]
         return np.full(shape, self.fill, np.int64 if self.whole else np.float64)
 

@@ -322,17 +322,13 @@ def robots() -> dict[str, KnownRobot]:
 
     Files of robots other than Harpy are in example-robot-data, the extra ``robots``.
     """
-    harpy = load_harpy()
+    harpy, installed = load_harpy(), installed_data() is not None
     known = {"harpy": KnownRobot("harpy", HARPY_FEET, False, 0, harpy.mass, len(harpy.joints), "BSD-2-Clause")}
-    return known | {name: _known(name, entry) for name, entry in CATALOGUE.items()}
-
-
-def _known(name: str, entry: CatalogueRobot) -> KnownRobot:
-    mass, joints, licence = None, None, None
-    if installed_data() is not None:
-        robot = load_robot(name)
-        mass, joints, licence = robot.mass, len(robot.joints), _licence(entry)
-    return KnownRobot(name, entry.feet, bool(entry.flat_feet), len(entry.rotors), mass, joints, licence)
+    for name, entry in CATALOGUE.items():
+        robot = load_robot(name) if installed else None
+        found = (None, None, None) if robot is None else (robot.mass, len(robot.joints), _licence(entry))
+        known[name] = KnownRobot(name, entry.feet, bool(entry.flat_feet), len(entry.rotors), *found)
+    return known
 
 
 def _licence(entry: CatalogueRobot) -> str | None:

@@ -66,15 +66,10 @@ class Rotor:
 
 @kernel
 def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
-    """The thrust variables of a command: those of a rotor are its force's part along the axis, within the limits.
+    """The thrust variables of commanded forces (thrusters, 3), world axes, N, into ``out``.
 
-    Args:
-        d: element of the record of :class:`harpy_pin.model.dynamics.Dynamics`, at the present state.
-        force: (thrusters, 3) world axes, N.
-        out: (thrust variables,) out.
-
-    Returns:
-        How many rotors do not have the force that was commanded: it was not along their axis, or beyond their limits.
+    That of a rotor is its force's part along the axis, within the limits. Returns how many rotors do not have the force
+    that was commanded: it was not along their axis, or beyond their limits.
     """
     rotors = d.rotor_axis.shape[0]
     free = force.shape[0] - rotors

@@ -11,6 +11,7 @@ from harpy_pin.ground.ground import Ground
 from harpy_pin.model.robot import Robot
 from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.actuators import Actuators
+from harpy_pin.simulation.mujoco.mujoco_plant import MujocoPlant
 from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, DEFAULT_PRESET, PRESETS, preset_ground
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
@@ -89,8 +90,6 @@ class Mujoco(PlantPart):
     @checked
     def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
         """See :class:`PlantPart`."""
-        from harpy_pin.simulation.mujoco import MujocoPlant
-
         contact, felt = CONTACTS.get(self.preset), self.felt_ground(ground)
         return MujocoPlant(robot, felt, dt=dt, actuators=actuators, contact=contact, foot_radius=self.foot_radius)
 

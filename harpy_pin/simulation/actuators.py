@@ -86,34 +86,19 @@ class Actuators:
 
 
 class MotorsRecord(RecordOf):
-    """The motors.
+    """The motors."""
 
-    Attributes:
-        rate: 1 / time constant, 1/s; infinite without lag.
-        limit: (joints,) largest torque, N·m.
-        stall: (joints,) torque at rest under full voltage, N·m.
-        no_load_speed: rad/s; infinite where torques know no speed.
-        torque: (joints,) at the end of the last step, N·m.
-        mean_torque: (joints,) over the last step, N·m.
-        settled: 0 before the first command.
-    """
-
-    rate: float
-    limit: Vector
-    stall: Vector
-    no_load_speed: float
-    torque: Vector = sized("joints")
-    mean_torque: Vector = sized("joints")
-    settled: int = ZERO
+    rate: float  # 1 / time constant, 1/s; infinite without lag
+    limit: Vector  # (joints,) largest torque, N·m
+    stall: Vector  # (joints,) torque at rest under full voltage, N·m
+    no_load_speed: float  # rad/s; infinite where torques know no speed
+    torque: Vector = sized("joints")  # (joints,) at the end of the last step, N·m
+    mean_torque: Vector = sized("joints")  # (joints,) over the last step, N·m
+    settled: int = ZERO  # 0 before the first command
 
 
 def motors_record(actuators: Actuators, peak: Vector) -> Records[MotorsRecord]:
-    """The motors, for kernels.
-
-    Args:
-        actuators: what they are.
-        peak: (joints,) the model's peak torques, N·m.
-    """
+    """The motors, for kernels; ``peak`` are the model's peak torques (joints,), N·m."""
     joints, bandwidth, share = len(peak), actuators.bandwidth, actuators.torque_share
     return make_record(
         MotorsRecord,
@@ -127,13 +112,9 @@ def motors_record(actuators: Actuators, peak: Vector) -> Records[MotorsRecord]:
 
 @kernel
 def drive_motors(m: MotorsRecord, command: Vector, v: Vector, dt: float) -> None:
-    """Torques of a step under a constant command: the exact mean of the lag over the step, into ``mean_torque``.
+    """Torques of a step dt, s, under a constant command (joints,), N·m, at the generalised velocity v (6 + joints,).
 
-    Args:
-        m: element of the record.
-        command: (joints,) N·m.
-        v: (6 + joints,) generalised velocity.
-        dt: step, s.
+    The exact mean of the lag over the step goes into ``mean_torque``.
     """
     x = m.rate * dt
     remaining = np.exp(-x)

@@ -29,29 +29,16 @@ TOLERANCE = 1e-9
 
 
 class JointFrictionRecord(RecordOf):
-    """Coulomb friction of the joints; without it, arrays of no joints.
+    """Coulomb friction of the joints; without it, arrays of no joints."""
 
-    Attributes:
-        limit: (joints,) N·m.
-        torque: (joints,) of the last step, N·m.
-        columns: (nv, joints) L⁻ᵀ S, with M + dt B = Lᵀ L.
-        free: (3 feet,) velocities of the feet under that friction without contact forces, m/s.
-    """
-
-    limit: Vector
-    torque: Vector = sized("joints")
-    columns: Vector = sized("nv", "joints")
-    free: Vector = sized("3 feet")
+    limit: Vector  # (joints,) N·m
+    torque: Vector = sized("joints")  # (joints,) of the last step, N·m
+    columns: Vector = sized("nv", "joints")  # (nv, joints) L⁻ᵀ S, with M + dt B = Lᵀ L
+    free: Vector = sized("3 feet")  # (3 feet,) velocities of the feet under that friction without contact forces, m/s
 
 
 def joint_friction_record(*, nv: int, feet: int, coulomb: float) -> Records[JointFrictionRecord]:
-    """A new :class:`JointFrictionRecord`.
-
-    Args:
-        nv: of the robot.
-        feet: contact points.
-        coulomb: friction of every joint, N·m.
-    """
+    """A new :class:`JointFrictionRecord`, with the same Coulomb friction in every joint, N·m."""
     joints = nv - 6 if coulomb > 0.0 else 0
     return make_record(
         JointFrictionRecord, {"nv": nv, "feet": feet, "joints": joints}, limit=np.full(joints, float(coulomb))
@@ -62,15 +49,9 @@ def joint_friction_record(*, nv: int, feet: int, coulomb: float) -> Records[Join
 def step_with_friction(s: StepRecord, ground: GroundRecord, v: Vector, tolerance: float, sweeps: int) -> int:
     """Contact forces and joint friction; adds the latter's part to the last of the step's columns.
 
-    Args:
-        s: element of the step's record: columns, mobility and free velocities as for the contact alone.
-        ground: of the ground's.
-        v: (nv,) velocity at the beginning of the step.
-        tolerance: of the contact solver.
-        sweeps: most of the contact solver.
-
-    Returns:
-        Sweeps of the last contact problem, ``sweeps + 1`` if it or the rounds did not converge.
+    Columns, mobility and free velocities are those for the contact alone, v (nv,) is the velocity at the beginning of
+    the step; tolerance and most sweeps are the contact solver's. Returns the sweeps of the last contact problem,
+    ``sweeps + 1`` if it or the rounds did not converge.
     """
     f, dt = s.joints, s.dt
     nv, nc, joints = v.shape[0], s.force.shape[0], f.limit.shape[0]

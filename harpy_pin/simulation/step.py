@@ -59,52 +59,34 @@ VERDICTS = ("completed", "fell", "diverged")
 
 
 class PlantRecord(RecordOf):
-    """What every plant keeps of contact and actuators.
+    """What every plant keeps of contact and actuators."""
 
-    Attributes:
-        force: (3 feet,) contact forces, world axes, N: guess in, forces of the step out.
-        counts: (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of
-            one tick to a rotor that it could not carry out as given.
-        slip: paths of the feet on the ground.
-        frame: (feet, 3, 3) of each contact, see :mod:`harpy_pin.ground.contact_frame`; unused on flat ground.
-        thrust: (thrusts,) thrust variables of the command, N.
-        motors: between command and torques.
-        thrusters: between command and thrusts.
-    """
-
-    force: Vector = sized("3 feet")
+    force: Vector = sized("3 feet")  # (3 feet,) contact forces, world axes, N: guess in, forces of the step out
+    # (3,) most sweeps of the contact solver in a step so far, steps in which they ran out, and commands of one tick to
+    # a rotor that it could not carry out as given
     counts: NDArray[np.int64] = sized(3, whole=True)
-    slip: SlipRecord
+    slip: SlipRecord  # paths of the feet on the ground
+    # (feet, 3, 3) of each contact, see :mod:`harpy_pin.ground.contact_frame`; unused on flat ground
     frame: Vector = sized("feet", 3, 3)
-    thrust: Vector = sized("thrusts")
-    motors: MotorsRecord
-    thrusters: ThrustersRecord
+    thrust: Vector = sized("thrusts")  # (thrusts,) thrust variables of the command, N
+    motors: MotorsRecord  # between command and torques
+    thrusters: ThrustersRecord  # between command and thrusts
 
 
 class StepRecord(PlantRecord):
-    """What :func:`implicit_step` knows and works in.
+    """What :func:`implicit_step` knows and works in."""
 
-    Attributes:
-        dt: step, s.
-        displacement: (nv,) out: dt v⁺.
-        mobility: (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N.
-        free: (3 feet,) foot velocities without contact forces, m/s.
-        height: (feet,) of the feet at the start of the step, m.
-        friction: (feet, 3) static and sliding coefficient under them, then, and stiffness relative to the ground's.
-        factor: (nv, nv) L of M + dt B = Lᵀ L.
-        columns: (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)].
-        joints: Coulomb friction of the joints.
-    """
-
-    dt: float
-    displacement: Vector = sized("nv")
+    dt: float  # step, s
+    displacement: Vector = sized("nv")  # (nv,) out: dt v⁺
+    # (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N
     mobility: Vector = sized("3 feet", "3 feet")
-    free: Vector = sized("3 feet")
-    height: Vector = sized("feet")
+    free: Vector = sized("3 feet")  # (3 feet,) foot velocities without contact forces, m/s
+    height: Vector = sized("feet")  # (feet,) of the feet at the start of the step, m
+    # (feet, 3) static and sliding coefficient under them, then, and stiffness relative to the ground's
     friction: Vector = sized("feet", 3)
-    factor: Vector = sized("nv", "nv")
-    columns: Vector = sized("nv", "3 feet + 1")
-    joints: JointFrictionRecord
+    factor: Vector = sized("nv", "nv")  # (nv, nv) L of M + dt B = Lᵀ L
+    columns: Vector = sized("nv", "3 feet + 1")  # (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)]
+    joints: JointFrictionRecord  # Coulomb friction of the joints
 
 
 def plant_record(
@@ -219,14 +201,7 @@ def implicit_step(
 
 @kernel
 def into_contact_frames(d: EquationsRecord, t: TerrainRecord, s: StepRecord, v: Vector) -> None:
-    """Heights, free velocities, columns of the Jacobian and the forces guessed, in the frames of the contacts.
-
-    Args:
-        d: of the dynamics at the beginning of the step.
-        t: of the ground's surface.
-        s: of the step; its columns hold the Jacobian in world axes, its forces are those of the step before.
-        v: (nv,) generalised velocity.
-    """
+    """Heights, free velocities, columns of the Jacobian and the forces guessed, from world axes into contact frames."""
     for k in range(s.height.shape[0]):
         place, frame = d.foot_position[k], s.frame[k]
         nx, ny, nz = surface_normal(t, place[0], place[1])

@@ -94,11 +94,7 @@ class Thrusters:
 
 
 def _read_failing(value: Any) -> tuple[int, float, float]:
-    """Index, time and share of what fails.
-
-    Raises:
-        InputError: not three values, or one out of its domain.
-    """
+    """Index, time and share of what fails; an :class:`InputError` where these are not three values in their domains."""
     try:
         index, time, share = value
     except (TypeError, ValueError):
@@ -110,53 +106,29 @@ def _read_failing(value: Any) -> tuple[int, float, float]:
 
 
 class ThrustersRecord(RecordOf):
-    """The thrusters.
+    """The thrusters."""
 
-    Attributes:
-        ideal: whether the thrust is the command.
-        available: share of the largest magnitude that there is at present.
-        failing: index of the thruster that fails; −1 where none does.
-        remaining_steps: until then.
-        left: share of its thrust that is left.
-        slew: largest change of a goal in a step, N.
-        least, largest: of the magnitudes, N.
-        remaining: share of the angle to the command's direction that a step leaves.
-        transition: (2, 2) of [distance to the goal; rate of change] over a step.
-        mean_away: (2,) distance to the goal in the mean of a step, by those at its beginning.
-        goal: (thrusters,) N.
-        level: (thrusters, 2) magnitude at the end of the last step, N, and its rate of change, N/s.
-        direction: (thrusters, 3) body axes; not of rotors.
-        mean_thrust: (thrust variables,) over the last step, N.
-        settled: 0 before the first command.
-    """
-
-    ideal: int
-    available: float
-    failing: int
-    remaining_steps: float
-    left: float
-    slew: float
-    least: float
-    largest: float
-    remaining: float
-    transition: Vector
-    mean_away: Vector
-    goal: Vector = sized("thrusters")
+    ideal: int  # whether the thrust is the command
+    available: float  # share of the largest magnitude that there is at present
+    failing: int  # index of the thruster that fails; −1 where none does
+    remaining_steps: float  # until then
+    left: float  # share of its thrust that is left
+    slew: float  # largest change of a goal in a step, N
+    least: float  # of the magnitudes, N
+    largest: float  # of the magnitudes, N
+    remaining: float  # share of the angle to the command's direction that a step leaves
+    transition: Vector  # (2, 2) of [distance to the goal; rate of change] over a step
+    mean_away: Vector  # (2,) distance to the goal in the mean of a step, by those at its beginning
+    goal: Vector = sized("thrusters")  # (thrusters,) N
+    # (thrusters, 2) magnitude at the end of the last step, N, and its rate of change, N/s
     level: Vector = sized("thrusters", 2)
-    direction: Vector = sized("thrusters", 3)
-    mean_thrust: Vector = sized("thrusts")
-    settled: int = ZERO
+    direction: Vector = sized("thrusters", 3)  # (thrusters, 3) body axes; not of rotors
+    mean_thrust: Vector = sized("thrusts")  # (thrust variables,) over the last step, N
+    settled: int = ZERO  # 0 before the first command
 
 
 def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: float) -> Records[ThrustersRecord]:
-    """The thrusters, for kernels.
-
-    Args:
-        thrusters: what they are.
-        count: thrusters and rotors.
-        variables: thrust variables, three of a thruster and one of a rotor.
-        dt: step, s.
-    """
+    """The thrusters, for kernels: ``count`` thrusters and rotors with so many thrust variables, at steps of dt, s."""
     p = thrusters
     transition, mean = p._response(dt)
     record = make_record(
@@ -182,13 +154,7 @@ def thrusters_record(thrusters: Thrusters, *, count: int, variables: int, dt: fl
 
 
 def settle_thrusters(record: Record, thrusters: Thrusters, dt: float) -> None:
-    """Make them as at the start: thrusts settle at the next command.
-
-    Args:
-        record: of them.
-        thrusters: what they are.
-        dt: step, s.
-    """
+    """Make the record of thrusters as at the start: thrusts settle at the next command."""
     record["settled"] = 0
     record["available"] = 1.0
     record["remaining_steps"] = math.inf if thrusters.failing is None else round(thrusters.failing[1] / dt)
@@ -196,13 +162,7 @@ def settle_thrusters(record: Record, thrusters: Thrusters, dt: float) -> None:
 
 @kernel
 def drive_thrusters(m: ThrustersRecord, rotation: Vector, command: Vector) -> None:
-    """Thrusts of a step under a constant command, into ``mean_thrust``.
-
-    Args:
-        m: element of the record.
-        rotation: (3, 3) of the body, to world axes.
-        command: (thrust variables,) N, as of :func:`~harpy_pin.model.rotor.read_thrusts`.
-    """
+    """Thrusts of a step under constant thrust variables, N, into ``mean_thrust``; rotation: body to world axes."""
     if m.ideal:
         m.mean_thrust[:] = command
         return

@@ -231,17 +231,7 @@ def test_truncations_are_refused_in_silence(robot, tmp_path, capfd):
     assert printed.err == ""
 
 
-def test_without_thruster(robot):
-    with pytest.raises(RobotError, match=r"thruster.*'booster'.*left_thruster"):
-        hp.load_robot(robot.urdf, feet=robot.feet, thrusters=("booster",))
-
-
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
 def test_thrust_limit_must_be_positive(robot, limit):
     with pytest.raises(InputError, match="thrust_limit"):
         hp.load_robot(robot.urdf, feet=robot.feet, thrust_limit=limit)
-
-
-def test_unknown_frame_lists_the_frames(robot):
-    with pytest.raises(InputError, match=r"'tail'.*left_foot"):
-        robot.frame_id("tail")

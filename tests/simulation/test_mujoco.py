@@ -122,9 +122,8 @@ def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
         inside.apply(torque, np.zeros((len(robot.thrusters), 3)))
         mujoco.mj_forward(inside.model, inside.data)
         found, own, own_v = inside.data.qacc, pin.neutral(model), np.zeros(model.nv)
-        from_mujoco(
-            inside.conventions.record, inside.qpos, found, own, own_v
-        )  # turns accelerations as it does velocities
+        # It turns accelerations as it does velocities.
+        from_mujoco(inside.conventions.record, inside.qpos, found, own, own_v)
         own_v[:3] -= np.cross(v[3:6], v[:3])
         data = model.createData()
         matrix = np.triu(pin.crba(model, data, q))
@@ -238,6 +237,27 @@ def test_feet_are_points(pole, monkeypatch):
     with monkeypatch.context() as patch:  # half the penetration is a radius, too
         sunk, _ = roll(pole, patch, radius=plant_module.FOOT_RADIUS, moved=False)
     assert sunk > 2e-4
+
+
+def test_spheres_roll_and_that_is_no_slip(pole):
+    """A pole that falls about a sphere moves its centre by radius times angle, and its lowest point by nothing."""
+    radius = 0.02
+    plant = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
+    q, v = pin.neutral(pole.model), np.zeros(6)
+    q[2] = 0.4 - plant.static_penetration
+    v[0], v[4] = (0.4 + radius) * 2.0, 2.0
+    plant.reset(q, v)
+    start = plant.state.foot_position[0, 0]
+    while plant.q[4] < np.sin(0.1):
+        plant.advance(NOTHING)
+    angle = 2.0 * np.arcsin(plant.q[4])
+    # A contact lies half-way between plane and sphere, so that it rolls over half the penetration less.
+    assert plant.state.foot_position[0, 0] - start == pytest.approx(radius * angle, rel=0.1)
+    assert plant.slip_path[0] < 0.02 * radius * angle
+    still = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
+    still.reset(q, np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    still.advance(NOTHING, steps=4)
+    assert still.slip_path[0] > 0.0
 
 
 # --- Walks ----------------------------------------------------------------------------------------------------------

@@ -28,15 +28,6 @@ def test_the_impulse_is_whole_whatever_the_step(sled, duration):
     np.testing.assert_allclose(2.0 * simulator.v[:3], 2.0 * np.array(IMPULSE), rtol=1e-10)
 
 
-def test_the_force_acts_in_world_axes(sled):
-    simulator = Simulator(sled, gravity=(0.0, 0.0, 0.0))
-    q = np.array([0.0, 0.0, 1.0, *pin.Quaternion(pin.exp3(np.array([0.5, -1.0, 2.0]))).coeffs()])
-    simulator.reset(q, np.zeros(6))
-    for _ in range(50):
-        simulator.advance(Command(np.zeros(0), np.zeros((0, 3))), (Push(0.0, IMPULSE, 0.01),))
-    np.testing.assert_allclose(2.0 * (simulator.dynamics.rotation @ simulator.v[:3]), IMPULSE, rtol=1e-10)
-
-
 def test_the_force_is_half_a_sine():
     push = Push(1.0, IMPULSE, 0.1)
     times = np.linspace(0.95, 1.15, 401)

@@ -14,14 +14,6 @@ from harpy_pin.simulation.mujoco import CONTACTS, MujocoPlant, SoftContact
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 WEIGHT = 2.0 * 9.81
 
-POLE = """<robot name="pole">
-  <link name="base"><inertial><mass value="2"/>
-    <inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.01"/></inertial></link>
-  <link name="tip"/>
-  <joint name="tip_fixed" type="fixed"><origin xyz="0 0 -0.4"/><parent link="base"/><child link="tip"/></joint>
-</robot>"""
-"""A body that stands on a point 0.4 m below its centre of mass."""
-
 
 def rest(sled, contact, mu, angle, heading=0.0):
     """The sled after two seconds on a slope that falls towards a heading."""
@@ -97,29 +89,6 @@ def test_damping_is_that_of_a_body_that_is_pushed_down(sled):
     r = contact.damping_rate / plant.ground.damping
     more = (plant.state.foot_force[0, 2] - WEIGHT) / speed
     assert more == pytest.approx(plant.ground.damping * r / (0.5 + r), rel=0.01)
-
-
-def test_spheres_roll_and_that_is_no_slip(tmp_path):
-    """A pole that falls about a sphere moves its centre by radius times angle, and its lowest point by nothing."""
-    path = tmp_path / "pole.urdf"
-    path.write_text(POLE)
-    pole, radius = hp.load_robot(path, feet=("tip",)), 0.02
-    plant = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
-    q, v = pin.neutral(pole.model), np.zeros(6)
-    q[2] = 0.4 - plant.static_penetration
-    v[0], v[4] = (0.4 + radius) * 2.0, 2.0
-    plant.reset(q, v)
-    start = plant.state.foot_position[0, 0]
-    while plant.q[4] < np.sin(0.1):
-        plant.advance(NOTHING)
-    angle = 2.0 * np.arcsin(plant.q[4])
-    # A contact lies half-way between plane and sphere, so that it rolls over half the penetration less.
-    assert plant.state.foot_position[0, 0] - start == pytest.approx(radius * angle, rel=0.1)
-    assert plant.slip_path[0] < 0.02 * radius * angle
-    still = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
-    still.reset(q, np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    still.advance(NOTHING, steps=4)
-    assert still.slip_path[0] > 0.0
 
 
 @pytest.mark.parametrize("plant", [Mujoco("default"), Mujoco("menagerie", foot_radius=0.02)])

@@ -58,25 +58,15 @@ def import_mujoco() -> Any:
 
 
 class ConventionsRecord(RecordOf):
-    """Places of the base and of the joints in Pinocchio's arrays and in MuJoCo's.
+    """Places of the base and of the joints in Pinocchio's arrays and in MuJoCo's."""
 
-    Attributes:
-        base_position: of the free joint in MuJoCo's ``qpos``.
-        base_velocity: of the free joint in MuJoCo's ``qvel``.
-        place: (joints,) in q.
-        column: (joints,) in v.
-        unbounded: (joints,) 1 for a joint without limits, whose q is a cosine and a sine.
-        position: (joints,) in MuJoCo's ``qpos``.
-        velocity: (joints,) in MuJoCo's ``qvel``.
-    """
-
-    base_position: int
-    base_velocity: int
-    place: NDArray[np.int64]
-    column: NDArray[np.int64]
-    unbounded: NDArray[np.int64]
-    position: NDArray[np.int64]
-    velocity: NDArray[np.int64]
+    base_position: int  # of the free joint in MuJoCo's ``qpos``
+    base_velocity: int  # of the free joint in MuJoCo's ``qvel``
+    place: NDArray[np.int64]  # (joints,) in q
+    column: NDArray[np.int64]  # (joints,) in v
+    unbounded: NDArray[np.int64]  # (joints,) 1 for a joint without limits, whose q is a cosine and a sine
+    position: NDArray[np.int64]  # (joints,) in MuJoCo's ``qpos``
+    velocity: NDArray[np.int64]  # (joints,) in MuJoCo's ``qvel``
 
 
 class Conventions:

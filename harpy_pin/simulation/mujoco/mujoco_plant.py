@@ -127,7 +127,7 @@ class MujocoPlant(Plant):
         if contact is None:
             _set_options(inside.mujoco, self.model.opt)
             for pair in range(feet):
-                self._set_stiffness(pair, ground)
+                self._set_stiffness(pair, ground.stiffness, ground.damping)
         else:
             write_contact(contact, inside.mujoco, self.model)
             self._find_ground(contact)
@@ -213,18 +213,26 @@ class MujocoPlant(Plant):
             self._rolled[foot, 0] -= way * self._turning[1]
             self._rolled[foot, 1] += way * self._turning[0]
 
-    def _set_stiffness(self, pair: int, ground: Ground) -> None:
-        """Spring and damper of a foot's contact."""
-        solref, impedance = contact_parameters(ground, self.dt, float(self.inverse_mass[pair]))
-        self.model.pair_solref[pair] = self.model.pair_solreffriction[pair] = solref
-        self.model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
+    def _set_stiffness(self, pair: int, stiffness: float, damping: float | None) -> None:
+        """Spring, N/m, and damper, N·s/m, of a foot's contact, as ``solref`` and the impedance d of ``solimp``.
+
+        MuJoCo takes R = (1 − d)/d A₀, with A₀ its own estimate of the inverse mass, 1/kg. A negative ``solref`` gives
+        it the rates k = −solref₀ / d and b = −solref₁ / d where d is constant.
+        """
+        assert damping is not None
+        inverse, model = float(self.inverse_mass[pair]), self.model
+        regularisation = 1.0 / ((damping + stiffness * self.dt) * self.dt)
+        impedance = inverse / (inverse + regularisation)
+        solref = (-stiffness * regularisation * impedance, -impedance / self.dt)
+        model.pair_solref[pair] = model.pair_solreffriction[pair] = solref
+        model.pair_solimp[pair] = (impedance, impedance, 1.0, 0.5, 1.0)
 
     def _follow_stiffness(self) -> None:
         """The stiffness of the place where each foot is, with the ground's damping ratio."""
         assert self.ground.damping is not None
         for pair, stiffness in enumerate(self.ground.stiffness_at(self.dynamics.foot_position[:, 0]).tolist()):
             damping = self.ground.damping * float(np.sqrt(stiffness / self.ground.stiffness))
-            self._set_stiffness(pair, replace(self.ground, stiffness=stiffness, damping=damping))
+            self._set_stiffness(pair, stiffness, damping)
 
     def _find_ground(self, contact: SoftContact) -> None:
         """Take the stiffness and the damping that the weight finds, shared by the feet."""
@@ -262,23 +270,6 @@ class MujocoPlant(Plant):
             self.counts[1] += iterations >= ITERATIONS
 
 
-def contact_parameters(ground: Ground, dt: float, inverse_mass: float) -> tuple[tuple[float, float], float]:
-    """``solref`` and the impedance d of ``solimp`` that make a contact the ground's spring and damper.
-
-    MuJoCo takes R = (1 − d)/d A₀, with A₀ its own estimate of the inverse mass. A negative ``solref`` gives it the
-    rates k = −solref₀ / d and b = −solref₁ / d where d is constant.
-
-    Args:
-        ground: stiffness, N/m, and damping, N·s/m.
-        dt: step, s.
-        inverse_mass: A₀, 1/kg.
-    """
-    assert ground.damping is not None
-    regularisation = 1.0 / ((ground.damping + ground.stiffness * dt) * dt)
-    impedance = inverse_mass / (inverse_mass + regularisation)
-    return (-ground.stiffness * regularisation * impedance, -impedance / dt), impedance
-
-
 def _set_options(mujoco: Any, option: Any) -> None:
     """Solver settings of the plant."""
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -311,14 +302,9 @@ def _note(s: PlantRecord, terrain: TerrainRecord, position: Vector, v: Vector, d
 
 @kernel
 def tangent_planes(s: PlantRecord, terrain: TerrainRecord, position: Vector, below: float, out: Vector) -> None:
-    """Frames of the contacts, and the ground's tangent planes below the feet.
+    """Frames of the contacts, into ``s``, and the ground's tangent planes ``below`` the feet's positions (feet, 3), m.
 
-    Args:
-        s: its frames of the contacts are written.
-        terrain: of the ground.
-        position: (feet, 3) of the feet, m.
-        below: how much lower the planes lie, m.
-        out: (feet, 7) a point of each plane, m, and its quaternion w, x, y, z.
+    ``out`` (feet, 7) is a point of each plane, m, and its quaternion w, x, y, z.
     """
     for k in range(position.shape[0]):
         x, y = position[k, 0], position[k, 1]
