@@ -30,7 +30,7 @@ from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["Conventions", "from_mujoco", "import_mujoco", "installed_version", "to_mujoco"]
+__all__ = ["Conventions", "import_mujoco", "installed_version"]
 
 FREE = 0
 """``mujoco.mjtJoint.mjJNT_FREE``."""
