@@ -24,11 +24,7 @@ MAX_FRICTION = 10.0
 
 
 def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
-    """A finite number within [low, high] (``strict``: above ``low``), as a float.
-
-    Raises:
-        InputError: not a number, not finite, or out of the range.
-    """
+    """A finite number within [low, high] (``strict``: above ``low``), as a float."""
     try:
         if isinstance(value, str | bytes):
             raise TypeError
@@ -48,11 +44,7 @@ def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.
 
 
 def numbers(holder: Any, *names: str, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> None:
-    """Attributes that must be numbers, see :func:`number`.
-
-    Raises:
-        InputError: one is none, or out of the range.
-    """
+    """Attributes that must be numbers, see :func:`number`."""
     for name in names:
         number(name, getattr(holder, name), low=low, high=high, strict=strict)
 
@@ -64,10 +56,9 @@ def keep(holder: Any, **values: Any) -> None:
 
 
 def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> int:
-    """How many times a time ``unit`` fits into the time ``value``, s.
+    """How many times a time ``unit`` fits into the time ``value``, s; at least ``low`` times, and a whole number.
 
-    Raises:
-        InputError: no whole number of times, or less than ``low`` times; the message calls the unit ``of``.
+    Messages call the unit ``of``.
     """
     count = round(min(value / unit, MAX_TICKS))
     if count < low or abs(count * unit - value) > 1e-9:
@@ -76,22 +67,14 @@ def multiple(name: str, value: float, of: str, unit: float, *, low: int = 1) -> 
 
 
 def ticks(duration: float, period: float) -> int:
-    """How many periods there are in a duration, at least one.
-
-    Raises:
-        InputError: more than :data:`MAX_TICKS`.
-    """
+    """How many periods there are in a duration, at least one and at most :data:`MAX_TICKS`."""
     if duration > MAX_TICKS * period:
         raise InputError(f"duration {duration:g} s is more than {MAX_TICKS} periods of {period:g} s", name="duration")
     return max(round(duration / period), 1)
 
 
 def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int:
-    """A whole number within [low, high], as an int.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A whole number within [low, high], as an int."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
         bounds = f"≥ {low}" if high == math.inf else f"≥ {low} and ≤ {high}"
         raise InputError(f"{name} must be a whole number {bounds}, got {shown(value)}", name=name, value=value)
@@ -99,33 +82,21 @@ def whole(name: str, value: Any, *, low: int = 0, high: float = math.inf) -> int
 
 
 def instance(name: str, value: Any, kind: type[_Kind]) -> _Kind:
-    """An object of a class.
-
-    Raises:
-        InputError: it is none.
-    """
+    """An object of a class."""
     if not isinstance(value, kind):
         raise InputError(f"{name} must be a {kind.__name__}, got {shown(value)}", name=name, value=value)
     return value
 
 
 def mapping(name: str, value: Any) -> Mapping[str, Any]:
-    """A mapping.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A mapping."""
     if not isinstance(value, Mapping):
         raise InputError(f"{name} must be a mapping, got {shown(value)}", name=name, value=value)
     return value
 
 
 def function(name: str, value: Any, arguments: int | None = None) -> None:
-    """Refuse what cannot be called, or not with so many arguments; None is no function that was given.
-
-    Raises:
-        InputError: it cannot be called.
-    """
+    """Refuse what cannot be called, or not with so many arguments; None is no function that was given."""
     if value is not None and not callable(value):
         raise InputError(f"{name} must be a function, got {shown(value)}", name=name, value=value)
     if value is None or arguments is None:
@@ -140,11 +111,7 @@ def function(name: str, value: Any, arguments: int | None = None) -> None:
 
 
 def path(name: str, value: Any) -> Path:
-    """The path of a file.
-
-    Raises:
-        InputError: it is none.
-    """
+    """The path of a file."""
     try:
         possible = isinstance(value, str | PathLike) and b"\0" not in os.fsencode(value)
     except UnicodeEncodeError:
@@ -155,11 +122,7 @@ def path(name: str, value: Any) -> Path:
 
 
 def names(name: str, value: Any) -> tuple[str, ...]:
-    """Names of parts of a robot.
-
-    Raises:
-        InputError: they are none; one name alone is not taken for its letters.
-    """
+    """Names of parts of a robot; one name alone is not taken for its letters."""
     if not isinstance(value, Sequence) or not all(isinstance(entry, str) and entry.isprintable() for entry in value):
         raise InputError(f"{name} must be a tuple of names, got {shown(value)}", name=name, value=value)
     if isinstance(value, str):
@@ -176,11 +139,7 @@ def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int6
         count: how many there are.
 
     Returns:
-        Their indices.
-
-    Raises:
-        InputError: no index or mask of these things.
-    """
+        Their indices."""
     everything = np.arange(count)
     try:
         given = everything if which is None else np.atleast_1d(np.asarray(which))
@@ -192,22 +151,14 @@ def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int6
 
 
 def one_of(kind: str, value: object, valid: Iterable[str], *, hint: str = "") -> None:
-    """Refuse a name that is not one of ``valid``; a hint says what else may have been meant.
-
-    Raises:
-        InputError: it lists the valid names.
-    """
+    """Refuse a name that is not one of ``valid``, which messages list; a hint says what else may have been meant."""
     names = tuple(valid)
     if not isinstance(value, str) or value not in names:
         raise InputError.unknown(kind, value, names, hint)
 
 
 def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> NDArray[np.float64]:
-    """A float64 array of the given shape, or of any (a copy, in C order); its entries may be NaN.
-
-    Raises:
-        InputError: wrong shape, or an entry that is not a real number.
-    """
+    """A float64 array of the given shape, or of any (a copy, in C order); its entries may be NaN."""
     desired = (shape,) if isinstance(shape, int) else shape
     try:
         given = np.asarray(value)
@@ -222,11 +173,7 @@ def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> N
 
 
 def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray[np.float64]:
-    """A finite float64 array of the given shape (a copy, in C order).
-
-    Raises:
-        InputError: wrong shape, or an entry that is not a finite number.
-    """
+    """A finite float64 array of the given shape (a copy, in C order)."""
     result = array(name, value, shape)
     if not np.all(np.isfinite(result)):
         raise InputError(f"{name} must be finite, got {shown(result.tolist())}", name=name, value=value)
@@ -234,11 +181,7 @@ def vector(name: str, value: ArrayLike, shape: int | tuple[int, ...]) -> NDArray
 
 
 def gains(name: str, value: ArrayLike, size: int = 3) -> NDArray[np.float64]:
-    """Non-negative gains of one vector: a scalar is repeated ``size`` times.
-
-    Raises:
-        InputError: wrong shape, negative, or not finite.
-    """
+    """Non-negative gains of one vector: a scalar is repeated ``size`` times."""
     given = array(name, value, None)
     result = vector(name, np.full(size, given) if given.ndim == 0 else given, size)
     if np.any(result < 0.0):

@@ -37,11 +37,7 @@ MAX_COUNT = 1e15
 
 
 def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
-    """A signal of :data:`SHAPES`; none where the run has none of that name.
-
-    Raises:
-        InputError: it has another shape, or is not made of floats.
-    """
+    """A signal of :data:`SHAPES`; none where the run has none of that name."""
     if name not in run:
         return None
     signal = run[name]
@@ -56,11 +52,7 @@ def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
 
 
 def given_thrust(run: Run) -> NDArray[Any]:
-    """(n, thrusters, 3) The thrusts that there were, N: of thrusters that lag, not those commanded.
-
-    Raises:
-        InputError: the signal ``applied_thrust`` is not like ``thrust``.
-    """
+    """(n, thrusters, 3) The thrusts that there were, N: of thrusters that lag, not those commanded."""
     given = optional_signal(run, "applied_thrust")
     return run["thrust"] if given is None else given
 
@@ -74,11 +66,7 @@ def has_target(run: Run) -> bool:
 
 
 def last_count(run: Run, name: str) -> int:
-    """What a signal that counts has come to; zero where the run has none of that name.
-
-    Raises:
-        InputError: it is no count.
-    """
+    """What a signal that counts has come to; zero where the run has none of that name."""
     signal = optional_signal(run, name)
     return 0 if signal is None else int(checks.number(f"the run's last {name}", signal[-1], low=0.0, high=MAX_COUNT))
 
@@ -92,21 +80,13 @@ def tick_times(run: Run) -> NDArray[np.float64] | None:
 
 
 def control_period(run: Run) -> float:
-    """Time between ticks, s; 1 ms where the log does not say.
-
-    Raises:
-        InputError: it is no such time.
-    """
+    """Time between ticks, s; 1 ms where the log does not say."""
     period = run.metadata.get("control_period", 1e-3)
     return checks.number("the run's control_period", period, low=0.0, high=MAX_STEP, strict=True)
 
 
 def step_duration(run: Run) -> float:
-    """Time of a step of the gait, s; 0.75 s where the log does not say.
-
-    Raises:
-        InputError: it is no such time.
-    """
+    """Time of a step of the gait, s; 0.75 s where the log does not say."""
     place: Any = run.metadata
     for name in ("parameters", "gait"):
         place = checks.mapping(f"the run's {name}", place.get(name, {}))

@@ -64,18 +64,9 @@ class FlatFoot:
 def add_flat_feet(
     model: pin.Model, feet: Sequence[str], flat_feet: Mapping[str, FlatFoot]
 ) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    """Add the corners of flat feet to a model as frames.
+    """Add the corners of flat feet to a model, which has the frames of the feet already, as frames.
 
-    Args:
-        model: gets the frames; it has those of ``feet`` already.
-        feet: frames of the feet, point feet and flat ones.
-        flat_feet: the flat ones.
-
-    Returns:
-        Names of the contact points in the order of the feet, and how many of them each foot has.
-
-    Raises:
-        InputError: a flat foot on a frame that is no foot, or a value that is none.
+    Returns the names of the contact points in the order of the feet, and how many of them each foot has.
     """
     for name, foot in checks.mapping("flat_feet", flat_feet).items():
         if name not in feet:

@@ -72,9 +72,6 @@ def push_forces(pushes: Sequence[Push], t: float, dt: float, steps: int) -> Vect
         t: time at which the first step begins, s.
         dt: step, s.
         steps: how many.
-
-    Raises:
-        InputError: these are no pushes.
     """
     _are_pushes(pushes)
     force = np.zeros((steps, 3))
@@ -87,16 +84,7 @@ def push_forces(pushes: Sequence[Push], t: float, dt: float, steps: int) -> Vect
 
 
 def check_pushes(pushes: Sequence[Push], begin: float, end: float) -> None:
-    """Refuse pushes that lie outside a run.
-
-    Args:
-        pushes: to check.
-        begin: of the run, s.
-        end: of the run, s.
-
-    Raises:
-        InputError: one ends before the run begins, or begins after it ends.
-    """
+    """Refuse pushes that end before a run begins or begin after it ends, s."""
     _are_pushes(pushes)
     for push in pushes:
         if push.time + push.duration <= begin or push.time >= end:

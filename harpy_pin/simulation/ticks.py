@@ -109,16 +109,10 @@ class CompiledLoop:
         )
 
     def run(self, tick: int, ticks: int, pushes: Sequence[Push]) -> tuple[int, int]:
-        """Ticks until the piece of the log is full.
+        """From the next tick on, of all ticks of the run, until the piece of the log is full.
 
-        Args:
-            tick: the next one.
-            ticks: of the whole run.
-            pushes: forces on the body.
-
-        Returns:
-            How many were done, and how it stands: 0, 1 and 2 as :func:`~harpy_pin.simulation.step.stands` says, or
-            ``HANDED_OVER``.
+        Returns how many were done, and how it stands: 0, 1 and 2 as :func:`~harpy_pin.simulation.step.stands` says, or
+        ``HANDED_OVER``.
         """
         simulator, recorder, substeps, loop = self._simulator, self._recorder, self._substeps, self._loop
         count = min(ticks - tick, recorder.room)
@@ -137,13 +131,7 @@ class CompiledLoop:
 
 
 def lasting_signals(signals: Mapping[str, Any], again: Mapping[str, Any], recorder: Recorder) -> bool:
-    """Whether signals are arrays that stay where they are, and those of a log.
-
-    Args:
-        signals: by name.
-        again: the same, asked for a second time.
-        recorder: of the log; has its first row.
-    """
+    """Whether signals, asked for twice, are arrays that stay where they are, and those of a log with its first row."""
     layout = recorder.layout
     return signals.keys() == layout.shapes.keys() and all(
         isinstance(array, np.ndarray)

@@ -184,11 +184,7 @@ friction against turning and rolling; their spheres have 20 to 30 mm."""
 
 
 def _checked_forces(force: ArrayLike, **others: ArrayLike) -> tuple[Vector, ...]:
-    """Forces (..., 3), and other numbers for each of them by their names, as arrays.
-
-    Raises:
-        InputError: they are not numbers, or not of these shapes.
-    """
+    """Forces (..., 3), and other numbers for each of them by their names, as arrays."""
     forces = checks.array("force", force, None)
     if forces.shape[-1:] != (3,):
         raise InputError(f"force must have shape (..., 3), got {forces.shape}", name="force", value=force)
