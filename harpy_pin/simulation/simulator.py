@@ -52,7 +52,6 @@ class Simulator(Plant):
     """
 
     name = "compliant"
-
     sweeps = 0
 
     def _make_record(self) -> Records[StepRecord]:
