@@ -40,7 +40,11 @@ class StatusRecord(RecordOf):
 
 def _recorded(name: str, kind: type) -> Any:
     """An attribute that is a number of a record."""
-    return property(lambda self: kind(self._record[name][0]), lambda self, value: self._record.__setitem__(name, value))
+    return property(
+        lambda self: kind(self._record[name][0]),
+        lambda self, value: self._record.__setitem__(name, value),
+        doc="A number of the record, see the attributes of the class.",
+    )
 
 
 @fixed_arrays("h_r", "h_w", "rate")

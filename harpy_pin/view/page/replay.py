@@ -51,8 +51,10 @@ def write_html(runs: Runs, path: str | Path, *, fps: float = 30.0, names: Sequen
     """Write :func:`replay_html` as one self-contained file; an older file goes only once the new one is whole.
 
     Args:
-        runs: as of :func:`replay_html`, like ``fps``, ``names`` and the other errors.
+        runs: as of :func:`replay_html`, whose other errors it has, too.
         path: the file, which is returned.
+        fps: as of :func:`replay_html`.
+        names: as of :func:`replay_html`.
 
     Raises:
         RunFileError: the file cannot be written (found out before the work is done).
