@@ -96,11 +96,7 @@ def is_unit(q: Vector) -> bool:
 
 
 def as_state(state: State, robot: Robot) -> State:
-    """The state itself where its arrays are float64 and of the robot's sizes, otherwise a copy in which they are.
-
-    Raises:
-        InputError: it is no state, or an array has the wrong shape; the message names it.
-    """
+    """The state itself where its arrays are float64 and of the robot's sizes, otherwise a copy in which they are."""
     nq, nv, feet = robot.model.nq, robot.model.nv, (len(robot.feet), 3)
     shapes = {"q": (nq,), "v": (nv,), "foot_position": feet, "foot_velocity": feet, "foot_force": feet}
     arrays, same = _arrays("state", state, shapes)
@@ -114,11 +110,7 @@ def as_state(state: State, robot: Robot) -> State:
 
 
 def as_command(command: Command, robot: Robot) -> Command:
-    """The command itself where its arrays are float64, of the robot's sizes and may be written, otherwise a copy.
-
-    Raises:
-        InputError: it is no command, or an array has the wrong shape; the message names it.
-    """
+    """The command itself where its arrays are float64, of the robot's sizes and may be written, otherwise a copy."""
     shapes = {"torque": (len(robot.joints),), "thrust": (len(robot.thrusters), 3)}
     arrays, same = _arrays("command", command, shapes)
     return command if same else Command(**arrays)
@@ -137,11 +129,7 @@ def _arrays(kind: str, given: Any, shapes: dict[str, tuple[int, ...]]) -> tuple[
 
 
 def as_array(name: str, value: Any, shape: tuple[int, ...]) -> Vector:
-    """The array itself where kernels take it, otherwise a copy that they take.
-
-    Raises:
-        InputError: wrong shape, or entries that are no numbers.
-    """
+    """The array itself where kernels take it, otherwise a copy that they take."""
     if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == shape and value.flags.carray:
         return value
     # An array that comes from a pickle has a type of its own, equal to float64: a view has this process's.

@@ -77,11 +77,7 @@ def shares_memory(holder: _T) -> _T:
 
 
 def _checked(name: str, value: ArrayLike, held: _Array) -> _Array:
-    """What may be written into an array.
-
-    Raises:
-        InputError: another shape, numbers that are not finite, or no numbers of its kind.
-    """
+    """What may be written into an array: finite numbers of its shape and kind."""
     if held.dtype.names or not held.flags.writeable:
         raise InputError(f"{name} is read only", name=name, value=value)
     if held.dtype.kind == "f":

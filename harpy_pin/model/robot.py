@@ -283,11 +283,7 @@ def heavier(robot: Robot, error: float) -> Robot:
 
 
 def configuration(model: pin.Model, q: ArrayLike) -> Vector:
-    """A checked configuration: the right length, finite, the quaternion of a free flyer normalised.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A checked configuration: the right length, finite, the quaternion of a free flyer normalised."""
     result = checks.vector("q", q, model.nq)
     if model.joints[1].nq == 7 and np.linalg.norm(result[3:7]) < 1e-6:
         raise InputError("q has no orientation: its quaternion (entries 3 to 6) is zero", name="q", value=q)

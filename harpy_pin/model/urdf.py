@@ -105,11 +105,7 @@ def build_model(path: Path) -> pin.Model:
 
 
 def check_file(path: Path) -> None:
-    """Refuse a path where there is no file.
-
-    Raises:
-        RobotError: it says what there is.
-    """
+    """Refuse a path where there is no file; the :class:`RobotError` says what there is."""
     if not path.is_file():
         found = "it is no file" if path.exists() else "the file does not exist"
         raise RobotError(f"no URDF at {_shown(path)}: {found}", path=path)

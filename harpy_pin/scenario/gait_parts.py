@@ -224,11 +224,7 @@ def why_not(robot: str, gait: object) -> str:
 
 
 def _rows(velocity: Any, entries: int) -> tuple[tuple[float, ...], ...]:
-    """A velocity as rows of numbers; text may say them as ``VX VY W; Ts VX VY W; ...``.
-
-    Raises:
-        InputError: it is no velocity.
-    """
+    """A velocity as rows of numbers; text may say them as ``VX VY W; Ts VX VY W; ...``."""
     if isinstance(velocity, str):
         velocity = [_row(part, first=k == 0) for k, part in enumerate(velocity.split(";"))]
     if not is_sequence(velocity) or not len(velocity):

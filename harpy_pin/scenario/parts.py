@@ -94,16 +94,7 @@ def read_part(kinds: Mapping[str, type[_Part]], what: str, value: Any, usual: Se
 
 
 def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) -> None:
-    """Refuse a part that there is not; of a schedule or a governor the message says where it goes.
-
-    Args:
-        kinds: class of each name.
-        what: the part is.
-        name: of the part.
-
-    Raises:
-        InputError: an unknown name.
-    """
+    """Refuse a part that is none of these kinds; for a schedule or a governor the message says where it goes."""
     hint = ""
     if isinstance(name, str):
         if what == "gait" and name in (*FOUR_FEET, *TWO_FEET):
@@ -114,11 +105,7 @@ def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) ->
 
 
 def read_record(kind: type[_Record], what: str, value: Any) -> _Record:
-    """A dataclass from itself, or from a mapping of its attributes.
-
-    Raises:
-        InputError: unknown names, missing ones, or values out of their domains.
-    """
+    """A dataclass from itself, or from a mapping of its attributes; unknown and missing names are refused."""
     if isinstance(value, kind):
         return value
     if not isinstance(value, Mapping):
