@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from comparison.campaign.execute import run_campaign
 from comparison.campaign.plan import QUICK, CampaignSettings
+from comparison.campaign.walks import run_campaign
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
 from comparison.measure.walking import CONTENDERS, pushed_walk, record_states, recorded_walk, stage
 from comparison.sections.growth import FACES, time_growth

@@ -1,12 +1,219 @@
-"""Who walks a campaign, by name."""
+"""Who is compared, by name; who is tuned: every variant that the paper's text allows; and what the search found."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
-from comparison.tuning.variants import VARIANTS, best_paper, variant_part
+from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.named_controllers import GOVERNORS
+from harpy_pin.governors import ContactForceFilterParameters, PaperGovernorParameters
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
+from harpy_pin.scenario.parts import read_part
+
+Point = Mapping[str, Any]
+"""A value for each setting of a space: the factor of a :class:`Range`, the value of a :class:`Choice`."""
+
+
+@dataclass(frozen=True)
+class Range:
+    """A setting that is searched as a multiple of its published value, uniformly in the logarithm."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A setting with few values; the published one comes first."""
+
+    values: tuple[Any, ...]
+
+
+Space = Mapping[str, Range | Choice]
+"""What is searched, by the setting's path in the controller's part: ``parameters.centre.k_pt``."""
+
+_GAIN = Range(0.25, 4.0)
+_WEIGHT = Range(0.05, 20.0)
+
+_THRUSTERS: Space = {
+    "parameters.centre.k_pt": _GAIN,
+    "parameters.centre.k_dt": _GAIN,
+    "parameters.attitude.k_p": _GAIN,
+    "parameters.attitude.k_d": _GAIN,
+}
+_LEGS: Mapping[str, Space] = {
+    "pid": {
+        "parameters.joints.k_p": Range(0.1, 2.0),
+        "parameters.joints.k_i": Range(0.1, 4.0),
+        "parameters.joints.k_d": Range(0.2, 1.5),
+    },
+    "feedforward": {
+        "parameters.feedforward.stance_p": _GAIN,
+        "parameters.feedforward.stance_d": Range(0.25, 2.0),
+        "parameters.feedforward.swing_p": _GAIN,
+        "parameters.feedforward.swing_d": Range(0.25, 2.0),
+    },
+}
+_PAPER: Space = {
+    "governor_parameters.alpha_r": Range(0.1, 10.0),
+    "governor_parameters.alpha_t": Range(0.1, 10.0),
+    "governor_parameters.alpha_n": Range(0.1, 10.0),
+    "governor_parameters.conditions": Choice(("algorithm", "equation")),
+    "governor_parameters.friction_share": Range(0.4, 1.0),
+    "governor_parameters.min_normal_force": Range(0.05, 1.5),
+    "parameters.reference_velocity": Choice((True, False)),
+}
+_FILTER: Space = {
+    "governor_parameters.friction_share": Range(0.5, 1.05),
+    "governor_parameters.margin": Range(0.1, 10.0),
+    "governor_parameters.contact_damping": _GAIN,
+    "governor_parameters.linear": _WEIGHT,
+    "governor_parameters.angular": _WEIGHT,
+    "governor_parameters.swing": _WEIGHT,
+    "governor_parameters.thrust": _WEIGHT,
+    "governor_parameters.torque": _WEIGHT,
+    "governor_parameters.lag": Range(0.25, 8.0),
+    "governor_parameters.sliding_speed": _GAIN,
+}
+_WHOLE_BODY: Space = {
+    "parameters.body": _GAIN,
+    "parameters.orientation": _GAIN,
+    "parameters.swing": _GAIN,
+    "parameters.contact_damping": _GAIN,
+    "parameters.min_normal_force": Range(0.05, 1.5),
+    "parameters.limits.friction_share": Range(0.5, 1.33),
+    "parameters.weights.orientation": _WEIGHT,
+    "parameters.weights.swing": _WEIGHT,
+    "parameters.weights.thrust": _WEIGHT,
+    "parameters.weights.force": _WEIGHT,
+}
+
+_PUBLISHED = {
+    ("governed", "parameters"): GovernedParameters(),
+    ("wbc", "parameters"): WholeBodyParameters(),
+    ("condensed", "parameters"): WholeBodyParameters(),
+    ("paper", "governor_parameters"): PaperGovernorParameters(),
+    ("filter", "governor_parameters"): ContactForceFilterParameters(),
+}
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A contender that is tuned.
+
+    Attributes:
+        label: its name for readers.
+        part: the controller's part that stays, as a mapping.
+        space: what is searched.
+    """
+
+    label: str
+    part: Mapping[str, Any]
+    space: Space
+
+    @property
+    def published(self) -> Point:
+        """The point of the published settings."""
+        return {path: 1.0 if isinstance(span, Range) else span.values[0] for path, span in self.space.items()}
+
+    def settings(self, point: Point) -> dict[str, Any]:
+        """The part as a mapping with the settings of a point; those at their published values are left out."""
+        settings: dict[str, Any] = {key: dict(v) if isinstance(v, Mapping) else v for key, v in self.part.items()}
+        for path, value in point.items():
+            if value == self.published[path]:
+                continue
+            *groups, name = path.split(".")
+            place, record = settings, self._record(groups[0])
+            for group in groups:
+                place = place.setdefault(group, {})
+            for group in groups[1:]:
+                record = getattr(record, group)
+            place[name] = _multiplied(getattr(record, name), value) if isinstance(self.space[path], Range) else value
+        return settings
+
+    def controller(self, point: Point, mu: float | None = None) -> ControllerPart:
+        """The controller of a scenario with the settings of a point; it assumes the ground's friction by default."""
+        return read_part(CONTROLLER_PARTS, "controller", {**self.settings(point), "mu": mu})
+
+    def _record(self, group: str) -> Any:
+        """The published settings of a group."""
+        return _PUBLISHED[self.part["governor"] if group == "governor_parameters" else self.part["name"], group]
+
+
+def _multiplied(published: Any, factor: float) -> Any:
+    """A setting, or each number of it, times a factor."""
+    return [factor * number for number in published] if isinstance(published, tuple) else factor * published
+
+
+def _governed(governor: str, legs: str, own: Space, **more: Any) -> Variant:
+    """The governed controller with one governor and one control law of the legs."""
+    names = {"none": "no governor", "paper": "paper's governor", "filter": "contact-force filter"}
+    words = [names[governor], *more.values(), "PID" if legs == "pid" else "feedforward"]
+    other_legs = {} if legs == "pid" else {"parameters": {"legs": legs}}
+    part = {"name": "governed", "governor": governor, **more, **other_legs}
+    return Variant(", ".join(words), part, {**own, **_THRUSTERS, **_LEGS[legs]})
+
+
+VARIANTS: Mapping[str, Variant] = {
+    **{f"none/{legs}": _governed("none", legs, {}) for legs in _LEGS},
+    **{
+        f"paper/{at}/{legs}": _governed("paper", legs, _PAPER, evaluate_at=at)
+        for at in ("measured", "tracked")
+        for legs in _LEGS
+    },
+    **{f"filter/{legs}": _governed("filter", legs, _FILTER) for legs in _LEGS},
+    "condensed": Variant("condensed WBC", {"name": "condensed"}, _WHOLE_BODY),
+    "wbc": Variant("whole-body QP", {"name": "wbc"}, _WHOLE_BODY),
+}
+"""Contenders that are tuned, by name, in the order in which they are searched.
+
+Gains that are found without a governor are tried by the governed ones, too.
+"""
+
+PAPER = tuple(name for name in VARIANTS if name.startswith("paper/"))
+"""The variants of the paper's governor."""
+
+TUNED_FILE = Path(__file__).parent / "tuning" / "tuned.json"
+"""What the command wrote; the file says with how large a budget, and on how many walks."""
+
+WHOLE_BODY = ("condensed", "wbc")
+
+
+@cache
+def tuned() -> dict[str, Any]:
+    """The document of :func:`comparison.tuning.tune.tune`."""
+    document: dict[str, Any] = json.loads(TUNED_FILE.read_text(encoding="utf-8"))
+    return document
+
+
+def best_paper() -> str:
+    """The variant of the paper's governor with the least cost on the training walks, by its name."""
+    return str(tuned()["best_paper"])
+
+
+def searched(variant: str) -> str:
+    """The variant whose search gave the settings of a variant.
+
+    The two whole-body controllers have one optimum, and so one best setting: both have what was found for the one with
+    the least cost on the training walks.
+    """
+    if variant not in WHOLE_BODY:
+        return variant
+    return min(WHOLE_BODY, key=lambda name: tuned()["variants"][name]["training"]["cost"])
+
+
+def variant_part(name: str, mu: float | None = None) -> ControllerPart:
+    """A variant as the controller of a scenario, with ``/tuned`` after its name with the settings that were found."""
+    variant = name.removesuffix("/tuned")
+    part = VARIANTS[variant].part
+    found = tuned()["variants"][searched(variant)]["controller"] if name.endswith("/tuned") else {}
+    return read_part(CONTROLLER_PARTS, "controller", {**part, **found, "name": part["name"], "mu": mu})
+
 
 BEST = "paper/best"
 """The paper's governor in the variant, and with the settings, that ``python -m comparison tune`` found best."""

@@ -6,7 +6,6 @@ import base64
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -87,8 +86,7 @@ def write_report(result: Reproduction, folder: Path) -> Path:
     """
     plates = prepare_folder(folder)
     parts = []
-    for name, caption, draw in _plates(result):
-        figure = draw()
+    for name, caption, figure in _plates(result):
         with replacing(plates / f"{name}.pdf") as file:
             figure.savefig(file, format="pdf", metadata={"CreationDate": None})
         picture = io.BytesIO()
@@ -122,68 +120,53 @@ def prepare_folder(folder: Path) -> Path:
     return plates
 
 
-def _plates(result: Reproduction) -> list[tuple[str, str, Callable[[], Figure]]]:
+def _plates(result: Reproduction) -> Iterator[tuple[str, str, Figure]]:
     """Name, caption and drawing of each figure, in the paper's order."""
     runs = result.vlip.runs
     shown, free = runs[VLIP_SHOWN], runs[VlipCase(None)]
-    chattering = {
-        f"VLIP, {case.evaluate_at}, {case.coordinates}": {
-            d: x for (c, d), (x, _) in result.vlip.chattering.items() if c == case
-        }
-        for case in runs
-        if case.evaluate_at is not None and case.start == "paper"
-    }
-    chattering |= {
-        f"walk, {setting}, {name}": {d: x for (n, d), (x, _) in walk.chattering.items() if n == name}
-        for setting, walk in result.walks.items()
-        for name in WALKS[2:]
-    }
-    plates: list[tuple[str, str, Callable[[], Figure]]] = [
-        (
-            "vlip_states",
-            "States of the VLIP: target, applied reference and model (constraints at the tracked state, reference in "
-            "θ, φ, l).",
-            partial(figures.vlip_states, shown),
-        ),
-        (
-            "vlip_forces",
-            "Contact force of the VLIP with the applied reference, and what the target would cause at the same states.",
-            partial(figures.vlip_forces, shown),
-        ),
-        (
-            "vlip_constraints",
-            "Constraints of the VLIP: a run on the target reference, and the governed run.",
-            partial(figures.vlip_constraints, shown, free),
-        ),
-    ]
-    for setting, walk in result.walks.items():
-        run = walk.runs["measured"]
-        plates += [
-            (
-                f"walk_{setting}_states",
-                f"Full robot, gait {setting}: body position, target and applied reference (measured evaluate_at).",
-                partial(figures.walk_states, run),
-            ),
-            (
-                f"walk_{setting}_forces",
-                f"Full robot, gait {setting}: force of the simulated ground on both feet, and the force that the "
-                "reduced-order model expects. The paper shows the second; the feet feel the first.",
-                partial(figures.walk_forces, run, mu=MU),
-            ),
-            (
-                f"walk_{setting}_constraints",
-                f"Full robot, gait {setting}: the model's constraints at the target and at the applied reference.",
-                partial(figures.walk_constraints, run, mu=MU),
-            ),
-        ]
-    plates.append(
-        (
-            "chattering",
-            "Reversals of the applied reference per second as the step is divided. Level is smooth; rising chatters.",
-            partial(figures.chattering_figure, chattering),
-        )
+    yield (
+        "vlip_states",
+        "States of the VLIP: target, applied reference and model (constraints at the tracked state, reference in θ, φ, "
+        "l).",
+        figures.vlip_states(shown),
     )
-    return plates
+    yield (
+        "vlip_forces",
+        "Contact force of the VLIP with the applied reference, and what the target would cause at the same states.",
+        figures.vlip_forces(shown),
+    )
+    yield (
+        "vlip_constraints",
+        "Constraints of the VLIP: a run on the target reference, and the governed run.",
+        figures.vlip_constraints(shown, free),
+    )
+    for setting, walk in result.walks.items():
+        run, robot = walk.runs["measured"], f"Full robot, gait {setting}"
+        yield (
+            f"walk_{setting}_states",
+            f"{robot}: body position, target and applied reference (measured evaluate_at).",
+            figures.walk_states(run),
+        )
+        yield (
+            f"walk_{setting}_forces",
+            f"{robot}: force of the simulated ground on both feet, and the force that the reduced-order model expects. "
+            "The paper shows the second; the feet feel the first.",
+            figures.walk_forces(run, mu=MU),
+        )
+        yield (
+            f"walk_{setting}_constraints",
+            f"{robot}: the model's constraints at the target and at the applied reference.",
+            figures.walk_constraints(run, mu=MU),
+        )
+    chattering: dict[str, dict[int, Chattering]] = {}
+    for _, name, divisor, applied, _ in _chattering(result):
+        if "no governor" not in name:
+            chattering.setdefault(name, {})[divisor] = applied
+    yield (
+        "chattering",
+        "Reversals of the applied reference per second as the step is divided. Level is smooth; rising chatters.",
+        figures.chattering_figure(chattering),
+    )
 
 
 def _numbers(result: Reproduction) -> dict[str, Any]:

@@ -13,8 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 import harpy_pin
-from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, TUNED
-from comparison.tuning.variants import TUNED_FILE
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, TUNED, TUNED_FILE
 from harpy_pin import checks
 from harpy_pin.ground.ground import Ground
 from harpy_pin.log.run import describe_versions

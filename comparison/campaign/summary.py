@@ -184,17 +184,17 @@ def _slip_median(part: pd.DataFrame) -> float | None:
 
 
 def _slip_interval(part: pd.DataFrame) -> list[float | str] | None:
-    """The 95 % interval of :func:`_slip_median` that order statistics give, mm; ``fell`` is an end that is a fall.
+    """The 95 % interval of :func:`_slip_median`, mm; ``fell`` is an end that is a fall."""
+    ends = _interval(_slips(part))
+    return None if np.isnan(ends).any() else ["fell" if np.isinf(end) else end for end in ends]
 
-    There is none for fewer than six walks.
-    """
-    slip = _slips(part)
-    if len(slip) == 0:
-        return None
-    ends = quantile_test(slip, p=0.5).confidence_interval(0.95)
-    if np.isnan(ends.low) or np.isnan(ends.high):
-        return None
-    return ["fell" if np.isinf(end) else float(end) for end in (ends.low, ends.high)]
+
+def _interval(values: Vector) -> tuple[float, float]:
+    """The 95 % interval of the median that order statistics give; NaN for fewer than six values."""
+    if len(values) == 0:
+        return np.nan, np.nan
+    ends = quantile_test(values, p=0.5).confidence_interval(0.95)
+    return float(ends.low), float(ends.high)
 
 
 def _slips(part: pd.DataFrame) -> Vector:
@@ -219,13 +219,7 @@ def _share(hits: pd.Series[bool]) -> dict[str, float | None]:
 
 
 def _median(values: pd.Series[float]) -> dict[str, float | None]:
-    """Median with the 95 % interval that its order statistics give (none for fewer than six values)."""
+    """Median with its interval."""
     known = values.dropna().to_numpy(dtype=float)
-    if len(known) == 0:
-        return {"value": None, "low": None, "high": None}
-    interval = quantile_test(known, p=0.5).confidence_interval(0.95)
-    return {
-        "value": float(np.median(known)),
-        "low": _statistic(float(interval.low)),
-        "high": _statistic(float(interval.high)),
-    }
+    ends = map(_statistic, _interval(known))
+    return {"value": float(np.median(known)) if len(known) else None, **dict(zip(("low", "high"), ends, strict=True))}

@@ -9,10 +9,11 @@ from typing import Annotated, Any
 import typer
 
 from comparison.benchmark import FRICTION, Settings, compare
-from comparison.campaign.execute import exceptions_table, run_campaign, with_reasons
 from comparison.campaign.plan import KINDS, QUICK, plan
 from comparison.campaign.summary import variants_table
+from comparison.campaign.walks import exceptions_table, run_campaign, with_reasons
 from comparison.cli.output import NumbersFile, print_tables, stages, writing
+from comparison.contenders import VARIANTS
 from comparison.peers.compare import ROBOTS, compare_peers, peer_tables
 from comparison.peers.environment import PEERS, PLAYGROUND, default_folder
 from comparison.peers.environment import install as install_peer
@@ -21,7 +22,6 @@ from comparison.report.answer import answer_of, passed
 from comparison.report.html import figures_of, tables_of, write_report
 from comparison.tuning.tune import TuneSettings, tuning_tables
 from comparison.tuning.tune import tune as search_settings
-from comparison.tuning.variants import VARIANTS
 from harpy_pin import checks
 from harpy_pin.errors import RunFileError
 from harpy_pin.files import check_writable, write_json

@@ -25,8 +25,8 @@ from typing import Annotated, Any
 
 import typer
 
-from comparison.campaign.execute import exceptions_table
 from comparison.campaign.summary import summary_tables, variants_table
+from comparison.campaign.walks import exceptions_table
 from comparison.cli.studies import STUDIES
 from comparison.report.html import tables_of
 from comparison.study import Study

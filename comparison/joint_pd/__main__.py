@@ -16,10 +16,10 @@ from math import inf, log1p
 
 import numpy as np
 
+from comparison.contenders import Point, Range, Variant
 from comparison.joint_pd.controller import GAINS_FILE, JointPDGains, found_gains
 from comparison.studies.walking import PD_ROBOTS, job_of, walked
 from comparison.tuning.tune import propose
-from comparison.tuning.variants import Point, Range, Variant
 
 SPACE = {
     "stance_p": Range(0.1, 10.0),

@@ -108,16 +108,15 @@ _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "checks": ("What was checked", ("checks", "activity")),
     "setup": ("Machine, versions, settings", ("machine", "versions", "settings")),
 }
-_FIGURES = {"overview": "pareto", "growth": "growth"}
-"""The figure of a section."""
 _CAPTIONS = {
-    "pareto": "Each point is a controller with its governor. Dashed line: no other controller is better in both.",
+    "overview": "Each point is a controller with its governor. Dashed line: no other controller is better in both.",
     "growth": "Medians. Lines join the cases of one robot (for feet held) or all cases (otherwise).",
 }
+"""Of the figures, by the section in which one stands."""
 
 
 def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
-    """The figures, by name."""
+    """The figures, by name, in the order of :data:`_CAPTIONS`."""
     return {"pareto": pareto_figure(tables["pareto"]), "growth": growth_figure(tables)}
 
 
@@ -144,9 +143,10 @@ def render(document: Mapping[str, Any]) -> str:
         keep_trailing_newline=True,
     )
     tables = {table.name: table for table in tables_of(document)}
-    figures = {name: _image(figure, _CAPTIONS[name]) for name, figure in figures_of(tables).items()}
+    drawn = zip(_CAPTIONS.items(), figures_of(tables).values(), strict=True)
+    figures = {anchor: _image(figure, caption) for (anchor, caption), figure in drawn}
     sections = [
-        {"anchor": anchor, "title": title, "tables": found, "figure": figures.get(_FIGURES.get(anchor, ""))}
+        {"anchor": anchor, "title": title, "tables": found, "figure": figures.get(anchor)}
         for anchor, (title, prefixes) in _SECTIONS.items()
         if (found := [table for name, table in tables.items() if _belongs(name, prefixes)])
     ]

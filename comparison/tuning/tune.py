@@ -19,9 +19,9 @@ import numpy as np
 from comparison.campaign.plan import JOINT_DAMPING, CampaignSettings, Task, code_digest, plan
 from comparison.campaign.store import Store
 from comparison.campaign.walks import scenario
+from comparison.contenders import PAPER, VARIANTS, Point, Range, Variant
 from comparison.measure.walking import Progress, silent, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from comparison.tuning.variants import PAPER, VARIANTS, Point, Range, Variant
 from harpy_pin import Scenario, checks, measure
 from harpy_pin.scenario import Compliant, ControllerPart
 
@@ -146,7 +146,7 @@ class TuneSettings:
         duration: of a walk, s.
         joint_damping: of every joint, N·m·s/rad, known to the controllers.
         seed: of the proposals.
-        variants: who is tuned, see :data:`comparison.tuning.variants.VARIANTS`, in their order there.
+        variants: who is tuned, see :data:`comparison.contenders.VARIANTS`, in their order there.
     """
 
     budget: int = 150

@@ -150,10 +150,6 @@ class PlanarModel:
         planar_terms(q, v, record)
         return fields(record)
 
-    def neutral(self) -> Vector:
-        """(7,) configuration with all coordinates at zero."""
-        return np.array(pin.neutral(self.planar.model))
-
 
 @kernel(q=(7,), v=(7,))
 def planar_terms(q: Vector, v: Vector, d: PlanarModelRecord) -> None:

@@ -215,7 +215,7 @@ class PlanarWalk(KeepsViews):
 
     def initial_state(self) -> tuple[Vector, Vector]:
         """Configuration (7,) and velocity (7,) at t = 0: joints on their targets, the lower foot in the ground."""
-        g, q, v = self.gait, self.model.neutral(), np.zeros(7)
+        g, q, v = self.gait, np.zeros(NV), np.zeros(NV)
         joint_targets(0.0, self._walk[0], self._model[0])
         q[2], q[3:] = g.start_pitch, field(self._walk, "target")
         v[:3], v[3:] = (g.start_vx, g.start_vz, g.start_pitch_rate), field(self._walk, "rate")

@@ -14,14 +14,12 @@ import pandas as pd
 import pytest
 
 import harpy_pin as hp
-from comparison.campaign import execute
-from comparison.campaign.execute import exceptions_table
+from comparison.campaign import walks
 from comparison.campaign.plan import FACTORS, JOINT_DAMPING, KINDS, CampaignSettings, Task, code_digest, level_key, plan
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.summary import exceptions_of, summarise_rows, summary_tables, variants_table
-from comparison.campaign.walks import scenario, walk_task
-from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, controller_part, label, short_name
-from comparison.tuning.variants import PAPER
+from comparison.campaign.walks import exceptions_table, scenario, walk_task
+from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, PAPER, controller_part, label, short_name
 from harpy_pin import InputError, RunFileError, load_harpy
 from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.gaits import make_gait
@@ -334,13 +332,13 @@ def test_reasons_are_the_levels_without_which_a_walk_stands(tmp_path: Path, monk
             fell = task.push > 0.0 and task.delay > 0.0 and (task.contender == "condensed" or task.bandwidth > 0.0)
             store.append(task.key(code_digest()), {"measures": {"fell": fell}})
 
-    monkeypatch.setattr(execute, "execute", done)
-    (entry,) = execute.with_reasons([both], tasks, tmp_path / "rows.jsonl")
+    monkeypatch.setattr(walks, "execute", done)
+    (entry,) = walks.with_reasons([both], tasks, tmp_path / "rows.jsonl")
     assert entry["reasons"] == ["push 8 N·s", "delay 2 ms"]
     only = {"seed": tasks[0].seed, "fell": {"wbc": 2.0}}
-    (entry,) = execute.with_reasons([only], tasks, tmp_path / "rows.jsonl")
+    (entry,) = walks.with_reasons([only], tasks, tmp_path / "rows.jsonl")
     assert entry["reasons"] == ["push 8 N·s", "delay 2 ms", "motors 20 Hz"]
-    usual = replace(tasks[0], **execute.USUAL)
-    assert execute.variations(usual) == {}
-    assert execute.variations(replace(usual, ice=0.15)) == {"ice": usual}
-    assert set(execute.USUAL) == set(FACTORS) - {"friction"}
+    usual = replace(tasks[0], **walks.USUAL)
+    assert walks.variations(usual) == {}
+    assert walks.variations(replace(usual, ice=0.15)) == {"ice": usual}
+    assert set(walks.USUAL) == set(FACTORS) - {"friction"}

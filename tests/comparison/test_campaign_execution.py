@@ -13,11 +13,10 @@ from typing import Any
 
 import pytest
 
-from comparison.campaign import execute
-from comparison.campaign.execute import run_campaign
+from comparison.campaign import walks
 from comparison.campaign.plan import CampaignSettings, code_digest, plan
 from comparison.campaign.store import Store, read_rows
-from comparison.campaign.walks import walk_task
+from comparison.campaign.walks import run_campaign, walk_task
 from comparison.contenders import CONTENDERS
 from comparison.measure import walking
 from harpy_pin import HarpyError
@@ -29,8 +28,8 @@ SMALL = ("--walks", str(WALKS), "--duration", "1.5")
 
 
 def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(execute, "installed_version", lambda: None)
-    monkeypatch.setattr(execute, "walk_task", lambda *_: pytest.fail("a walk was begun"))
+    monkeypatch.setattr(walks, "installed_version", lambda: None)
+    monkeypatch.setattr(walks, "walk_task", lambda *_: pytest.fail("a walk was begun"))
     path = tmp_path / "rows.jsonl"
     with pytest.raises(HarpyError, match=r"MuJoCo, which is not installed: pip install 'harpy-pin\[mujoco\]'"):
         run_campaign(CampaignSettings.wide(walks=16), path)

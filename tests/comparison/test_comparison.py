@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
-from comparison.cli import app, main
+from comparison.cli import main
 from comparison.measure.replay import WBC_PHASES
 from comparison.measure.walking import CONTENDERS
 
@@ -20,24 +19,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
     document = whole_document
-    timing = document["timing"]
-    desired = {
-        "ungoverned": {"tick"},
-        "governed": {"tick", "governor_alone", "governor_alone_violated"},
-        "condensed": {"tick"},
-        "wbc": {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES},
-    }
-    for name, phases in desired.items():
-        assert phases <= timing[name].keys()
-        for row in timing[name].values():
-            assert {"p50_us", "p95_us", "p99_us", "max_us", "mean_us", "samples"} <= row.keys()
-            assert row["samples"] > 0
-    assert {"p50", "min", "max", "repetitions"} <= timing["ratio"].keys()
-    assert len(timing["ratio"]["repetitions"]) == 2
-    walks = document["walk"]
-    assert walks.keys() == set(CONTENDERS)
-    for measures in walks.values():
-        assert {"fell", "distance_m", "slip_mm_per_step", "late_slip_mm_per_step"} <= measures.keys()
+    assert {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES} <= document["timing"]["wbc"].keys()
+    assert all(row["samples"] > 0 for name in CONTENDERS for row in document["timing"][name].values())
+    assert len(document["timing"]["ratio"]["repetitions"]) == 2
+    for measures in document["walk"].values():
         for share in ("sliding", "low_force", "no_contact"):
             assert 0.0 <= measures[share] <= 1.0
     checks = document["checks"]
@@ -89,10 +74,3 @@ def test_what_is_not_installed_is_one_line() -> None:
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 1
     assert done.stderr == "error: the comparison needs 'pandas': pip install -e '.[compare]'\n"
-
-
-def test_command_line_help() -> None:
-    done = CliRunner().invoke(app, ["--help"])
-    assert done.exit_code == 0
-    for option in ("--quick", "--json", "--seed", "--friction", "--duration", "Example"):
-        assert option in done.stdout

@@ -11,7 +11,6 @@ import pytest
 import comparison.measure.replay as replays
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
 from comparison.measure.timing import Bench, TimingSettings, counted, interleave, ratio_of_medians, summarise
-from comparison.measure.verification import stationarity
 from comparison.measure.walking import (
     CONTENDERS,
     StateSequence,
@@ -20,7 +19,7 @@ from comparison.measure.walking import (
     record_states,
     recorded_walk,
 )
-from comparison.sections.timing import time_contenders
+from comparison.sections.timing import stationarity, time_contenders
 from harpy_pin import InputError, State, load_harpy
 from harpy_pin.files import finite
 from harpy_pin.wbc import QuadraticProgram

@@ -8,8 +8,7 @@ from needs import needs_robots
 from PIL import Image
 
 from comparison.cli.studies import STUDIES
-from comparison.studies.slopes import what_happens
-from comparison.studies.statics import static_bound
+from comparison.studies.slopes import static_bound, what_happens
 
 WEIGHT = 4.02 * 9.81
 

@@ -12,7 +12,18 @@ import comparison.tuning.tune as tuning
 import harpy_pin as hp
 from comparison.campaign.plan import CampaignSettings, plan
 from comparison.campaign.store import read_rows
-from comparison.contenders import BEST, TUNED, controller_part, label
+from comparison.contenders import (
+    BEST,
+    PAPER,
+    TUNED,
+    VARIANTS,
+    Range,
+    best_paper,
+    controller_part,
+    label,
+    searched,
+    tuned,
+)
 from comparison.tuning.tune import (
     Outcome,
     Score,
@@ -25,7 +36,6 @@ from comparison.tuning.tune import (
     tuning_tables,
     walk_scenario,
 )
-from comparison.tuning.variants import PAPER, VARIANTS, Range, best_paper, searched, tuned
 from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
 from harpy_pin.governors import ExplicitReferenceGovernor
 from harpy_pin.scenario import CONTROLLER_PARTS
