@@ -71,15 +71,10 @@ class BatchTargets:
 
 
 class BodyRecord(RecordOf):
-    """Mass and inertia of the base, without the errors of the robots.
+    """Mass and inertia of the base, without the errors of the robots."""
 
-    Attributes:
-        mass: kg.
-        inertia: (3, 3) about the centre of mass, body axes, kg·m².
-    """
-
-    mass: float
-    inertia: Vector
+    mass: float  # kg
+    inertia: Vector  # (3, 3) about the centre of mass, body axes, kg·m²
 
 
 @fixed_arrays("force", "mass_error", "mu", "status", "thrust", "torque")

@@ -47,31 +47,18 @@ FULL = 4.1029
 
 
 class BatteryRecord(RecordOf):
-    """The battery.
+    """The battery."""
 
-    Attributes:
-        cells: in series.
-        capacity: C.
-        resistance: Ω.
-        thrust_power: of a thruster at 1 N, W.
-        efficiency: of its motor and controller.
-        copper: heat of a joint's motor at 1 N·m, W; zero where joints take nothing.
-        lost: share of the power of braking joints that is heat.
-        charge: share of the capacity.
-        voltage: at the terminals in the last step, V.
-        energy: (7,) :data:`ENERGIES`, J.
-    """
-
-    cells: float
-    capacity: float
-    resistance: float
-    thrust_power: float
-    efficiency: float
-    copper: float
-    lost: float
-    charge: float
-    voltage: float
-    energy: Vector = sized(7)
+    cells: float  # in series
+    capacity: float  # C
+    resistance: float  # Ω
+    thrust_power: float  # of a thruster at 1 N, W
+    efficiency: float  # of its motor and controller
+    copper: float  # heat of a joint's motor at 1 N·m, W; zero where joints take nothing
+    lost: float  # share of the power of braking joints that is heat
+    charge: float  # share of the capacity
+    voltage: float  # at the terminals in the last step, V
+    energy: Vector = sized(7)  # ENERGIES, J
 
 
 @fixed_arrays("record")
@@ -160,14 +147,7 @@ def open_voltage(b: BatteryRecord) -> float:
 
 @kernel
 def draw(b: BatteryRecord, plant: PlantRecord, v: Vector, dt: float) -> None:
-    """Take the power of a step, and bound the thrusts of the next one.
-
-    Args:
-        b: element of the record.
-        plant: with torques and thrusts of the step.
-        v: (6 + joints,) generalised velocity at its end, by which the configuration moved.
-        dt: step, s.
-    """
+    """Take the power of a step of ``dt`` seconds, at whose end the velocity is v, and bound the next one's thrusts."""
     thrusters, motors = plant.thrusters, plant.motors
     electrical = 0.0
     count = thrusters.goal.shape[0]

@@ -117,9 +117,6 @@ class OnTerrain(KeepsViews):
 
         Args:
             terrain: from then on.
-
-        Raises:
-            InputError: it is none.
         """
         self.terrain, self._record["terrain"] = terrain, terrain.record
         if isinstance(self.gait, WalkingGait):
@@ -130,20 +127,12 @@ class OnTerrain(KeepsViews):
             self.gait.record["terrain"] = terrain.record
 
     def observe(self, state: State) -> None:
-        """Hand the measured state to the gait, if it takes one.
-
-        Args:
-            state: of the present tick.
-        """
+        """See :class:`~harpy_pin.gaits.gait.Gait`; the state goes to the gait, if it takes one."""
         if self._observe is not None:
             self._observe(state)
 
     def update(self, t: float) -> GaitTarget:
-        """See :meth:`~harpy_pin.gaits.gait.Gait.update`.
-
-        Args:
-            t: time, s.
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""
         lay_over(t, self._record, self.gait.update(t).record, self.target.record)
         return self.target
 
@@ -156,11 +145,7 @@ class OnTerrain(KeepsViews):
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """The gait's, with the body as high above the ground, and feet where they are, as high above it.
-
-        Args:
-            penetration: how deep the lower foot is in the ground, m.
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`; body and feet are as high above the ground as there."""
         q, v = self.gait.initial_state(penetration=penetration)
         flat, speed = self._feet(q)[0], self._feet(q)[1] @ v
         reach = float(self._record["reach"][0])
@@ -247,10 +232,7 @@ class OnFeltGround(OnTerrain):
         self._write()
 
     def observe(self, state: State) -> None:
-        """Take up where feet touch the ground; then hand the state to the gait.
-
-        Args:
-            state: of the present tick.
+        """See :class:`~harpy_pin.gaits.gait.Gait`; takes up where feet touch the ground.
 
         Raises:
             InputError: it is no state of the robot.

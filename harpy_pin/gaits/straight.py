@@ -114,12 +114,9 @@ def _walk(t: float, p: StraightRecord, o: GaitTargetRecord) -> bool:
 
 @kernel
 def support(carries: bool, s: float, double_support: float) -> tuple[bool, float]:
-    """Whether a foot is on the ground, and the share of its stance or swing that it has done.
+    """Whether a foot is on the ground, and the share of its stance or swing that it has done, at the share s of a step.
 
-    Args:
-        carries: whether its stance began with the present step.
-        s: share of the step that is done.
-        double_support: share of a step with both feet on the ground.
+    It ``carries`` where its stance began with this step; the double support is a share of a step.
     """
     if carries:
         return True, s / (1.0 + double_support)

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import harpy_pin as hp
-from harpy_pin.contrib.flight.airway import SWIFT, Fall, Quintic, rest
-from harpy_pin.contrib.flight.balance import Balance, lacking_wrenches
+from harpy_pin.contrib.flight.airway import SWIFT, Balance, Fall, Quintic, lacking_wrenches, rest
 from harpy_pin.contrib.flight.flyer import Flyer
 from harpy_pin.gaits.standing import GRAVITY
 

@@ -8,8 +8,7 @@ from math import sqrt
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.contrib.flight.airway import Quintic
-from harpy_pin.contrib.flight.balance import Balance, lacking_moments
+from harpy_pin.contrib.flight.airway import Balance, Quintic, lacking_moments
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.model.dynamics import Dynamics
@@ -133,8 +132,7 @@ class AirPostures:
     def find(self, depth: float) -> Vector:
         """(nq,) configuration in which the robot can hover, its feet to the sides as in standing.
 
-        Args:
-            depth: how much further below the body than in standing the feet are, m.
+        They are further below the body than in standing, by ``depth``, m.
 
         Raises:
             InputError: the legs do not reach so far.
@@ -161,11 +159,9 @@ class AirPostures:
         return q
 
     def on_feet(self, feet: Vector, velocity: Vector) -> tuple[Vector, Vector]:
-        """Configuration and velocity of a robot whose feet rest on the ground while its body moves, upright.
+        """Configuration and velocity of an upright robot whose body moves with a velocity (3,), m/s.
 
-        Args:
-            feet: (feet, 3) places about the body's origin, m.
-            velocity: (3,) of the body, m/s.
+        Its feet rest on the ground, at places (feet, 3) about the body's origin, m.
 
         Raises:
             InputError: the legs do not reach.
@@ -183,12 +179,7 @@ class AirPostures:
         return q, v
 
     def recoil(self, q: Vector, v: Vector) -> Vector:
-        """(3,) What the body's velocity changes by while thrusts stop legs that swing, m/s.
-
-        Args:
-            q: (nq,) configuration, upright.
-            v: (nv,) velocity.
-        """
+        """(3,) What the body's velocity changes by while thrusts stop legs that swing, m/s; q is upright."""
         model, data = self.robot.model, self.robot.model.createData()
         self._dynamics.update(q, v)
         axes = lacking_moments(self._dynamics)[3:]

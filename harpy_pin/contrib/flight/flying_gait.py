@@ -2,7 +2,7 @@
 
 On the ground body and feet follow ways of their own, and the load comes on the feet and goes off them gradually. In the
 air the body's target is the measured one, and its acceleration, the target's leaning and the feet's accelerations are
-those of :mod:`harpy_pin.contrib.flight.balance`: whole-body controllers find exactly these. A foot has landed when its
+those of :mod:`harpy_pin.contrib.flight.airway`: whole-body controllers find exactly these. A foot has landed when its
 measured force says so.
 """
 
@@ -19,9 +19,18 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.contrib.flight.airway import ORIENTATION, Airway, Quintic, ask_for, rest
-from harpy_pin.contrib.flight.flights import Flight, Fly, Jump, read_flights
+from harpy_pin.contrib.flight.flights import (
+    Flight,
+    Fly,
+    Jump,
+    crouch_and_push,
+    fly_jump,
+    lift,
+    plan_jump,
+    read_flights,
+    stretch,
+)
 from harpy_pin.contrib.flight.flyer import LED, Flyer
-from harpy_pin.contrib.flight.planned_flights import crouch_and_push, fly_jump, lift, plan_jump, stretch
 from harpy_pin.contrib.flight.standing_feet import LandedGait, StandingFeet
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time

@@ -74,13 +74,9 @@ class StandingFeet:
         return float(self.home[2] if self._terrain is None else self._heights(places).max())
 
     def ask_for(self, o: GaitTarget, body: Vector, share: float, double_support: float) -> None:
-        """Write the targets.
+        """Write the targets ``o``, where a foot may take a share of its largest normal force.
 
-        Args:
-            o: out.
-            body: (3, 3) place, velocity and acceleration of the body.
-            share: of its largest normal force that a foot may take.
-            double_support: of the gait.
+        The body (3, 3) has place, velocity and acceleration; the double support is that of the gait.
         """
         o.body[:] = body.ravel()
         o.heading[:] = 0.0

@@ -33,7 +33,7 @@ by more than 60°, or speeds beyond reason); *truncated* at the scenario's durat
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,21 +85,13 @@ def default_scenario() -> Scenario:
 
 
 class SettingsRecord(LimitsRecord):
-    """What the kernels know of the robot and the task.
+    """What the kernels know of the robot and the task."""
 
-    Attributes:
-        posture: (joints,) rad.
-        height: of the base at the start, m.
-        weight: of the robot, N.
-        speed: desired along x, m/s.
-        shield: 1 where commands pass a shield.
-    """
-
-    posture: Vector
-    height: float
-    weight: float
-    speed: float
-    shield: int
+    posture: Vector  # (joints,) rad
+    height: float  # of the base at the start, m
+    weight: float  # of the robot, N
+    speed: float  # desired along x, m/s
+    shield: int  # 1 where commands pass a shield
 
 
 @fixed_arrays("fallen", "observation", "q", "reward", "t", "v")
@@ -142,7 +134,6 @@ class BatchedEnv(KeepsViews):
         if not isinstance(s.gait, Straight):
             message = f"an environment rewards a speed along x, which the gait '{s.gait.name}' lacks: give Straight"
             raise InputError(message, name="scenario", value=s)
-        self._speed = s.gait.speed
         mass_error = disturbances.mass_error
         self.robot = heavier(load_harpy(s.urdf), mass_error) if mass_error != 0.0 else load_harpy(s.urdf)
         simulator = Simulator(self.robot, s.ground, dt=s.dt)
@@ -150,9 +141,17 @@ class BatchedEnv(KeepsViews):
             penetration=simulator.static_penetration
         )
         self._start[1][:6] += np.array(disturbances.start_velocity)
-        self._settings = self._make_settings(shield)
-        parameters = ContactForceFilterParameters(mu=s.mu)
-        governor = ContactForceFilter(self.robot, parameters, period=s.dt)
+        self._settings = make_record(
+            SettingsRecord,
+            posture=self._start[0][7:],
+            height=self._start[0][2],
+            weight=self.robot.mass * GRAVITY,
+            torque_limit=self.robot.torque_limit,
+            thrust_limit=self.robot.thrust_limit,
+            speed=s.gait.speed,
+            shield=shield,
+        )
+        governor = ContactForceFilter(self.robot, ContactForceFilterParameters(mu=s.mu), period=s.dt)
         parts = (simulator.dynamics.record, simulator.record, governor.terms, governor.record)
         self._ground = s.ground.record
         self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
@@ -163,33 +162,14 @@ class BatchedEnv(KeepsViews):
         self.fallen = np.zeros(n, dtype=np.bool_)
         self._no_action, self._no_push = np.zeros(ACTIONS), np.zeros((n, self._steps, 3))
         self._threads = Threads(n, threads)
-        self._prepare()
+        _step_worlds.prepare(0, n, *self._arguments(np.zeros((n, ACTIONS)), self._no_push, self.fallen))
         for i in range(n):
             self.reset(i, np.random.default_rng(i))
 
-    def _prepare(self) -> None:
-        """Begin to compile a step and a reset."""
+    def _arguments(self, action: Vector, push: Vector, idle: NDArray[np.bool_]) -> tuple[Any, Any, Any]:
+        """Records, arrays and results of a step, for the kernel."""
         records = (self._dynamics, self._ground, self._step, self._terms, self._governor, self._settings)
-        actions, idle = np.zeros((self.n, ACTIONS)), np.zeros(self.n, dtype=np.bool_)
-        arrays, results = (self.q, self.v, actions, self._no_push, idle), (self.observation, self.reward, self.fallen)
-        _step_worlds.prepare(0, self.n, records, arrays, results)
-        world = (self._dynamics[:1], self._step[:1], self._governor[:1], self._settings, self.q[0], self.v[0])
-        _begin.prepare(*world, self._no_action, self.observation[0])
-
-    def _make_settings(self, shield: bool) -> Records[SettingsRecord]:
-        """What the kernels know of the robot and the task."""
-        robot, (q, _) = self.robot, self._start
-        weight = robot.mass * GRAVITY
-        return make_record(
-            SettingsRecord,
-            posture=q[7:],
-            height=q[2],
-            weight=weight,
-            torque_limit=robot.torque_limit,
-            thrust_limit=robot.thrust_limit,
-            speed=self._speed,
-            shield=shield,
-        )
+        return records, (self.q, self.v, action, push, idle), (self.observation, self.reward, self.fallen)
 
     def reset(self, i: int, random: np.random.Generator) -> None:
         """Stand robot i at the start, its joints drawn within ±0.05 rad of the posture.
@@ -217,10 +197,8 @@ class BatchedEnv(KeepsViews):
         """
         clipped = np.clip(checks.vector("action", action, (self.n, ACTIONS)), -1.0, 1.0)
         push = self._push_forces() if self.scenario.disturbances.pushes else self._no_push
-
-        records = (self._dynamics, self._ground, self._step, self._terms, self._governor, self._settings)
-        given, results = (self.q, self.v, clipped, push, idle), (self.observation, self.reward, self.fallen)
-        self._threads.run(lambda _, begin, end: _step_worlds(begin, end, records, given, results))
+        arguments = self._arguments(clipped, push, idle)
+        self._threads.run(lambda _, begin, end: _step_worlds(begin, end, *arguments))
         self.t[~idle] += self.scenario.period
 
     def truncated(self) -> NDArray[np.bool_]:

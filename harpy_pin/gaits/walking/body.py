@@ -26,6 +26,9 @@ CYCLE_GAIN = 1.0
 """Gain of the divergent component on its way back to that of an endless walk, as a share of ω."""
 MAX_DEMAND = 3.0
 """Largest acceleration that velocity and place ask for, m/s²."""
+FIRST_LOAD, LAST_LOAD, LEAST_LOAD = 0.07, 0.01, 0.05
+"""Share of its largest normal force up to which a foot may be loaded that has just landed, and that is about to be
+lifted, in trots and paces; and both in other walks."""
 SOLE_MARGIN = 0.3
 """Share of a sole, from its edge to its middle, where the centre of pressure does not go."""
 
@@ -200,9 +203,10 @@ def _share_of_load(p: WalkingRecord, k: int) -> float:
     if not p.walking:
         return 1.0
     both = p.double_support * p.step_duration
-    share = max(p.load_ramp * p.since[k] / both, p.first_load) if p.since[k] < both else 1.0
+    first, last = (FIRST_LOAD, LAST_LOAD) if p.gentle else (LEAST_LOAD, LEAST_LOAD)
+    share = max(p.load_ramp * p.since[k] / both, first) if p.since[k] < both else 1.0
     if p.group[k] == p.swings and p.phase <= p.double_support:
         fall = max(p.phase / p.double_support, 0.0)
         if fall > 0.0:
-            share = min(share, max(p.load_ramp * (1.0 - fall), p.last_load))
+            share = min(share, max(p.load_ramp * (1.0 - fall), last))
     return float(share)

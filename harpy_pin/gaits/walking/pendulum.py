@@ -37,15 +37,7 @@ RACE = 95.0
 
 @kernel
 def predict(place: float, velocity: float, pressure: float, omega: float, time: float) -> tuple[float, float]:
-    """Place (m) and velocity (m/s) after a time.
-
-    Args:
-        place: c, m.
-        velocity: ċ, m/s.
-        pressure: p, which stays, m.
-        omega: ω, 1/s.
-        time: s.
-    """
+    """Place c (m) and velocity ċ (m/s) after a time, s, about a centre of pressure p that stays, m, with ω, 1/s."""
     grow, fall = np.exp(omega * time), np.exp(-omega * time)
     cosh, sinh = 0.5 * (grow + fall), 0.5 * (grow - fall)
     x = place - pressure
@@ -56,10 +48,8 @@ def predict(place: float, velocity: float, pressure: float, omega: float, time: 
 def cyclic_offset(way: float, jump: float, growth: float) -> float:
     """Offset of ξ from a foot that lands, in a walk that goes on for ever, m.
 
-    Args:
-        way: L per step, m.
-        jump: D from this support to the next, in the frame that moves with the walk, m.
-        growth: exp(ω T).
+    The way L per step and the jump D from this support to the next, in the frame that moves with the walk, are in m;
+    ``growth`` is exp(ω T).
     """
     return float(way / (growth - 1.0) + jump / (growth + 1.0))
 

@@ -60,8 +60,6 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     # largest speed
     fast_load_ramp: float
     slow_load_ramp: float  # that of a robot that hardly walks
-    first_load: float  # share of it up to which a foot may be loaded that has just landed
-    last_load: float  # the same of a foot that is about to be lifted
     start_time: float  # for which the robot stands on every foot before its first step, s
     omega: float  # of the pendulum, 1/s
     clearance: float  # height of a foot at mid-swing, m

@@ -47,12 +47,9 @@ largest distance of a foothold, in heights of the centre of mass. Of a pendulum 
 LOW, AIM = 0.02, 0.2
 """In trots and paces, height from which on a foot goes down slowly, in clearances, and how far below the ground
 it then aims, as a share of the penetration offset. A foot that lands hard slips: inertia of its leg turns it aside."""
-LOAD_RAMP, FAST_LOAD_RAMP, FIRST_LOAD, LAST_LOAD = 0.26, 0.4, 0.07, 0.01
+LOAD_RAMP, FAST_LOAD_RAMP = 0.26, 0.4
 """In trots and paces, share of its largest normal force up to which a foot is loaded that is about to take over its
-part of the load, or begins to give it away, slow and at the largest speed; that has just landed; and that is about
-to be lifted."""
-LEAST_LOAD = 0.05
-"""The last two of other walks, where a foot may take all of it at once."""
+part of the load, or begins to give it away, slow and at the largest speed; in other walks, all of it at once."""
 LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of its load when standing, and least, N."""
 SWING_WEIGHT = 1.0
@@ -188,8 +185,6 @@ class WalkingGait(FollowsVelocity):
             deeper=(AIM if gentle else 1.0) * OFFSET,
             fast_load_ramp=FAST_LOAD_RAMP if gentle else 1.0,
             slow_load_ramp=LOAD_RAMP if gentle else 1.0,
-            first_load=FIRST_LOAD if gentle else LEAST_LOAD,
-            last_load=LAST_LOAD if gentle else LEAST_LOAD,
             omega=float(np.sqrt(GRAVITY / build.rise)),
             arrives=(NEAR if gentle else STRAIGHT_NEAR) if feet == 4 else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
@@ -244,10 +239,7 @@ class WalkingGait(FollowsVelocity):
         return float(self.record["max_speed"][0])
 
     def observe(self, state: State) -> None:
-        """Take up what was measured, for the next update; a state with entries that are not finite is ignored.
-
-        Args:
-            state: of the present tick.
+        """See :class:`~harpy_pin.gaits.gait.Gait`; a state with entries that are not finite is ignored.
 
         Raises:
             InputError: it is no state of the robot.
@@ -259,10 +251,7 @@ class WalkingGait(FollowsVelocity):
             measure(self.record, state.q, state.v, state.foot_force)
 
     def update(self, t: float) -> GaitTarget:
-        """Targets at time t ≥ 0, s, at the state that was observed last.
-
-        Args:
-            t: time, s.
+        """See :meth:`~harpy_pin.gaits.gait.Gait.update`; the targets are those at the state that was observed last.
 
         Raises:
             InputError: t is not finite or beyond 1e9 s, nothing was observed, or the velocity's function returned no
@@ -292,11 +281,7 @@ class WalkingGait(FollowsVelocity):
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
-        """Configuration (nq,) and velocity (nv,) at rest in the posture.
-
-        Args:
-            penetration: how deep the feet are in the ground, m (see ``Simulator.static_penetration``).
-        """
+        """See :meth:`~harpy_pin.gaits.gait.Gait.initial_state`: at rest in the posture."""
         return self._standing.initial_state(penetration=penetration)
 
     def describe(self) -> Mapping[str, Any]:
