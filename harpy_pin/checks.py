@@ -131,15 +131,7 @@ def names(name: str, value: Any) -> tuple[str, ...]:
 
 
 def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int64]:
-    """Some of several things.
-
-    Args:
-        name: of the argument.
-        which: their indices, from 0, or a mask; None for all.
-        count: how many there are.
-
-    Returns:
-        Their indices."""
+    """Indices of some of ``count`` things, which are given as indices from 0 or as a mask; None for all."""
     everything = np.arange(count)
     try:
         given = everything if which is None else np.atleast_1d(np.asarray(which))

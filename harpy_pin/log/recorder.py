@@ -54,11 +54,7 @@ class Recorder:
         return self._due - self._held
 
     def append_table(self, table: NDArray[np.float64]) -> None:
-        """Add rows that are laid out as :attr:`layout` says.
-
-        Args:
-            table: (rows, width), at most :attr:`room` rows.
-        """
+        """Add rows (rows, width) that are laid out as :attr:`layout` says, at most :attr:`room`."""
         self._add(table.tobytes(), len(table))
 
     def append(self, row: Mapping[str, ArrayLike]) -> None:

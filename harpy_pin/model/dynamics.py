@@ -165,15 +165,7 @@ class DynamicsRecord(EquationsRecord):
 
 
 def dynamics_record(robot: Robot, *, gravity: Vector | None = None) -> Records[DynamicsRecord]:
-    """A new :class:`DynamicsRecord`.
-
-    Args:
-        robot: whose terms.
-        gravity: (3,) m/s²; the model's by default.
-
-    Raises:
-        RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
-    """
+    """A new :class:`DynamicsRecord` of a robot; gravity (3,), m/s², is the model's by default."""
     model = _model(robot, gravity)
     rotors = robot.rotors
     frames = [model.frames[robot.frame_id(name)] for name in (*robot.feet, *robot.thrusters)]

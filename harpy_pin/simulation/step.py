@@ -92,15 +92,9 @@ class StepRecord(PlantRecord):
 def plant_record(
     kind: type[Kind], sizes: Mapping[str, int], actuators: Actuators, peak: Vector, step: float, **own: ArrayLike
 ) -> Records[Kind]:
-    """A new record of a plant.
+    """A new record of a plant, with the sizes that a robot has and its motors' peak torques (joints,), N·m.
 
-    Args:
-        kind: of record.
-        sizes: of the robot, by the names of :attr:`harpy_pin.model.robot.Robot.sizes`.
-        actuators: motors and thrusters.
-        peak: (joints,) torques of the motors, N·m.
-        step: s.
-        own: fields that a :class:`PlantRecord` does not have.
+    A step is in s; ``own`` are the fields that a :class:`PlantRecord` does not have.
     """
     thrusters = {"count": sizes["thrusters"], "variables": sizes["thrusts"]}
     return make_record(
