@@ -10,29 +10,13 @@ import harpy_pin as hp
 from harpy_pin import InputError
 from harpy_pin.contrib.batch import BAD_STATE, CondensedBatch
 from harpy_pin.controllers import CondensedController, WholeBodyParameters
+from harpy_pin.gaits import GaitParameters, StraightGait
 from harpy_pin.model.robot import heavier
 from harpy_pin.model.state import State
 from harpy_pin.wbc.weights import WholeBodyLimits
 
 ROBOT = hp.load_harpy()
 N = 150
-
-
-class Held:
-    """A gait whose targets are set from outside."""
-
-    def __init__(self, robot, feet):
-        self.robot, self.target = robot, hp.gaits.GaitTarget(feet)
-        self.step_duration, self.double_support = 1.0, 0.25
-
-    def update(self, t):
-        return self.target
-
-    def initial_state(self, *, penetration=0.0):
-        return pin.neutral(self.robot.model), np.zeros(self.robot.model.nv)
-
-    def describe(self):
-        return {}
 
 
 def samples(gait, rng, n, *, scale=0.03):
@@ -48,7 +32,7 @@ def samples(gait, rng, n, *, scale=0.03):
 @pytest.mark.parametrize("threads", [1, 2])
 def test_rows_are_what_single_controllers_give(threads):
     """Over several ticks, so that active sets are remembered, with friction and mass of each robot's own."""
-    rng, gait = np.random.default_rng(0), hp.make_gait(ROBOT, speed=0.3)
+    rng, gait = np.random.default_rng(0), StraightGait(ROBOT, GaitParameters(double_support=0.25))
     batch = CondensedBatch(ROBOT, N, threads=threads, double_support=0.25)
     batch.mu[:], batch.mass_error[:] = rng.uniform(0.1, 0.8, N), rng.uniform(-0.2, 0.3, N)
     checked = rng.choice(N, 12, replace=False)
@@ -56,7 +40,8 @@ def test_rows_are_what_single_controllers_give(threads):
     for i in checked:
         parameters = WholeBodyParameters(limits=WholeBodyLimits(mu=batch.mu[i]), hold_ticks=0)
         # Inertia of a heavier body, as the batch computes it.
-        singles[i] = CondensedController(Held(heavier(ROBOT, batch.mass_error[i]), 2), parameters)
+        same_walk = StraightGait(heavier(ROBOT, batch.mass_error[i]), gait.parameters)
+        singles[i] = CondensedController(same_walk, parameters)
     seen = set()
     for tick in range(4):
         q, v, force = samples(gait, rng, N)
@@ -64,9 +49,8 @@ def test_rows_are_what_single_controllers_give(threads):
             batch.targets.fill(gait.update(0.01 * tick + 1.5 * i / N), i)
         torque, thrust = batch.step(q, v, force)
         for i, single in singles.items():
-            target = gait.update(0.01 * tick + 1.5 * i / N)
-            single.gait.target.record[:] = target.record
-            command = single.step(State(0.0, q[i], v[i], np.zeros((2, 3)), np.zeros((2, 3)), force[i]))
+            t, feet = 0.01 * tick + 1.5 * i / N, np.zeros((2, 3))
+            command = single.step(State(t, q[i], v[i], feet, feet, force[i]))
             np.testing.assert_allclose(torque[i], command.torque, rtol=0, atol=1e-12)
             np.testing.assert_allclose(thrust[i], command.thrust, rtol=0, atol=1e-12)
             np.testing.assert_allclose(batch.force[i], single.solver.force, rtol=0, atol=1e-11)

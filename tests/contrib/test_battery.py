@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from needs import PLANTS
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -14,12 +15,10 @@ from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.thrusters import SecondOrderThrusters
 from harpy_pin.errors import InputError
 from harpy_pin.log import Motors, Propulsion
-from harpy_pin.simulation.mujoco import installed_version
 
 ROBOT = hp.load_harpy()
 GAIT = hp.make_gait(ROBOT)
 FAN = Propulsion(thrust=18.0, power=1000.0, efficiency=0.8)
-PLANTS = ["compliant", pytest.param("mujoco", marks=pytest.mark.skipif(installed_version() is None, reason="MuJoCo"))]
 
 
 def open_voltage(cells, charge):

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from needs import needs_mujoco
 
 import harpy_pin as hp
 from harpy_pin import InputError
@@ -321,11 +322,10 @@ QUARTER = ((0.3, 0.3, 0.0, 0.0), (1.5, 0.2, 0.0, np.pi / 4), (3.5, 0.0, 0.0, 0.0
 
 
 @pytest.mark.parametrize(
-    ("controller", "plant"), [("condensed", "compliant"), ("wbc", "compliant"), ("condensed", "mujoco")]
+    ("controller", "plant"),
+    [("condensed", "compliant"), ("wbc", "compliant"), pytest.param("condensed", "mujoco", marks=needs_mujoco)],
 )
 def test_a_walk_turns_by_a_quarter_and_stops(controller, plant):
-    if plant == "mujoco":
-        pytest.importorskip("mujoco")
     part = {"name": controller, "parameters": {"solver": "daqp"} if controller == "wbc" else {}}
     gait, ground = hp.Commanded(velocity=QUARTER), hp.Ground(mu_s=0.4)
     run = hp.walk(hp.Scenario(controller=part, gait=gait, ground=ground, plant=plant, duration=6.5))

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from long import long_but
-from needs import needs_robots
+from needs import PLANTS, needs_robots
 from places import places
 
 import harpy_pin as hp
@@ -169,15 +169,6 @@ def test_four_headings_give_equal_walks():
         np.testing.assert_allclose(slip, slips[0], atol=1e-6)
 
 
-def test_environments_refuse_terrain():
-    pytest.importorskip("gymnasium")
-    from harpy_pin.contrib.gym.batched_env import BatchedEnv
-
-    scenario = hp.Scenario(ground=hp.Ground(slope=0.1), period=5e-3, dt=1e-3)
-    with pytest.raises(hp.InputError, match="flat ground"):
-        BatchedEnv(2, scenario)
-
-
 def test_a_gait_of_ones_own_walks_blind():
     """It is not laid over the ground; Harpy crosses rough ground of 2 cm by touch."""
     ground = hp.Ground(terrain=Rough(amplitude=0.02, resolution=0.2, seed=1), mu_s=0.6)
@@ -265,7 +256,7 @@ def test_it_stays_above_its_feet_otherwise(terrain, friction):
     assert gait.describe()["on_terrain"]["offset"] == [0.0, 0.0, 0.0]
 
 
-@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+@pytest.mark.parametrize("plant", PLANTS)
 def test_harpy_walks_where_friction_holds_a_sixth_of_what_it_must(plant):
     """Up a slope of 30 degrees at friction 0.1, whose angle is 5.7 degrees."""
     scenario = hp.Scenario(ground=hp.Ground(mu_s=0.1, slope=np.radians(30.0)), plant=plant, duration=2.0)
@@ -339,12 +330,10 @@ def test_the_way_over_steps_is_the_lowest_that_is_not_too_steep(x, start, rise):
     assert way_over(stairs.record, x, 0.0)[0] == pytest.approx((around - STEEPEST * np.abs(dx)).max(), abs=2e-4)
 
 
-@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+@pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("rise", [0.05, -0.05])
 @pytest.mark.parametrize("start", long_but((0.5, 0.52, 0.56, 0.58), (0.52, 0.58)))
 def test_harpy_slips_little_on_stairs_wherever_they_begin(plant, rise, start):
-    if plant == "mujoco":
-        pytest.importorskip("mujoco")
     stairs = Stairs(rise=rise, depth=0.3, start=start, steps=4)
     run = hp.walk(hp.Scenario(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=7.0, plant=plant))
     assert run.ending == "completed"

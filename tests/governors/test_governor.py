@@ -44,6 +44,15 @@ def algorithm_1(h_r, h_w, jacobian, x_r, x_w, dt, literal=False):
     return x_w + dt * (v_r + v_t + v_n)
 
 
+def made(rows, literal, h_r, h_w, jacobian_r):
+    """A governor's record with the paper's rates and rows of the paper, their values and slopes filled in."""
+    rates = dict(zip(("alpha_r", "alpha_t", "alpha_n"), ALPHA, strict=True))
+    own = np.zeros(rows, dtype=bool)
+    erg = make_record(ErgRecord, {"rows": rows, "size": 6}, **rates, literal=literal, own=own)
+    erg["h_r"], erg["h_w"], erg["jacobian_r"] = h_r, h_w, jacobian_r
+    return erg
+
+
 @given(
     arrays(np.float64, 5, elements=small),
     arrays(np.float64, 5, elements=small),
@@ -60,10 +69,7 @@ def test_update_is_algorithm_1(h_r, h_w, jacobian, x_r, x_w, literal):
     if h_r.min() < 0 and abs(jacobian[worst] @ (x_r - x_w)) <= -1e-6 * h_w[worst]:
         return  # no direction of repair: not the paper's, see ExplicitReferenceGovernor and the next test
     expected = algorithm_1(h_r, h_w, jacobian, x_r, x_w, 1e-3, literal)
-    applied, (alpha_r, alpha_t, alpha_n) = x_w.copy(), ALPHA
-    rates = {"alpha_r": alpha_r, "alpha_t": alpha_t, "alpha_n": alpha_n}
-    erg = make_record(ErgRecord, {"rows": 5, "size": 6}, **rates, literal=literal, own=np.zeros(5, dtype=bool))
-    erg["h_r"], erg["h_w"], erg["jacobian_r"] = h_r, h_w, jacobian
+    applied, erg = x_w.copy(), made(5, literal, h_r, h_w, jacobian)
     infeasible = explicit_update(x_r, applied, 1e-3, erg[0])
     np.testing.assert_allclose(applied, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(erg["rate"][0], (applied - x_w) / 1e-3, rtol=1e-6, atol=1e-6)
@@ -73,13 +79,9 @@ def test_update_is_algorithm_1(h_r, h_w, jacobian, x_r, x_w, literal):
 def test_repair_without_a_direction_follows_the_target():
     """Both references agree in the row that both violate: x_w moves along it, at the rate α_t."""
     x_r, x_w, row = np.zeros(6), np.array([0.0, 1.0, -1.0, 0.5, 0.0, 0.0]), np.array([2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    alpha_r, alpha_t, alpha_n = ALPHA
-    rates = {"alpha_r": alpha_r, "alpha_t": alpha_t, "alpha_n": alpha_n}
-    erg = make_record(ErgRecord, {"rows": 1, "size": 6}, **rates, literal=False, own=np.zeros(1, dtype=bool))
-    erg["h_r"], erg["h_w"], erg["jacobian_r"] = -1.0, -1.0, row
-    applied = x_w.copy()
+    applied, erg = x_w.copy(), made(1, False, -1.0, -1.0, row)
     assert explicit_update(x_r, applied, 1e-3, erg[0])
-    np.testing.assert_allclose(applied, (1.0 - 1e-3 * alpha_t) * x_w, rtol=1e-12)
+    np.testing.assert_allclose(applied, (1.0 - 1e-3 * ALPHA[1]) * x_w, rtol=1e-12)
 
 
 @given(states(), references(), st.sampled_from(Law))
