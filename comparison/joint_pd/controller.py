@@ -27,9 +27,10 @@ from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.gaits.walking.body import mean_felt
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.model.cholesky import factorise, solve_vector
-from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_terms
+from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import update_terms
 
 GAINS_FILE = Path(__file__).with_name("gains.json")
 """What the search wrote: gains by robot, and what they came to."""

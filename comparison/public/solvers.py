@@ -16,8 +16,9 @@ from scipy.sparse import csc_matrix
 from comparison.measure.timing import without_gc
 from comparison.measure.walking import Progress, silent
 from harpy_pin.model.record import field
-from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, DualActiveSet
-from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES_PER_ROW, DualActiveSet
+from harpy_pin.wbc.condensed.active_set import UNBOUNDED
+from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPStatus
 
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")

@@ -1,7 +1,7 @@
 """An upper end of a tick on a microcontroller: the bound on exchanges times the dearest exchange.
 
 A search ends after ``EXCHANGES`` systems of the reused active set, or after four exchanges for each row of the dual
-method (:mod:`harpy_pin.wbc.active_set_warm_start`, :mod:`harpy_pin.wbc.dual`), and the whole-body QP asks the reused
+method (:mod:`harpy_pin.wbc.condensed.active_set`), and the whole-body QP asks the reused
 set once more with what the dual method found. A system is dearest with as many active rows as unknowns and without a
 zero; an exchange of the dual method is dearest at one of its sizes, and either adds a row or drops the first. These are
 counted one by one.
@@ -25,10 +25,19 @@ from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.model.cholesky import factorise
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES, _choose, _correct, _solve_active
-from harpy_pin.wbc.condensed.condensed_solver import SearchRecord
-from harpy_pin.wbc.dual import EXCHANGES_PER_ROW, _bring_in, _most_violated, _start
-from harpy_pin.wbc.program import row_value, worst_violation
+from harpy_pin.wbc.active_set_warm_start import EXCHANGES_PER_ROW
+from harpy_pin.wbc.condensed.active_set import (
+    EXCHANGES,
+    SearchRecord,
+    _bring_in,
+    _choose,
+    _correct,
+    _most_violated,
+    _solve_active,
+    _start,
+    row_value,
+)
+from harpy_pin.wbc.program import worst_violation
 
 _MAIN = Template("""
 static struct bench_state state;

@@ -2,8 +2,8 @@
 
 Two things are known to the controllers: the joint damping and the motors' peak torques. Two are not: how slow the
 motors are, and friction in the joints. Every controller has the same torque limits, and the plant clips what is beyond.
-What gives way at these limits (:mod:`harpy_pin.wbc.giving_way`) was chosen on walks from exact starts; the walks here
-begin with other velocities.
+What gives way at these limits (:mod:`harpy_pin.wbc.condensed.limits`) was chosen on walks from exact starts; the walks
+here begin with other velocities.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.contrib.threads import Threads
 from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
-from harpy_pin.controllers.contacts import forces_in_world
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import task_terms, tasks_record
+from harpy_pin.controllers.task_controller import tasks_record
+from harpy_pin.controllers.tasks import forces_in_world, task_terms
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import Hovering, Standing
@@ -24,9 +24,10 @@ from harpy_pin.model.entry import GOOD
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condensed_solver import condensed_record, solve_condensed
+from harpy_pin.model.terms import write_thrusts
+from harpy_pin.wbc.condensed.condensed_solver import condensed_record
+from harpy_pin.wbc.condensed.solve import solve_condensed
 
 __all__ = ["BatchTargets", "CondensedBatch"]
 

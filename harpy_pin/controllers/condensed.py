@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NoReturn
 
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.condensed_tick import CondensedTickRecord, LaggedTickRecord, condensed_step, lagged_step
+from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
-from harpy_pin.controllers.thrust_lag import thrust_lag_record
+from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step, thrust_lag_record
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.model.record import field

@@ -5,29 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from harpy_pin.compiled import kernel
-from harpy_pin.controllers.contacts import forces_in_world
-from harpy_pin.controllers.joint_friction import note_inputs
-from harpy_pin.controllers.tasks import TasksRecord, task_terms
-from harpy_pin.controllers.thrust_lag import (
-    ThrustLagRecord,
-    add_kept,
-    advance_thrusts,
-    bound_thrusts,
-    command_thrusts,
-    count_from_kept,
-    keep_thrusts,
-)
+from harpy_pin.controllers.friction import note_inputs
+from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord, write_inputs
 from harpy_pin.model.entry import GOOD
-from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condensed_solver import hold_last, solve_condensed
+from harpy_pin.model.terms import write_thrusts
+from harpy_pin.wbc.condensed.solve import hold_last, solve_condensed
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
+    from harpy_pin.wbc.condensed.solve import CondensedRecord
 
-__all__ = ["CondensedTasksRecord", "CondensedTickRecord", "LaggedTickRecord"]
+__all__ = ["CondensedTasksRecord", "CondensedTickRecord"]
 
 
 class CondensedTasksRecord(TasksRecord):
@@ -38,12 +28,6 @@ class CondensedTasksRecord(TasksRecord):
 
 class CondensedTickRecord(CondensedTasksRecord, TickRecord):
     """The condensed whole-body controller."""
-
-
-class LaggedTickRecord(CondensedTickRecord):
-    """The condensed whole-body controller of a robot whose thrusts lag."""
-
-    lag: ThrustLagRecord  # what is known of them
 
 
 @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
@@ -64,43 +48,15 @@ def condensed_step(r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, 
     r.verdict = task_terms(r, target, q, v, foot_force)
     if r.verdict == GOOD:
         solve_condensed(d, r.targets, p, v, d.tree.rotation)
-        _finish(r)
+        finish_optimum(r)
         write_thrusts(d, p.inputs, r.thrust)
     write_inputs(r, p.inputs, d.rotor_axis.shape[0] > 0)
-    return _status(r)
-
-
-@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
-def lagged_step(r: LaggedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
-    """The tick with thrusts that lag: the optimum twice, for the command, and for the thrusts that there are."""
-    d, p, lag = r.dynamics, r.condensed, r.lag
-    advance_thrusts(lag)
-    r.verdict = task_terms(r, target, q, v, foot_force)
-    if r.verdict == GOOD:
-        keep_thrusts(lag, d.tree.rotation)
-        bound_thrusts(lag, False, p.input_lower, p.input_upper)
-        count_from_kept(lag, d, 1.0)
-        solve_condensed(d, r.targets, p, v, d.tree.rotation)
-        command_thrusts(lag, d, p.inputs, r.thrust)
-        bound_thrusts(lag, True, p.input_lower, p.input_upper)
-        p.inputs[:] = p.last_inputs
-        solve_condensed(d, r.targets, p, v, d.tree.rotation)
-        add_kept(lag, p.inputs)
-        count_from_kept(lag, d, -1.0)
-        _finish(r)
-    write_inputs(r, p.inputs, True)
-    return _status(r)
+    return p.status_and_systems[0] if r.verdict == GOOD else BAD_SAMPLE
 
 
 @kernel
-def _finish(r: CondensedTasksRecord) -> None:
+def finish_optimum(r: CondensedTasksRecord) -> None:
     """Forces in world axes, and what the next tick needs."""
     forces_in_world(r.targets, r.condensed.force)
     hold_last(r.condensed)
     note_inputs(r.joint_friction, r.condensed.inputs)
-
-
-@kernel
-def _status(r: CondensedTickRecord) -> int:
-    """Status of the tick."""
-    return r.condensed.status_and_systems[0] if r.verdict == GOOD else BAD_SAMPLE

@@ -25,9 +25,10 @@ from harpy_pin.controllers.legs import solve_three, track_foot
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
-from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_terms
+from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import update_terms
 
 __all__ = ["FORWARD_STEPS", "ForwardTickRecord", "forward_record"]
 

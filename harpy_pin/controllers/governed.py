@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.feedforward import FORWARD_STEPS, ForwardTickRecord, actuate_forward, forward_record
-from harpy_pin.controllers.friction_estimator import FrictionEstimator
+from harpy_pin.controllers.friction import forget_friction, friction_record, update_friction
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.governed_tick import STEPS, actuate, control_record, limit_bent, measure
 from harpy_pin.controllers.parameters import GovernedParameters
@@ -24,12 +24,12 @@ from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.contact_frame import in_contact_frames
-from harpy_pin.model.entry import GOOD
-from harpy_pin.model.memory import fixed_arrays
+from harpy_pin.model.entry import GOOD, as_array
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["GovernedController"]
+__all__ = ["FrictionEstimator", "GovernedController"]
 
 
 @fixed_arrays("applied", "bent", "out_of_reach", "reference")
@@ -219,6 +219,55 @@ class GovernedController(GaitController):
             "force_filter": asdict(force_filter.parameters) if force_filter is not None else "none",
             "rows": list(governor.status.names) if governor is not None else [],
         }
+
+
+@fixed_arrays("estimate", "least", "record")
+class FrictionEstimator(KeepsViews):
+    """The estimate of the friction coefficient for every foot of a robot (:mod:`harpy_pin.controllers.friction`).
+
+    Args:
+        assumed: coefficient that the estimate begins with and never exceeds.
+        feet: how many.
+        period: time between updates, s.
+
+    Attributes:
+        estimate: (feet,) μ̂ of the last update.
+        least: (1,) lowest estimate of the feet that were loaded when one last did.
+
+    Raises:
+        InputError: a number out of its domain.
+    """
+
+    def __init__(self, *, assumed: float, feet: int = 2, period: float = 1e-3) -> None:
+        self.record = friction_record(assumed=assumed, feet=feet, period=period)
+        self.estimate: Vector = field(self.record, "estimate")
+        self.least: Vector = self.record["least"]
+        self._feet = (len(self.estimate), 3)
+        update_friction.prepare(self.record, np.zeros(self._feet), np.zeros(self._feet), np.zeros(self._feet[0]))
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin with what is assumed."""
+        forget_friction(self.record)
+
+    def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
+        """Take one sample into account.
+
+        Args:
+            foot_force: (feet, 3) measured force of the ground on each foot, world axes, N.
+            foot_velocity: (feet, 3) measured velocity of each foot, world axes, m/s.
+            held: (feet,) other than zero where a foot is meant to stand on the ground; others are not looked at.
+
+        Returns:
+            (feet,) μ̂, the array :attr:`estimate` itself.
+
+        Raises:
+            InputError: an array of another shape, or not of numbers.
+        """
+        force = as_array("foot_force", foot_force, self._feet)
+        velocity = as_array("foot_velocity", foot_velocity, self._feet)
+        update_friction(self.record, force, velocity, as_array("held", held, self._feet[:1]))
+        return self.estimate
 
 
 def _assumed_friction(governor: Governor | None, force_filter: ContactForceFilter | None) -> list[tuple[Vector, float]]:

@@ -17,12 +17,13 @@ from harpy_pin.governors.erg import ErgRecord, governed_update
 from harpy_pin.governors.point_mass import Law
 from harpy_pin.governors.thrust import CentreGainsRecord, allocate, centre_feedback, limit_thrust, roll_yaw
 from harpy_pin.ground.contact_frame import is_level
-from harpy_pin.model.dynamics import DynamicsRecord, update_terms
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.kinematics import LegGeometry, LegRecord, body_rotation
 from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import update_terms
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord

@@ -94,7 +94,7 @@ class GovernedParameters:
         limits: clip torques and thrusts to the motors' peak torque and the thrusters' limit (off in the paper).
         thrust: whether there are thrusters; without them only the legs act.
         estimate_friction: whether the governors take a friction coefficient that is estimated while walking
-            (:mod:`harpy_pin.controllers.friction_estimator`) where it is below the one they were given.
+            (:mod:`harpy_pin.controllers.friction`) where it is below the one they were given.
     """
 
     period: float = 1e-3
@@ -134,9 +134,9 @@ class WholeBodyParameters:
         reuse: try the last tick's active set first, then the dual active-set method. The solver is asked only where a
             part of the tick is Python's (``full``, a lag of thrusts, added tasks) and rounding made both fail.
         estimate_friction: take a friction coefficient that is estimated while walking
-            (:mod:`harpy_pin.controllers.friction_estimator`) where it is below that of the limits.
+            (:mod:`harpy_pin.controllers.friction`) where it is below that of the limits.
         estimate_joint_friction: take into account friction in the joints that the model lacks, estimated while walking
-            (:mod:`harpy_pin.controllers.joint_friction`).
+            (:mod:`harpy_pin.controllers.friction`).
         thrust_lag: time constant with which thrusts follow their commands, s: the program has them as they
             are in each tick, and legs make up for the rest (:mod:`harpy_pin.controllers.thrust_lag`).
         thrust_turning_lag: time constant with which their directions follow, s.

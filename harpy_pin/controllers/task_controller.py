@@ -4,18 +4,64 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin.controllers.friction_estimator import FrictionEstimator
+from harpy_pin import checks
+from harpy_pin.controllers.friction import JointFrictionEstimateRecord, forget_friction, friction_record
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.tasks import TasksRecord, tasks_record
-from harpy_pin.gaits.gait import Gait
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.record import field
-from harpy_pin.wbc.weights import WholeBodyTargets
+from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord
+from harpy_pin.gaits.gait import FullGait, Gait
+from harpy_pin.model.dynamics import Dynamics, dynamics_record
+from harpy_pin.model.record import Records, field, make_record
+from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
 
-__all__ = ["TaskController"]
+__all__ = ["TaskController", "tasks_record"]
+
+
+def tasks_record(
+    gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike
+) -> Records[TasksRecord]:
+    """A new :class:`TasksRecord`.
+
+    Args:
+        gait: where body and feet should be.
+        parameters: gains and ranges of forces.
+        kind: class of the record, with further parts.
+        parts: these parts, by name.
+    """
+    robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
+    lift, feet = robot.lift_axis, len(robot.feet)
+    tasks = make_record(
+        TaskSettingsRecord,
+        body=p.body,
+        orientation=p.orientation,
+        swing=p.swing,
+        posture=p.posture,
+        contact_damping=p.contact_damping,
+        min_normal_force=p.min_normal_force,
+        max_normal_force=p.max_normal_force,
+        contact_threshold=p.contact_threshold,
+        double_support=gait.double_support,
+        rest=gait.initial_state()[0][7:],
+        flat_feet=np.array(robot.flat_feet, dtype=np.int64),
+        flies=np.int64(bool(robot.rotors) and not robot.feet),
+        leans=np.int64(lift is not None),
+        lift=np.zeros(3) if lift is None else lift,
+    )
+    return make_record(
+        kind,
+        robot.sizes,
+        dynamics=dynamics_record(robot),
+        tasks=tasks,
+        targets=targets_record(robot),
+        friction=friction_record(assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction),
+        joint_friction=make_record(
+            JointFrictionEstimateRecord, robot.sizes, on=np.int64(p.estimate_joint_friction), period=p.period
+        ),
+        **parts,
+    )
 
 
 class TaskController(GaitController):
@@ -46,10 +92,8 @@ class TaskController(GaitController):
         self.targets = WholeBodyTargets(self.robot, record=record["targets"])
         self._begin(record)
         self._signals["held"] = self.targets.held
-        self._friction: FrictionEstimator | None = None
         if self.parameters.estimate_friction:
-            self._friction = FrictionEstimator(assumed=self.parameters.limits.mu, record=record["friction"])
-            self._signals["friction_estimate"] = self._friction.estimate
+            self._signals["friction_estimate"] = field(record["friction"], "estimate")
         if self.parameters.estimate_joint_friction:
             for name in ("viscous", "coulomb"):
                 self._signals[f"{name}_estimate"] = field(record["joint_friction"], name)
@@ -59,5 +103,5 @@ class TaskController(GaitController):
         super().reset()
         for name in ("known", "inputs", "sums", "viscous", "coulomb"):
             self._record_["joint_friction"][name] = 0
-        if self._friction is not None:
-            self._friction.reset()
+        friction: Any = self._record_["friction"]
+        forget_friction(friction)

@@ -1,6 +1,21 @@
 """References of the built-in tasks, from gait and gains: accelerations of body, feet and joints, and the stance feet.
 
 What these tasks are is in :mod:`harpy_pin.wbc.tasks.built_in`.
+
+**Ground that is not level.** Every formulation, the condensed program, the cones and the estimate of the friction say z
+where they mean the normal. So Jacobian, drift, target and force of every foot are expressed in its contact frame once,
+after the tasks are known, and what follows stays as it is. The forces that are logged are in world axes again.
+
+**Robots that fly on rotors.** A robot with nearly parallel rotors has thrust along one direction of its body only. It
+accelerates sideways by tilting its thrust. With a_d the acceleration desired of its body and g that of gravity, the
+thrust along the lift axis l (fixed to the body) has to be the robot's mass times s = a_d − g, so the desired
+orientation has l along s: upright with the gait's heading, then turned by the shortest way. Until it is reached, the
+thrust has only the part of s along the present direction R l, and the desired acceleration is reduced to that:
+a = (s · R l) R l + g. This is the usual cascade of multirotors (Lee, Leok and McClamroch, "Geometric tracking control
+of a quadrotor UAV on SE(3)", 2010), without the feedforward of the desired rotation. The horizontal part of s is
+limited to a tilt of ``MAX_LEAN``, and its vertical part to at least half of gravity, so that the robot never turns over
+to descend faster. Robots with thrust in all directions have this limit, too: beyond what their rotors can do sideways
+they would lose their orientation.
 """
 
 from __future__ import annotations
@@ -8,31 +23,32 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.controllers.contacts import below_ground, load_on, target_tilt, turn_into_contacts
-from harpy_pin.controllers.friction_estimator import FrictionRecord, friction_record, update_friction
-from harpy_pin.controllers.joint_friction import (
+from harpy_pin.controllers.friction import (
+    FrictionRecord,
     JointFrictionEstimateRecord,
     add_joint_friction,
-    joint_friction_estimate,
+    update_friction,
 )
-from harpy_pin.controllers.parameters import WholeBodyParameters
-from harpy_pin.controllers.thrust_tilt import lean, limit_push
-from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
-from harpy_pin.ground.contact_frame import all_upward, is_level
-from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record, update_terms
+from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, to_contact, to_world, turn_feet
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
-from harpy_pin.model.record import RecordOf, Records, make_record
+from harpy_pin.model.record import RecordOf
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.weights import TargetsRecord, note_centre_drift, targets_record
+from harpy_pin.model.terms import update_terms
+from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_drift
 
 if TYPE_CHECKING:
     from harpy_pin.model.tree import TreeRecord
 
 __all__: list[str] = []
+
+MAX_LEAN = 0.4
+"""Largest angle between the thrust that is desired and the vertical, rad."""
+_SLOPE = float(np.tan(MAX_LEAN))
 
 
 class TaskSettingsRecord(RecordOf):
@@ -65,48 +81,6 @@ class TasksRecord(RecordOf):
     targets: TargetsRecord  # tasks of the last state
     friction: FrictionRecord  # the estimate of the friction
     joint_friction: JointFrictionEstimateRecord  # the estimate of the joints' friction
-
-
-def tasks_record(
-    gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike
-) -> Records[TasksRecord]:
-    """A new :class:`TasksRecord`.
-
-    Args:
-        gait: where body and feet should be.
-        parameters: gains and ranges of forces.
-        kind: class of the record, with further parts.
-        parts: these parts, by name.
-    """
-    robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
-    lift, feet = robot.lift_axis, len(robot.feet)
-    tasks = make_record(
-        TaskSettingsRecord,
-        body=p.body,
-        orientation=p.orientation,
-        swing=p.swing,
-        posture=p.posture,
-        contact_damping=p.contact_damping,
-        min_normal_force=p.min_normal_force,
-        max_normal_force=p.max_normal_force,
-        contact_threshold=p.contact_threshold,
-        double_support=gait.double_support,
-        rest=gait.initial_state()[0][7:],
-        flat_feet=np.array(robot.flat_feet, dtype=np.int64),
-        flies=np.int64(bool(robot.rotors) and not robot.feet),
-        leans=np.int64(lift is not None),
-        lift=np.zeros(3) if lift is None else lift,
-    )
-    return make_record(
-        kind,
-        robot.sizes,
-        dynamics=dynamics_record(robot),
-        tasks=tasks,
-        targets=targets_record(robot),
-        friction=friction_record(assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction),
-        joint_friction=joint_friction_estimate(robot, period=p.period, on=p.estimate_joint_friction),
-        **parts,
-    )
 
 
 @kernel
@@ -193,12 +167,7 @@ def possible_feet(g: GaitTargetRecord) -> bool:
 
 @kernel
 def hold_flat_feet(flat_feet: NDArray[np.int64], held: Vector) -> None:
-    """Hold all corners of a flat foot where one is held.
-
-    Args:
-        flat_feet: contact points of each foot; empty where all feet are points.
-        held: (feet,) in and out.
-    """
+    """Hold all corners of a flat foot where one is held; ``flat_feet`` is empty where all feet are points."""
     first = 0
     for n in range(flat_feet.shape[0]):
         touching = 0.0
@@ -253,3 +222,140 @@ def share_of_load(g: GaitTargetRecord, k: int, double_support: float) -> float:
     rise = g.phase[k] * (1.0 + double_support) / double_support
     fall = (1.0 - g.phase[k]) * (1.0 + double_support) / double_support
     return float(max(min(rise, fall, 1.0), 0.05))
+
+
+@kernel
+def load_on(normal: Vector, force: Vector) -> float:
+    """Part of a force (3,) along a normal, N."""
+    return float(normal[0] * force[0] + normal[1] * force[1] + normal[2] * force[2])
+
+
+@kernel
+def below_ground(g: GaitTargetRecord, k: int, place: Vector) -> bool:
+    """Whether a foot is below the ground's tangent plane at its target."""
+    n = g.normal[k]
+    above = n[2] * (place[2] - g.ground_height[k])
+    for i in range(2):
+        above += n[i] * (place[i] - g.body[i] - g.foot_position[k, i])
+    below: bool = above <= 0.0
+    return below
+
+
+@kernel
+def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) -> None:
+    """Terms, targets and measured forces of the feet, of world axes, in the frames of their contacts."""
+    d, t = r.dynamics, r.targets
+    for k in range(t.held.shape[0]):
+        contact_frame(g.normal[k, 0], g.normal[k, 1], g.normal[k, 2], t.frame[k])
+    _one_frame_for_a_sole(r)
+    turn_feet(d, t.frame)
+    for k in range(t.held.shape[0]):
+        to_contact(t.frame[k], t.feet[k])
+        for i in range(3):
+            t.measured[k, i] = foot_force[k, i]
+        to_contact(t.frame[k], t.measured[k])
+    t.tilted = 1
+
+
+@kernel
+def _one_frame_for_a_sole(r: TasksRecord) -> None:
+    """All corners of a flat foot have the frame of the first."""
+    t, feet = r.targets, r.tasks.flat_feet
+    first = 0
+    for n in range(feet.shape[0]):
+        for k in range(first + 1, first + feet[n]):
+            for i in range(3):
+                for j in range(3):
+                    t.frame[k, i, j] = t.frame[first, i, j]
+        first += feet[n]
+
+
+@kernel
+def forces_in_world(t: TargetsRecord, force: Vector) -> None:
+    """Contact forces (3 feet,) in world axes, in place."""
+    if t.tilted:
+        for k in range(t.held.shape[0]):
+            to_world(t.frame[k], force[3 * k : 3 * k + 3])
+
+
+@kernel
+def target_tilt(up: Vector, x: float, y: float, z: float, w: float) -> tuple[float, float, float, float]:
+    """The body's quaternion (x, y, z, w) seen from a target body that leans, by the smallest rotation from upright to
+    its z axis ``up`` (3,), of length one."""
+    c = np.sqrt(0.5 * (1.0 + up[2]))
+    a, b = 0.5 * up[1] / c, -0.5 * up[0] / c
+    return c * x + a * w + b * z, c * y - a * z + b * w, c * z + a * y - b * x, c * w - a * x - b * y
+
+
+@kernel
+def limit_push(gravity: Vector, body: Vector) -> None:
+    """Limit the thrust per mass s = a_d − g that an acceleration needs.
+
+    Args:
+        gravity: (3,) world axes, m/s²; nothing is limited without.
+        body: (3,) a_d in and out, world axes, m/s².
+    """
+    weight = np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    if weight == 0.0:
+        return
+    along = weight
+    for i in range(3):
+        along -= body[i] * gravity[i] / weight
+    across = 0.0
+    for i in range(3):
+        body[i] += (along - weight) * gravity[i] / weight
+        across += body[i] * body[i]
+    along = max(along, 0.5 * weight)
+    share = min(1.0, _SLOPE * along / max(np.sqrt(across), 1e-12))
+    for i in range(3):
+        body[i] = share * body[i] - (along - weight) * gravity[i] / weight
+
+
+@kernel
+def lean(
+    rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: Vector, quaternion: Vector
+) -> tuple[float, float, float, float]:
+    """Take the desired tilt out of the body's orientation, and what is out of reach now out of its acceleration.
+
+    Args:
+        rotation: (3, 3) body to world.
+        gravity: (3,) world axes, m/s².
+        lift: (3,) l, of unit length, body axes.
+        heading: yaw of the upright body, rad.
+        body: (3,) a_d in, after :func:`limit_push`; a out; world axes, m/s².
+        quaternion: (4,) of the body: x, y, z, w.
+
+    Returns:
+        (x, y, z, w), the body's orientation turned back by the desired tilt: where the body has that tilt, this is the
+        upright one with that heading.
+    """
+    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    desired = np.empty(3)
+    length = 0.0
+    for i in range(3):
+        desired[i] = body[i] - gravity[i]
+        length += desired[i] * desired[i]
+    length = np.sqrt(length)
+    if length < 1e-9:  # weightless, and no acceleration desired
+        return x, y, z, w
+    # The part along the present direction.
+    now = 0.0
+    for i in range(3):
+        now += desired[i] * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
+    for i in range(3):
+        body[i] = gravity[i] + now * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
+    # The shortest turn from the upright body's lift axis a to the desired direction b: quaternion (a × b, 1 + a · b).
+    c, s = np.cos(heading), np.sin(heading)
+    ax, ay, az = c * lift[0] - s * lift[1], s * lift[0] + c * lift[1], lift[2]
+    bx, by, bz = desired[0] / length, desired[1] / length, desired[2] / length
+    tx, ty, tz, tw = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx, 1.0 + ax * bx + ay * by + az * bz
+    norm = np.sqrt(tx * tx + ty * ty + tz * tz + tw * tw)
+    if norm < 1e-9:  # the lift axis points down: there is no shortest turn
+        return x, y, z, w
+    tx, ty, tz, tw = -tx / norm, -ty / norm, -tz / norm, tw / norm
+    return (
+        tw * x + tx * w + ty * z - tz * y,
+        tw * y - tx * z + ty * w + tz * x,
+        tw * z + tx * y - ty * x + tz * w,
+        tw * w - tx * x - ty * y - tz * z,
+    )

@@ -26,14 +26,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.controllers.condensed_tick import CondensedTickRecord, finish_optimum
 from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.tasks import task_terms
+from harpy_pin.controllers.tick import BAD_SAMPLE, write_inputs
+from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.thrusters import turn
+from harpy_pin.wbc.condensed.solve import solve_condensed
 from harpy_pin.wbc.weights import thrust_box
 
 if TYPE_CHECKING:
+    from harpy_pin.gaits.gait import GaitTargetRecord
     from harpy_pin.model.dynamics import DynamicsRecord
 
 __all__: list[str] = []
@@ -244,3 +250,31 @@ def add_kept(r: ThrustLagRecord, variables: Vector) -> None:
     """
     for c in range(r.kept.shape[0]):
         variables[c] += r.kept[c]
+
+
+class LaggedTickRecord(CondensedTickRecord):
+    """The condensed whole-body controller of a robot whose thrusts lag."""
+
+    lag: ThrustLagRecord  # what is known of them
+
+
+@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
+def lagged_step(r: LaggedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
+    """The tick with thrusts that lag: the optimum twice, for the command, and for the thrusts that there are."""
+    d, p, lag = r.dynamics, r.condensed, r.lag
+    advance_thrusts(lag)
+    r.verdict = task_terms(r, target, q, v, foot_force)
+    if r.verdict == GOOD:
+        keep_thrusts(lag, d.tree.rotation)
+        bound_thrusts(lag, False, p.input_lower, p.input_upper)
+        count_from_kept(lag, d, 1.0)
+        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        command_thrusts(lag, d, p.inputs, r.thrust)
+        bound_thrusts(lag, True, p.input_lower, p.input_upper)
+        p.inputs[:] = p.last_inputs
+        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        add_kept(lag, p.inputs)
+        count_from_kept(lag, d, -1.0)
+        finish_optimum(r)
+    write_inputs(r, p.inputs, True)
+    return p.status_and_systems[0] if r.verdict == GOOD else BAD_SAMPLE

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.controllers.contacts import turn_feet_of
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import (
@@ -28,6 +27,7 @@ from harpy_pin.controllers.tick import BAD_SAMPLE
 from harpy_pin.controllers.whole_body_tick import QP_TICKS, WholeBodyTickRecord, begin_tick
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
+from harpy_pin.ground.contact_frame import turn_feet
 from harpy_pin.model.entry import GOOD, as_state
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Command, State
@@ -43,8 +43,7 @@ from harpy_pin.wbc import (
     make_problem,
     make_solver,
 )
-from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
-from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
 
 __all__ = ["WholeBodyController"]
 
@@ -58,9 +57,9 @@ class WholeBodyController(TaskController):
     is left is Python's: another solver in every tick, and rows that come from Python.
 
     Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set method
-    follows (:mod:`harpy_pin.wbc.dual`), which finds a solution or proves that there is none; with ``reuse`` it comes
-    before that solver, which one compiled call does without. Where that fails too, the last good command is held for
-    ``hold_ticks`` ticks; then a soft spring and damper hold the joints at the gait's posture, without thrust.
+    follows, which finds a solution or proves that there is none; with ``reuse`` it comes before that solver, which one
+    compiled call does without. Where that fails too, the last good command is held for ``hold_ticks`` ticks; then a
+    soft spring and damper hold the joints at the gait's posture, without thrust.
     :attr:`failures` counts the ticks.
 
     A state whose time, q, v or foot forces are not all finite numbers is a bad sample, which
@@ -275,9 +274,9 @@ class WholeBodyController(TaskController):
         if self.added is not None and not targets.tilted:
             self.added.build(self.dynamics, state, targets.held)
         elif self.added is not None:  # rows of added tasks are in world axes
-            turn_feet_of(self.dynamics.record, np.ascontiguousarray(targets.frame.transpose(0, 2, 1)))
+            turn_feet(self.dynamics.record, np.ascontiguousarray(targets.frame.transpose(0, 2, 1)))
             self.added.build(self.dynamics, state, targets.held, frame=targets.frame)
-            turn_feet_of(self.dynamics.record, targets.frame)
+            turn_feet(self.dynamics.record, targets.frame)
         return self.problem
 
     def solve(self) -> QPSolution:

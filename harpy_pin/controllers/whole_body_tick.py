@@ -1,8 +1,9 @@
 """The tick of the whole-body QP, in every formulation: one kernel, made of the phases that Python may call apart.
 
 The kernel has this library's own solver: the last active set and its exchange, then the dual method
-(:mod:`harpy_pin.wbc.active_set_warm_start`). A tick solves up to three programs (:mod:`harpy_pin.wbc.giving_way`): with
-limits of thrusts and torques; where one of them is reached, without them; and again with them, after tasks gave way.
+(:mod:`harpy_pin.wbc.active_set_warm_start`). A tick solves up to three programs: with limits of thrusts and torques;
+where one of them is reached, without them; and again with them, after tasks gave way
+(:mod:`harpy_pin.wbc.condensed.limits`).
 """
 
 from __future__ import annotations
@@ -13,33 +14,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import Kernel, kernel
-from harpy_pin.controllers.contacts import forces_in_world
-from harpy_pin.controllers.joint_friction import note_inputs
-from harpy_pin.controllers.tasks import TasksRecord, task_terms
+from harpy_pin.controllers.friction import note_inputs
+from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TickRecord, write_inputs
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, sized
-from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import (
-    ASK,
-    INACCURATE,
-    INFEASIBLE,
-    MAX_ITERATIONS,
-    ActiveSetRecord,
-    solve_further,
-    start_tick,
-)
-from harpy_pin.wbc.condensed.contact_force import ContactForceRecord
-from harpy_pin.wbc.dual import DualRecord
+from harpy_pin.model.terms import write_thrusts
+from harpy_pin.wbc.active_set_warm_start import ASK, INACCURATE, INFEASIBLE, MAX_ITERATIONS, solve_further, start_tick
+from harpy_pin.wbc.condensed.active_set import ActiveSetRecord, DualRecord
+from harpy_pin.wbc.condensed.limits import at_a_limit, outside
+from harpy_pin.wbc.contact_force import ContactForceRecord
 from harpy_pin.wbc.formulations import FORMULATIONS
-from harpy_pin.wbc.giving_way import at_a_limit, beyond_torque_limit
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
     from harpy_pin.model.contact_map import ContactMapRecord
+    from harpy_pin.wbc.condensed.active_set import ProgramRecord
     from harpy_pin.wbc.problem import FormulationRecord
-    from harpy_pin.wbc.program import ProgramRecord
 
 __all__ = ["QP_TICKS", "ProgramTickRecord", "WholeBodyTickRecord"]
 
@@ -173,7 +165,8 @@ def _tick_of(name: str) -> TickKernels:
         beyond = False
         if usable:
             read(m, qp, r.z, r.unlimited)
-            beyond = beyond_torque_limit(r.unlimited[r.unlimited.shape[0] - p.torque_limit.shape[0] :], p.torque_limit)
+            first = r.unlimited.shape[0] - p.torque_limit.shape[0]
+            beyond = outside(r.unlimited[first:], p.input_lower[first:], p.input_upper[first:])
         limit(p, m, qp, True)
         if beyond:
             let_give_way(r.dynamics, r.targets, p, m, qp, r.z)

@@ -21,9 +21,8 @@ from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
-from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
+from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
 from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
-from harpy_pin.wbc.dual import DualActiveSet
 
 __all__ = ["Exportable", "ProgramStatus", "exportable"]
 

@@ -285,7 +285,7 @@ class Hovering(Staying):
 
     The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
     :meth:`move` sends it elsewhere. It is upright; the whole-body controllers lean a robot that has to
-    (:mod:`harpy_pin.controllers.thrust_tilt`).
+    (:mod:`harpy_pin.controllers.tasks`).
 
     Args:
         robot: one without feet.

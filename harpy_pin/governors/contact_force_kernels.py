@@ -14,10 +14,10 @@ from harpy_pin.governors.governor import StatusRecord
 from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, to_world, turn_feet
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
-from harpy_pin.model.dynamics import update_terms
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.record import ZERO, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import update_terms
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord

@@ -21,12 +21,13 @@ from harpy_pin.governors.contact_force_filter import ContactForceFilter, Contact
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms, friction_limit
 from harpy_pin.governors.thrust import limit_thrust
 from harpy_pin.model.contact_map import sticking_force, unconstrained_drive
-from harpy_pin.model.dynamics import DynamicsRecord, update_terms
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import FADE, HOLD_TICKS, all_finite, all_finite_rows, as_command, as_state
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.terms import update_terms
 
 if TYPE_CHECKING:
     from harpy_pin.model.contact_map import ContactMapRecord

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
-from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, is_unit
+from harpy_pin.model.entry import GOOD, MISFIT
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import joint_space_terms, place_bodies, point_terms
+from harpy_pin.model.terms import update_terms
 from harpy_pin.model.tree import TreeRecord, tree_record
 
 __all__ = ["Dynamics", "dynamics_record"]
@@ -194,21 +193,3 @@ def _model(robot: Robot, gravity: Vector | None) -> pin.Model:
     model = robot.model.copy()
     model.gravity.linear = checks.vector("gravity", gravity, 3)
     return model
-
-
-@kernel
-def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
-    """Every term at a state, on an element of the record.
-
-    Returns:
-        ``GOOD``; ``BAD`` for a state that no robot can have, see :attr:`Dynamics.finite`; ``MISFIT``, with nothing
-        done, for arrays of wrong sizes.
-    """
-    t = d.tree
-    if q.shape[0] != v.shape[0] + t.unbounded + 1 or v.shape[0] != d.bias.shape[0]:
-        return MISFIT
-    place_bodies(t, q, v)
-    joint_space_terms(t, d.mass_matrix, d.bias)
-    point_terms(d, q)
-    good = all_possible(q) and all_possible(v) and is_unit(q) and all_finite(d.bias)
-    return GOOD if good else BAD

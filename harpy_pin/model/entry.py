@@ -17,6 +17,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.terms import BAD, GOOD, MAX_SAMPLE, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
 
 __all__ = [
     "BAD",
@@ -37,10 +38,6 @@ __all__ = [
     "is_unit",
 ]
 
-GOOD, BAD, MISFIT = 0, 1, 2
-"""What a kernel says of its arguments: fine, a bad sample, of the wrong size."""
-MAX_SAMPLE = 1e6
-"""Largest number of a good sample, in m, rad, m/s, rad/s, N or N·m: far beyond what any robot can be or do."""
 FLOAT64 = np.dtype(np.float64)
 HOLD_TICKS = 20
 """Bad samples in a row for which the last good answer is held as it is."""
@@ -48,15 +45,6 @@ FADE = 0.9
 """Factor on it for every further one: the robot goes limp over some tens of ticks."""
 is_finite: Callable[[float], bool] = np.isfinite
 """In kernels whether a number is one: NumPy's, with a result that is said to be a truth value."""
-
-
-@kernel(array=("n",))
-def all_finite(array: Vector) -> bool:
-    """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector instructions."""
-    bad = 0
-    for i in range(array.shape[0]):
-        bad += not abs(array[i]) < np.inf
-    return bad == 0
 
 
 @kernel(array=("n", 3))
@@ -67,32 +55,6 @@ def all_finite_rows(array: Vector) -> bool:
         for i in range(3):
             bad += not abs(array[k, i]) < np.inf
     return bad == 0
-
-
-@kernel(array=("n",))
-def all_possible(array: Vector) -> bool:
-    """Whether all entries of a vector are numbers within ``MAX_SAMPLE``."""
-    bad = 0
-    for i in range(array.shape[0]):
-        bad += not abs(array[i]) <= MAX_SAMPLE
-    return bad == 0
-
-
-@kernel(array=("n", 3))
-def all_possible_rows(array: Vector) -> bool:
-    """Whether all entries of a matrix of three columns are numbers within ``MAX_SAMPLE``."""
-    bad = 0
-    for k in range(array.shape[0]):
-        for i in range(3):
-            bad += not abs(array[k, i]) <= MAX_SAMPLE
-    return bad == 0
-
-
-@kernel(q=("7+",))
-def is_unit(q: Vector) -> bool:
-    """Whether the quaternion of a configuration, entries 3 to 6, is one: of length 0.7 to 1.4."""
-    squared = float(q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6])
-    return 0.5 <= squared <= 2.0
 
 
 def as_state(state: State, robot: Robot) -> State:

@@ -3,7 +3,8 @@
 A free thruster has a force of three components; a rotor has one number, u. On its link it exerts the force u z and the
 moment d u z, with z its axis and d the drag, in metres. Commands and logs hold a force in world axes for every thruster
 and rotor alike; programs and laws hold the *thrust variables*: three numbers for each free thruster, then one for each
-rotor. The functions below lead from one to the other.
+rotor. :func:`read_thrusts` and :func:`harpy_pin.model.terms.write_thrusts` lead from one to
+the other.
 """
 
 from __future__ import annotations
@@ -88,16 +89,3 @@ def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
             difference = max(difference, abs(f[i] - u * axis[i]))
         changed += difference > SAME * size
     return changed
-
-
-@kernel
-def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
-    """The forces (thrusters, 3) of thrust variables; the other way round than :func:`read_thrusts`."""
-    rotors = d.rotor_axis.shape[0]
-    free = out.shape[0] - rotors
-    for k in range(free):
-        for i in range(3):
-            out[k, i] = variables[3 * k + i]
-    for k in range(rotors):
-        for i in range(3):
-            out[free + k, i] = variables[3 * free + k] * d.rotor_axis[k, i]

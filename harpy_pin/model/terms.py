@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 __all__: list[str] = []
 
+GOOD, BAD, MISFIT = 0, 1, 2
+"""What a kernel says of its arguments: fine, a bad sample, of the wrong size."""
+MAX_SAMPLE = 1e6
+"""Largest number of a good sample, in m, rad, m/s, rad/s, N or N·m: far beyond what any robot can be or do."""
 SMALL_ANGLE = 1e-4
 """Below it the series of sine and cosine are exact to rounding after the terms used, rad."""
 
@@ -331,3 +335,70 @@ def _move_base(q: Vector, d: Vector) -> None:
     qw = w * cosine - x * ex - y * ey - z * ez
     norm = np.sqrt(qx * qx + qy * qy + qz * qz + qw * qw)
     q[3], q[4], q[5], q[6] = qx / norm, qy / norm, qz / norm, qw / norm
+
+
+@kernel
+def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
+    """Every term at a state, on an element of the record.
+
+    Returns:
+        ``GOOD``; ``BAD`` for a state that no robot can have, see :attr:`harpy_pin.model.dynamics.Dynamics.finite`;
+        ``MISFIT``, with nothing done, for arrays of wrong sizes.
+    """
+    t = d.tree
+    if q.shape[0] != v.shape[0] + t.unbounded + 1 or v.shape[0] != d.bias.shape[0]:
+        return MISFIT
+    place_bodies(t, q, v)
+    joint_space_terms(t, d.mass_matrix, d.bias)
+    point_terms(d, q)
+    good = all_possible(q) and all_possible(v) and is_unit(q) and all_finite(d.bias)
+    return GOOD if good else BAD
+
+
+@kernel
+def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
+    """The forces (thrusters, 3) of thrust variables; the other way round than
+    :func:`harpy_pin.model.rotor.read_thrusts`."""
+    rotors = d.rotor_axis.shape[0]
+    free = out.shape[0] - rotors
+    for k in range(free):
+        for i in range(3):
+            out[k, i] = variables[3 * k + i]
+    for k in range(rotors):
+        for i in range(3):
+            out[free + k, i] = variables[3 * free + k] * d.rotor_axis[k, i]
+
+
+@kernel(array=("n",))
+def all_finite(array: Vector) -> bool:
+    """Whether all entries of a vector are finite numbers; a count, which compilers turn into vector instructions."""
+    bad = 0
+    for i in range(array.shape[0]):
+        bad += not abs(array[i]) < np.inf
+    return bad == 0
+
+
+@kernel(array=("n",))
+def all_possible(array: Vector) -> bool:
+    """Whether all entries of a vector are numbers within ``MAX_SAMPLE``."""
+    bad = 0
+    for i in range(array.shape[0]):
+        bad += not abs(array[i]) <= MAX_SAMPLE
+    return bad == 0
+
+
+@kernel(array=("n", 3))
+def all_possible_rows(array: Vector) -> bool:
+    """Whether all entries of a matrix of three columns are numbers within ``MAX_SAMPLE``."""
+    bad = 0
+    for k in range(array.shape[0]):
+        for i in range(3):
+            bad += not abs(array[k, i]) <= MAX_SAMPLE
+    return bad == 0
+
+
+@kernel(q=("7+",))
+def is_unit(q: Vector) -> bool:
+    """Whether the quaternion of a configuration, entries 3 to 6, is one: of length 0.7 to 1.4."""
+    squared = float(q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6])
+    return 0.5 <= squared <= 2.0

@@ -31,8 +31,8 @@ from harpy_pin.model.entry import all_finite, all_finite_rows, as_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import Robot, configuration
-from harpy_pin.model.rotor import write_thrusts
 from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.terms import write_thrusts
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.loop import ClosedLoop, Controller, keep_run, run_metadata
 from harpy_pin.simulation.push import Push, check_pushes

@@ -25,12 +25,12 @@ from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_norm
 from harpy_pin.log.slip import SlipRecord, note_slip, slip_record
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
-from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord, update_terms
+from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.entry import all_finite, all_finite_rows
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import integrate
+from harpy_pin.model.terms import integrate, update_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction

@@ -1,14 +1,9 @@
-"""Warm start from the last active set: it seldom changes from tick to tick, and then a solve is one linear system.
+"""The solvers of this library: the dual active-set method, and the warm start from the last active set.
 
-With the active constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is right if and only if no
-other constraint is violated and every multiplier has its sign; z is then the optimum of the strictly convex program. If
-not, the wrong constraints are exchanged, a few times all at once and then one by one, the last first (block principal
-pivoting; with single exchanges in a fixed order it ends for any strictly convex program whose active constraints are
-independent). Exchanges all at once may add constraints that depend on each other, as the faces of one pyramid do: then
-it starts over without any, one by one. Where that takes too long, the dual active-set method follows
-(:mod:`harpy_pin.wbc.dual`), and where rounding makes that fail, a further solver. Each has a bound on its iterations.
-No further solver is asked where the dual method used up its exchanges, or where the numbers are those of no robot: then
-there is no solution, and a controller holds its last command.
+The kernels of both searches are in :mod:`harpy_pin.wbc.condensed.active_set`. Where the exchange of the last active set
+takes too long, the dual method follows, and where rounding makes that fail, a further solver. Each has a bound on its
+iterations. No further solver is asked where the dual method used up its exchanges, or where the numbers are those of no
+robot: then there is no solution, and a controller holds its last command.
 
 A tick may need up to three solves. For programs of more than some fifty unknowns they share one bound, ``WORK``.
 """
@@ -21,23 +16,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.memory import fixed_arrays
-from harpy_pin.model.record import ZERO, RecordOf, Records, field, make_record, sized
+from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.dual import DualActiveSet, DualRecord, dual_active_set
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram, equality_residual, row_value, worst_violation
+from harpy_pin.wbc.condensed.active_set import (
+    CONTRADICTORY,
+    EXCHANGES,
+    EXHAUSTED,
+    FOUND,
+    ActiveSetRecord,
+    DualRecord,
+    ProgramRecord,
+    dual_active_set,
+    exchange,
+    row_value,
+)
+from harpy_pin.wbc.program import QuadraticProgram, worst_violation
 from harpy_pin.wbc.qp_solver import ACCEPTED, QPSolution, QPSolver, QPStatus
 
-__all__ = ["WarmStartedActiveSet"]
+__all__ = ["DualActiveSet", "WarmStartedActiveSet"]
 
-BLOCKS = 4
-"""Systems after which constraints are exchanged one by one."""
 SOLVED, INACCURATE, MAX_ITERATIONS, INFEASIBLE = (int(status) for status in QPStatus)
 ASK = 4
 """What :func:`solve_further` says where another solver may help."""
-EXCHANGES = 20
-"""Systems solved before the dual method is called."""
 WORK = 450 * 59**2
 """Bound of all solves of a tick: exchanges of the dual method times the square of the unknowns. It is 1.4 ms."""
 SYSTEM = 4
@@ -48,32 +49,40 @@ SPARING = 1000
 """Exchanges left to a tick below which it tries the last active set only in its first solve."""
 LARGEST_GRADIENT = 1e9
 """Entry of a gradient beyond which no robot is meant, and no other solver is asked. That of a walk is below 1e5."""
-TOLERANCE = 1e-7
-"""Violation (N, N·m, m/s²) with which a guess still counts as right."""
-PULL = 1e-9
-"""Multiplier of the wrong sign with which a guess still counts as right. Forces of heavy robots weigh some 1e-8."""
-SINGLE = {"TOLERANCE": 1e-4, "PULL": 1e-7}
-"""In single precision: forces of hundreds of newtons are known to some 1e-5 N."""
+EXCHANGES_PER_ROW = 4
+"""Bound on the constraints added and dropped, for each constraint of the program."""
+MAX_EXCHANGES = 300
+"""Bound for large programs: twice the most that walks of G1 need."""
+_STATUS = {FOUND: QPStatus.SOLVED, EXHAUSTED: QPStatus.MAX_ITERATIONS, CONTRADICTORY: QPStatus.INFEASIBLE}
 
 
-class ActiveSetRecord(RecordOf):
-    """Work space of :class:`WarmStartedActiveSet`."""
+@fixed_arrays("active", "record")
+class DualActiveSet(QPSolver):
+    """Cold at every tick, and needs no package.
 
-    # −1 for a row at its lower bound, 1 at its upper bound, else 0
-    active: NDArray[np.int64] = sized("rows", whole=True)
-    chosen: NDArray[np.int64] = sized("rows", whole=True)  # the active rows, packed to the front
-    multiplier: Vector = sized("n_eq + rows")  # of the equalities and the active rows
-    factor: Vector = sized("n", "n")  # L of H = Lᵀ L
-    columns: Vector = sized("n", "n_eq + rows + 1")  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
-    schur: Vector = sized("n_eq + rows", "n_eq + rows")  # factor of W H⁻¹ Wᵀ
-    budget: int  # exchanges of the dual method that all solves of a tick may take; a system counts as ``SYSTEM``
-    most: int  # that it may take in one solve
-    left: int = ZERO  # of the budget, in this tick
-    systems: int = ZERO  # solved in this tick
-    exchanges: int = ZERO  # of the dual method in this tick
-    searched: int = ZERO  # how many solves needed that method
-    iterations: int = ZERO  # of the last solve
-    violation: float = 0.0  # of the last solution
+    Attributes:
+        active: (rows,) of the last solve: −1 for an inequality at its lower bound, 1 at its upper bound, else 0.
+        limit: exchanges after which a solve gives up.
+    """
+
+    name: ClassVar[str] = "dual"
+    _record_: Records[DualRecord]
+
+    def __init__(self, program: QuadraticProgram) -> None:
+        super().__init__(program)
+        n, n_eq, rows = program.shape
+        self.limit = min(EXCHANGES_PER_ROW * (n_eq + rows), MAX_EXCHANGES)
+        self.record = make_record(DualRecord, {"n": n, "rows": rows}, limit=np.int64(self.limit))
+        self.active: Vector = field(self.record, "active")
+
+    def prepare(self, program: QuadraticProgram) -> None:
+        """See :meth:`QPSolver.prepare`."""
+        super().prepare(program)
+        dual_active_set.prepare(program.record, self.record, self.solution.z)
+
+    def _solve(self, program: QuadraticProgram) -> QPStatus:
+        outcome, self.solution.iterations = dual_active_set(program._record_, self._record_, self.solution.z)
+        return _STATUS[outcome]
 
 
 @fixed_arrays("record")
@@ -243,123 +252,6 @@ def _is_of_a_robot(qp: ProgramRecord) -> bool:
     for c in range(qp.gradient.shape[0]):
         fits = fits and abs(qp.gradient[c]) < LARGEST_GRADIENT
     return fits
-
-
-@kernel
-def exchange(qp: ProgramRecord, w: ActiveSetRecord, z: Vector, most: int) -> tuple[int, float]:
-    """Systems solved until the guess was right, at most ``most``, and the violation of z.
-
-    The number is ``EXCHANGES`` + 1 where the guess never was right.
-    """
-    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
-    factorise(qp.hessian, w.factor)
-    singly = False
-    for attempt in range(1, most + 1):
-        count = _choose(w)
-        # Too many constraints, or ones that depend on each other: start over with none, one by one.
-        if n_eq + count > n or not _solve_active(qp, w, count, z):
-            w.active[:] = 0
-            if singly:
-                break
-            singly = True
-            continue
-        wrong, worst = _correct(qp, w, count, z, attempt <= BLOCKS and not singly)
-        worst = max(worst, equality_residual(qp, z))
-        if worst == np.inf:
-            w.active[:] = 0
-            break
-        if wrong == 0:
-            # A nearly singular system may have left the active constraints themselves.
-            return (attempt if worst <= 10.0 * TOLERANCE else EXCHANGES + 1), worst
-    return EXCHANGES + 1, np.inf
-
-
-@kernel
-def _choose(w: ActiveSetRecord) -> int:
-    """Pack the active rows to the front of ``chosen``; returns how many there are."""
-    count = 0
-    for r in range(w.active.shape[0]):
-        if w.active[r] != 0:
-            w.chosen[count] = r
-            count += 1
-    return count
-
-
-@kernel
-def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> bool:
-    """Optimum z and multipliers on the chosen constraints; whether z is finite."""
-    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
-    m = n_eq + count
-    columns = w.columns
-    for i in range(n):
-        for c in range(n_eq):
-            columns[i, c] = qp.equality[c, i]
-        for c in range(count):
-            columns[i, n_eq + c] = qp.inequality[w.chosen[c], i]
-        columns[i, m] = -qp.gradient[i]
-    solve_transposed(w.factor, columns, m + 1)
-    # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
-    system, multiplier = w.schur[:m, :m], w.multiplier[:m]
-    system[:] = 0.0
-    for c in range(n_eq):
-        multiplier[c] = qp.equality_value[c]
-    for c in range(count):
-        r = w.chosen[c]
-        multiplier[n_eq + c] = qp.lower[r] if w.active[r] < 0 else qp.upper[r]
-    for i in range(n):
-        for a in range(m):
-            x = columns[i, a]
-            if x != 0.0:
-                multiplier[a] -= x * columns[i, m]
-                for b in range(a + 1):
-                    system[a, b] += x * columns[i, b]
-    factorise(system, system)
-    solve_vector(system, multiplier)
-    for i in range(n):
-        s = columns[i, m]
-        for a in range(m):
-            s += columns[i, a] * multiplier[a]
-        z[i] = s
-    solve_factor(w.factor, z.reshape((n, 1)), 1)
-    regular = True
-    for i in range(n):
-        regular = regular and np.isfinite(z[i])
-    return regular
-
-
-@kernel
-def _correct(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block: bool) -> tuple[int, float]:
-    """Drop rows with multipliers of the wrong sign, add violated ones: all of them (``block``) or the last.
-
-    Returns:
-        How many rows were wrong, and the largest violation; inf where a bound or row is NaN.
-    """
-    n_eq, active = qp.equality_value.shape[0], w.active
-    wrong, worst = 0, 0.0
-    last, change = 0, 0
-    for c in range(count):
-        r = w.chosen[c]
-        if active[r] * w.multiplier[n_eq + c] > PULL:
-            wrong += 1
-            last, change = r, -active[r]
-            if block:
-                active[r] = 0
-    for r in range(active.shape[0]):
-        s = row_value(qp, r, z)
-        below, above = qp.lower[r] - s, s - qp.upper[r]
-        if np.isnan(below) or np.isnan(above):
-            return 1, np.inf
-        worst = max(worst, below, above)
-        if active[r] == 0 and (below > TOLERANCE or above > TOLERANCE):
-            wrong += 1
-            side = -1 if below > above else 1
-            if r >= last:
-                last, change = r, side
-            if block:
-                active[r] = side
-    if wrong > 0 and not block:
-        active[last] += change
-    return wrong, worst
 
 
 @kernel

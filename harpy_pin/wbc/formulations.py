@@ -5,7 +5,7 @@ from __future__ import annotations
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
-from harpy_pin.wbc.condensed.contact_force import ContactForceProblem
+from harpy_pin.wbc.contact_force import ContactForceProblem
 from harpy_pin.wbc.full import FullProblem
 from harpy_pin.wbc.input_space import InputSpaceProblem
 from harpy_pin.wbc.problem import WholeBodyProblem

@@ -12,7 +12,9 @@ from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
 from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
+from harpy_pin.wbc.condensed.active_set import UNBOUNDED, ProgramRecord
+from harpy_pin.wbc.condensed.force_program import TargetsRecord, force_bounds, friction_rows
+from harpy_pin.wbc.condensed.limits import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
@@ -21,13 +23,9 @@ from harpy_pin.wbc.problem import (
     body_row,
     desired_acceleration,
     enter_pyramids,
-    force_bounds,
-    friction_limits,
-    friction_rows,
     mirror,
 )
-from harpy_pin.wbc.program import UNBOUNDED, ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.weights import TargetsRecord
+from harpy_pin.wbc.program import QuadraticProgram
 
 __all__ = ["FullProblem"]
 
@@ -93,8 +91,7 @@ def _build(
     _dynamics_rows(d, t, p, qp)
     _foot_rows(d, t, p, qp)
     force, faces = qp.bounded, p.pyramid.shape[0]
-    friction_limits(t, p)
-    friction_rows(p, qp, force)
+    friction_rows(t, p, qp, force)
     force_bounds(t, faces, qp.lower[force:], qp.upper[force:])
     _torque_rows(d, t, p, m, qp, v)
     _limit(p, m, qp, True)

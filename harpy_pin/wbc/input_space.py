@@ -20,7 +20,9 @@ from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, contact_
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, field
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.giving_way import share_of_least_force, share_of_swing
+from harpy_pin.wbc.condensed.active_set import UNBOUNDED, ProgramRecord
+from harpy_pin.wbc.condensed.force_program import TargetsRecord, friction_limits
+from harpy_pin.wbc.condensed.limits import share_of_least_force, share_of_swing
 from harpy_pin.wbc.problem import (
     FormulationKernels,
     FormulationRecord,
@@ -28,11 +30,9 @@ from harpy_pin.wbc.problem import (
     add_task,
     body_row,
     desired_acceleration,
-    friction_limits,
     mirror,
 )
-from harpy_pin.wbc.program import UNBOUNDED, ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.weights import TargetsRecord
+from harpy_pin.wbc.program import QuadraticProgram
 
 __all__ = ["InputSpaceProblem"]
 

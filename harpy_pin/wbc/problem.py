@@ -38,46 +38,15 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record
+from harpy_pin.model.record import ZERO, Record, Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
+from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord, root_acceleration
+from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.tasks.built_in import joint_weights
-from harpy_pin.wbc.weights import (
-    TargetsRecord,
-    WholeBodyLimits,
-    WholeBodyTargets,
-    WholeBodyWeights,
-    check_terms,
-    thrust_box,
-)
+from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms, thrust_box
 
 __all__ = ["WholeBodyProblem"]
-
-
-class ProblemRecord(RecordOf):
-    """Weights and limits of a whole-body problem, for kernels.
-
-    The weights have the names of :class:`~harpy_pin.wbc.weights.WholeBodyWeights`, after ``w_``.
-    """
-
-    w_body: float
-    w_orientation: float
-    w_swing: float
-    w_posture: float
-    w_arms: float
-    w_thrust: float
-    w_force: float
-    torque_limit: Vector  # (joints,) N·m
-    input_lower: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
-    input_upper: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
-    give_way: float  # share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way
-    # (faces, 3) rows p of the friction pyramid, p f ≥ 0; in a tick the last column is that of each foot
-    pyramid: Vector
-    mu: float  # friction coefficient of the ground
-    friction_share: float  # share of μ that is used; what is left is for errors of μ, of the model, and for impacts
-    inscribed: float  # share of the cone's slope that the faces of the pyramid have
-    friction: Vector  # (feet,) coefficient of each foot in this tick, after the safety margin
 
 
 class FormulationRecord(ProblemRecord):
@@ -265,7 +234,7 @@ class WholeBodyProblem(KeepsViews):
 
 def enter_pyramids(program: QuadraticProgram, pyramid: Vector, feet: int, *, force: int) -> None:
     """Enter the rows of pyramids and normal forces on force variables from index ``force``; see
-    :func:`friction_rows`."""
+    :func:`~harpy_pin.wbc.condensed.force_program.friction_rows`."""
     rows = len(pyramid) + 1
     for k in range(feet):
         first, x = program.bounded + rows * k, force + 3 * k
@@ -294,16 +263,8 @@ def mirror(hessian: Vector, size: int) -> None:
 
 @kernel
 def desired_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vector) -> None:
-    """Generalised acceleration that the targets of body, orientation and posture ask for.
-
-    Its first three entries are in body axes: the body's world acceleration is R (a_v + ω × v).
-    """
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        out[i] = -(v[3 + a] * v[b] - v[3 + b] * v[a])
-        for k in range(3):
-            out[i] += rotation[k, i] * t.body[k]
-        out[3 + i] = t.orientation[i]
+    """Generalised acceleration (nv,) that the targets of body, orientation and posture ask for."""
+    root_acceleration(v, rotation, t, out)
     for j in range(t.joints.shape[0]):
         out[6 + j] = t.joints[j]
 
@@ -333,32 +294,3 @@ def body_row(k: int, d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: V
         row[i] = rotation[2, i]
         value -= rotation[2, i] * (v[3 + a] * v[b] - v[3 + b] * v[a])
     return float(value)
-
-
-@kernel
-def friction_limits(t: TargetsRecord, p: ProblemRecord) -> None:
-    """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction``."""
-    for k in range(p.friction.shape[0]):
-        p.friction[k] = p.friction_share * min(p.mu, t.friction[k])
-
-
-@kernel
-def friction_rows(p: ProblemRecord, qp: ProgramRecord, force: int) -> None:
-    """Fit the pyramids' rows on force variables from index ``force`` to ``p.friction``: only f_z has another factor."""
-    faces = p.pyramid.shape[0]
-    for k in range(p.friction.shape[0]):
-        up, first, z = p.friction[k] * p.inscribed, qp.bounded + (faces + 1) * k, force + 3 * k + 2
-        for row in range(first, first + faces):
-            qp.inequality[row, z] = up
-
-
-@kernel
-def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> None:
-    """Bounds of each foot's rows on its force itself; never active in swing, where f = 0."""
-    for k in range(t.held.shape[0]):
-        on = t.held[k] != 0.0
-        first = (faces + 1) * k
-        for row in range(first, first + faces):
-            lower[row] = 0.0 if on else -1.0
-        lower[first + faces] = t.force_range[k, 0] if on else -1.0
-        upper[first + faces] = t.force_range[k, 1] if on else 1.0

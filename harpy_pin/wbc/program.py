@@ -7,28 +7,14 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
+from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.active_set import UNBOUNDED, ProgramRecord, equality_residual, row_value
 
 __all__ = ["UNBOUNDED", "QuadraticProgram"]
 
 MAX_SIZE = 10_000
 """Most variables, or rows, of a program."""
-UNBOUNDED = 1e20
-"""A bound of this size or more counts as infinite."""
-
-
-class ProgramRecord(RecordOf):
-    """Arrays of a :class:`QuadraticProgram`."""
-
-    hessian: Vector = sized("size", "size")  # H, positive definite
-    gradient: Vector = sized("size")  # g
-    equality: Vector = sized("equalities", "size")  # A
-    equality_value: Vector = sized("equalities")  # b
-    inequality: Vector  # (bounded + inequalities, n) C
-    lower: Vector = sized("rows", fill=-UNBOUNDED)  # l
-    upper: Vector = sized("rows", fill=UNBOUNDED)  # u
-    bounded: int  # how many variables have bounds
 
 
 @fixed_arrays("equality", "equality_value", "gradient", "hessian", "inequality", "lower", "record", "upper")
@@ -42,7 +28,7 @@ class QuadraticProgram(KeepsViews):
         bounded: the first so many variables have bounds of their own; they make the first rows of C, the identity.
 
     Attributes:
-        record: all of it, for kernels; the other attributes are views of its fields, see :class:`ProgramRecord`.
+        record: all of it, for kernels; the other attributes are views of its fields, see its class.
     """
 
     _record_: Records[ProgramRecord]
@@ -92,31 +78,6 @@ class QuadraticProgram(KeepsViews):
         c = self.inequality @ checks.array("z", z, len(self.gradient))
         equal = np.abs(self.equality @ z - self.equality_value)
         return float(max(equal.max(initial=0.0), (self.lower - c).max(), (c - self.upper).max(), 0.0))
-
-
-@kernel
-def row_value(qp: ProgramRecord, r: int, z: Vector) -> float:
-    """Row r of C z; the first rows are the bounded variables themselves."""
-    if r < qp.bounded:
-        return float(z[r])
-    s = 0.0
-    for i in range(z.shape[0]):
-        s += qp.inequality[r, i] * z[i]
-    return s
-
-
-@kernel
-def equality_residual(qp: ProgramRecord, z: Vector) -> float:
-    """Largest |A z − b|; inf where one is not a number."""
-    worst = 0.0
-    for r in range(qp.equality_value.shape[0]):
-        s = -qp.equality_value[r]
-        for i in range(z.shape[0]):
-            s += qp.equality[r, i] * z[i]
-        if np.isnan(s):
-            return np.inf
-        worst = max(worst, abs(s))
-    return worst
 
 
 @kernel

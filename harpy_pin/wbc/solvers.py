@@ -18,7 +18,8 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
-from harpy_pin.wbc.program import UNBOUNDED, QuadraticProgram
+from harpy_pin.wbc.condensed.active_set import UNBOUNDED
+from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolver, QPStatus
 
 __all__ = ["SOLVERS", "installed_solvers", "make_solver"]

@@ -8,13 +8,13 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import ZERO, Record, RecordOf, Records, field, make_record, same_layout, sized
+from harpy_pin.model.record import Record, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_drift
 
 __all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "targets_record", "thrust_box"]
 
@@ -72,7 +72,7 @@ class WholeBodyLimits:
             z, so that every point of it is within the limit.
         torque_scale: share of the motors' peak torque used, at most 1e6.
         give_way: share of a swing foot's weight that is left where motors are at their limits, above zero; there a
-            stance foot may also bear less than f_min (:mod:`harpy_pin.wbc.giving_way`). One: nothing gives way.
+            stance foot may also bear less than f_min (:mod:`harpy_pin.wbc.condensed.limits`). One: nothing gives way.
     """
 
     mu: float = 0.25
@@ -207,38 +207,7 @@ def check_terms(robot: Robot, dynamics: Dynamics, targets: WholeBodyTargets) -> 
         raise InputError(f"targets must be of '{robot.name}', got those of another robot", name="targets")
 
 
-class TargetsRecord(RecordOf):
-    """The arrays of :class:`WholeBodyTargets`, with their names, and what kernels need besides."""
-
-    body: Vector = sized(3)
-    orientation: Vector = sized(3)
-    feet: Vector = sized("feet", 3)
-    joints: Vector = sized("joints")
-    held: Vector = sized("feet", fill=1.0)
-    force_range: Vector
-    friction: Vector = sized("feet", fill=np.inf)
-    tilted: int = ZERO
-    centred: int = ZERO
-    # horizontal acceleration of the centre of mass that velocities alone bring about, world axes, m/s²; used where
-    # ``centred``
-    centre_drift: Vector = sized(2)
-    frame: Vector = sized("feet", 3, 3)
-    # measured contact forces in the frames of the contacts, where the ground is not level, N
-    measured: Vector = sized("feet", 3)
-
-
 def targets_record(robot: Robot) -> Records[TargetsRecord]:
     """A new :class:`TargetsRecord`."""
     feet = len(robot.feet)
     return make_record(TargetsRecord, robot.sizes, force_range=np.tile((0.0, 1e4), (feet, 1)))
-
-
-@kernel
-def note_centre_drift(d: DynamicsRecord, t: TargetsRecord) -> None:
-    """What the velocities alone give the centre of mass, R n_l / m + g, into ``t.centre_drift``."""
-    tree = d.tree
-    for k in range(2):
-        s = 0.0
-        for i in range(3):
-            s += tree.rotation[k, i] * d.bias[i]
-        t.centre_drift[k] = s / d.mass_matrix[0, 0] + tree.gravity[k]

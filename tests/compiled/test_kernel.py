@@ -28,7 +28,7 @@ COMPILED = {
     "harpy_pin.wbc.condensed.condense",
     "harpy_pin.simulation.step",
     "harpy_pin.simulation.ticks",
-    "harpy_pin.wbc.condensed.condensed_solver",
+    "harpy_pin.wbc.condensed.solve",
 }
 """Modules whose kernels are for kernels, and take what other objects have checked."""
 

@@ -13,16 +13,8 @@ import harpy_pin as hp
 from harpy_pin import Condensed, Disturbances, Governed, Ground, InputError, Noise, Scenario
 from harpy_pin.controllers import GovernedController, GovernedParameters, WholeBodyController, WholeBodyParameters
 from harpy_pin.controllers.condensed import CondensedController
-from harpy_pin.controllers.friction_estimator import (
-    FILTER_TIME,
-    LEAST_ESTIMATE,
-    LEAST_LOAD,
-    MARGIN,
-    MEMORY,
-    RECOVERY,
-    SLIP_SPEED,
-    FrictionEstimator,
-)
+from harpy_pin.controllers.friction import FILTER_TIME, LEAST_ESTIMATE, LEAST_LOAD, MARGIN, MEMORY, RECOVERY, SLIP_SPEED
+from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.scenario import build
 from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, make_problem

@@ -12,7 +12,8 @@ from needs import needs_mujoco
 import harpy_pin as hp
 from harpy_pin import InputError
 from harpy_pin.controllers import WholeBodyParameters
-from harpy_pin.controllers.tasks import task_terms, tasks_record
+from harpy_pin.controllers.task_controller import tasks_record
+from harpy_pin.controllers.tasks import task_terms
 from harpy_pin.gaits import CommandedGait, CommandedParameters
 from harpy_pin.gaits.steering import FEET_APART, MAX_TURN
 from harpy_pin.log.measures import body_angles

@@ -17,7 +17,7 @@ from comparison.studies.robots import friction_used, run_standing, stood, terms_
 from harpy_pin.gaits.gait import own_target
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
-from harpy_pin.wbc.condensed.condense import condensation_record
+from harpy_pin.wbc.condensed.condensed_solver import condensation_record
 
 FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
 SOLO = np.array([0.1, 0.8, -1.6, -0.1, 0.8, -1.6, 0.1, -0.8, 1.6, -0.1, -0.8, 1.6])

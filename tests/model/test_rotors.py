@@ -12,7 +12,7 @@ from pages import content_of
 from places import places
 
 import harpy_pin as hp
-from harpy_pin.controllers.thrust_tilt import MAX_LEAN, lean, limit_push
+from harpy_pin.controllers.tasks import MAX_LEAN, lean, limit_push
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.view import figures_of, replay_html
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver

@@ -13,8 +13,10 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
+from harpy_pin.compiled.source import _own_fingerprint
 from harpy_pin.compiled.unit import Unit
 from harpy_pin.controllers.condensed_tick import condensed_step
+from harpy_pin.wbc.condensed.solve import solve_condensed
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "harpy_pin"
@@ -118,6 +120,30 @@ def test_the_condensed_tick_stays_in_two_folders():
         unit.function_for(condensed_step, types)
     folders = {function.__module__.split(".")[1] for function, _ in unit.functions}
     assert folders == {"controllers", "wbc", "model", "ground"}
+
+
+def called_by(kernel):
+    """Modules of all kernels that a kernel may call, itself included."""
+    waiting, seen = [kernel.py_func], set()
+    while waiting:
+        function = waiting.pop()
+        if function not in seen:
+            seen.add(function)
+            waiting += _own_fingerprint(function)[1]
+    return {function.__module__ for function in seen}
+
+
+def test_the_condensed_tick_is_short():
+    """Its kernels, from the measured state to torques, stand in at most 14 files and 2,800 lines."""
+    files = [ROOT / (module.replace(".", "/") + ".py") for module in called_by(condensed_step)]
+    assert len(files) <= 14
+    assert sum(len(file.read_text().splitlines()) for file in files) <= 2800
+
+
+def test_the_condensed_optimum_is_closed_in_itself():
+    """The kernels of a solve call none outside ``wbc/condensed``, but for Cholesky factors."""
+    others = {module for module in called_by(solve_condensed) if not module.startswith("harpy_pin.wbc.condensed.")}
+    assert others == {"harpy_pin.model.cholesky"}
 
 
 def test_nothing_under_model_reads_weights():

@@ -13,7 +13,7 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.compiled import compiler, kernel
 from harpy_pin.contrib.batch import CondensedBatch
-from harpy_pin.controllers.friction_estimator import FrictionEstimator
+from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.gaits.gait import CompletedGait
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.entry import MAX_SAMPLE

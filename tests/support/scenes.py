@@ -16,7 +16,7 @@ from harpy_pin.compiled import Kernel
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.shield_batch import ShieldBatch
-from harpy_pin.controllers.friction_estimator import FrictionEstimator
+from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
 from harpy_pin.governors import ForceRows

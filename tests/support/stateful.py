@@ -12,7 +12,7 @@ from harpy_pin import controllers
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.gym.batched_env import BatchedEnv
 from harpy_pin.contrib.shield_batch import ShieldBatch
-from harpy_pin.controllers.friction_estimator import FrictionEstimator
+from harpy_pin.controllers.governed import FrictionEstimator
 
 ROBOT = hp.load_harpy()
 Q, V = hp.make_gait(ROBOT).initial_state(penetration=0.003)

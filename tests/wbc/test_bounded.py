@@ -13,8 +13,8 @@ import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES, SYSTEM, WORK
-from harpy_pin.wbc.dual import DualActiveSet
+from harpy_pin.wbc.active_set_warm_start import SYSTEM, WORK, DualActiveSet
+from harpy_pin.wbc.condensed.active_set import EXCHANGES
 
 FRICTIONS = (0.05, 0.15, 0.4, 1.0)
 

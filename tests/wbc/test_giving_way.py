@@ -12,7 +12,7 @@ import harpy_pin as hp
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
 from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
-from harpy_pin.wbc.giving_way import SPAN
+from harpy_pin.wbc.condensed.limits import SPAN
 
 SEEDS = st.integers(0, 2**32 - 1)
 DAMPED = hp.Actuators(viscous_friction=4.9).damped(ROBOT)

@@ -49,11 +49,12 @@ from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, 
 from harpy_pin.governors.shield import LimitsRecord, within_limits
 from harpy_pin.ground.ground import Ground, GroundRecord
 from harpy_pin.log.slip import forget_slip
-from harpy_pin.model.dynamics import DynamicsRecord, update_terms
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, make_record
 from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.state import State, Vector
+from harpy_pin.model.terms import update_terms
 from harpy_pin.scenario import Compliant, Scenario, Straight
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import push_forces

@@ -35,8 +35,9 @@ from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_norm
 from harpy_pin.log.slip import note_slip
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import read_thrusts, write_thrusts
+from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Command, Vector
+from harpy_pin.model.terms import write_thrusts
 from harpy_pin.simulation.actuators import Actuators, drive_motors
 from harpy_pin.simulation.mujoco.conventions import from_mujoco, installed_version
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel

@@ -24,6 +24,13 @@ with M_b = M_rr + Σ M_rk T_k, n_b = n_r + Σ M_rk ā_k + Σ M_rj ā_j, G_f = [J
 and costs (w − G_f f)ᵀ K⁻¹ (w − G_f f). The torques are the joints' rows. With them the contact forces of the rigid
 robot are f, whichever f was chosen. Corner forces with the same net wrench are equivalent for a rigid robot.
 
+**Centre of mass.** With the limbs eliminated its acceleration c̈ is affine in that of the root and in o,
+
+    z = C a_r + C_o o + c,    z = [c̈_x, c̈_y, z̈ of the body's origin, angular acceleration]
+
+and so is a_r in z. Where a gait demands c̈, the equations above are in z, with M_b C⁻¹, n_b − M_b C⁻¹ c and
+G_o + M_b C⁻¹ C_o; the weights W are then on z − z_d, and all that follows stays as it is.
+
 This file eliminates the limbs, and recovers motion and torques from given forces, which
 :mod:`~harpy_pin.wbc.condensed.force_program` chooses.
 """
@@ -36,27 +43,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
-from harpy_pin.model.robot import Robot
+from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.centre import root_of_centre, turn_to_centre
 
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.wbc.problem import ProblemRecord
-    from harpy_pin.wbc.weights import TargetsRecord
+    from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
 
-__all__ = ["condensation_record", "condensed_sizes"]
+__all__: list[str] = []
 
-_JOINTS = {1: 3}
-"""Joints of a limb by the contact points of its foot; six for all others."""
 MIN_DETERMINANT = 1e-6
 """Least determinant of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is
 not held exactly."""
 MIN_PIVOT = 1e-8
 """Least pivot of J_klᵀ J_kl of a flat foot, m²."""
+MIN_CENTRE_DETERMINANT = 1e-2
+"""Least determinant of the part of C that maps the linear acceleration; below it the task is the body's origin's."""
 
 
 class CondensationRecord(RecordOf):
@@ -85,7 +88,7 @@ class CondensationRecord(RecordOf):
     right_hand_side: Vector = sized(6)  # w, less the part of what is fixed in o
     factor: Vector = sized(6, 6)  # of K
     multiplier: Vector = sized(6)  # λ
-    # 1 where a_r is z, with the acceleration of the centre of mass (``centre.py``)
+    # 1 where a_r is z, with the acceleration of the centre of mass
     centred: int = ZERO
     root_per_centre: Vector = sized(6, 6)  # C⁻¹
     centre_bias: Vector = sized(3)  # c, but for its zeros
@@ -94,69 +97,6 @@ class CondensationRecord(RecordOf):
     # o per unit of each variable of ``input_map``
     free_per_unit: Vector = sized("thrusts + others + 3 feet", "thrusts + others + 3 feet")
     motion_per_unit: Vector = sized("nv", "thrusts + others + 3 feet")  # a per unit of each of them
-
-
-def condensation_record(robot: Robot) -> Records[CondensationRecord]:
-    """A new :class:`CondensationRecord`.
-
-    Raises:
-        InputError: the feet do not hang on such limbs, or are of several kinds.
-    """
-    model, limbs = robot.model, _limbs(robot)
-    columns = {column for limb in limbs for column in limb}
-    corners = robot.corners[0] if limbs else 1
-    joints = len(limbs[0]) if limbs else 3
-    return make_record(
-        CondensationRecord,
-        {**condensed_sizes(robot), "limbs": len(limbs), "j": joints, "r": 3 * corners},
-        limb=np.array(limbs, dtype=np.int64).reshape(-1, joints),
-        others=np.array([c for c in range(6, model.nv) if c not in columns], dtype=np.int64),
-    )
-
-
-def condensed_sizes(robot: Robot) -> dict[str, int]:
-    """Numbers by which shapes of the condensed program are named: those of the robot, and of its joints on no limb."""
-    on_limbs = sum(_JOINTS.get(corners, 6) for corners in robot.corners)
-    return {**robot.sizes, "others": len(robot.joints) - on_limbs}
-
-
-def _limbs(robot: Robot) -> list[list[int]]:
-    """Columns of the joints between the root and each foot.
-
-    Raises:
-        InputError: feet of several kinds, a limb of another number of joints, or a joint that belongs to several.
-    """
-    model = robot.model
-    if len(set(robot.corners)) > 1:
-        raise InputError(
-            f"the feet of '{robot.name}' have {robot.corners} contact points: all must be points, or flat feet alike",
-            name="robot",
-        )
-    starts = np.cumsum((0, *robot.corners))[:-1]
-    feet = [robot.feet[first] for first in starts]
-    supports = [model.supports[model.frames[robot.frame_id(foot)].parentJoint] for foot in feet]
-    limbs = [[j for j in chain if j > 1] for chain in supports]
-    used: dict[int, str] = {}
-    for foot, limb in zip(feet, limbs, strict=True):
-        for joint in limb:
-            if joint in used:
-                raise InputError(
-                    f"joint '{model.names[joint]}' of '{robot.name}' moves the feet '{used[joint]}' and '{foot}': "
-                    "limbs must not share joints, so every leg must begin at the base",
-                    name="robot",
-                )
-            used[joint] = foot
-    for foot, corners, limb in zip(feet, robot.corners, limbs, strict=True):
-        desired = _JOINTS.get(corners, 6)
-        if len(limb) != desired:
-            kind = "point foot" if corners == 1 else "flat foot"
-            names = ", ".join(model.names[j] for j in limb) or "none"
-            raise InputError(
-                f"the limb of a {kind} must have {desired} joints; that of '{foot}' of '{robot.name}' has "
-                f"{len(limb)}: {names}",
-                name="robot",
-            )
-    return [[model.joints[j].idx_v for j in limb] for limb in limbs]
 
 
 @kernel
@@ -175,11 +115,7 @@ def eliminate_limbs(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: Co
         e.inverse_weight[c] = 1.0 / p.w_thrust
     for k in range(e.limb.shape[0]):
         _limb_motion(d, t, e, k)
-        if e.inverse.shape[2] == 3:  # known when compiling: the other kernel is not part of the result
-            _add_point_limb(d, t, e, k, first)
-        else:
-            _add_flat_limb(d, t, e, k, first)
-        _weigh_free_acceleration(t, p, e, k, first)
+        _add_limb(d, t, p, e, k, first)
     for c in range(others):
         column = e.others[c]
         e.posture[c] = t.joints[column - 6]
@@ -221,32 +157,19 @@ def _limb_motion(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, k: 
 
 
 @kernel
-def _add_point_limb(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, k: int, free_from: int) -> None:
-    """What limb k of three joints adds to the root's equations: to M_b and n_b, and its columns of G_f and G_o."""
-    limb, inverse, limb_map, limb_bias = e.limb[k], e.inverse[k], e.limb_map[k], e.limb_bias[k]
-    jacobian = d.foot_jacobian[3 * k : 3 * k + 3]
-    held = t.held[k] != 0.0
-    for i in range(6):
-        row = d.mass_matrix[i]
-        m0, m1, m2 = row[limb[0]], row[limb[1]], row[limb[2]]
-        e.bias[i] += m0 * limb_bias[0] + m1 * limb_bias[1] + m2 * limb_bias[2]
-        for j in range(6):
-            e.mass[i, j] += m0 * limb_map[0, j] + m1 * limb_map[1, j] + m2 * limb_map[2, j]
-        for b in range(3):
-            e.force_map[i, 3 * k + b] = jacobian[b, i] if held else 0.0
-            free = -(m0 * inverse[0, b] + m1 * inverse[1, b] + m2 * inverse[2, b])
-            e.free_map[i, free_from + 3 * k + b] = 0.0 if held else free
-
-
-@kernel
-def _add_flat_limb(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, k: int, free_from: int) -> None:
-    """What limb k of a flat foot adds to the root's equations, see :func:`_add_point_limb`."""
+def _add_limb(
+    d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, k: int, free_from: int
+) -> None:
+    """What limb k adds to the root's equations: to M_b and n_b, and its columns of G_f and G_o with their weights."""
     limb, inverse, limb_map, limb_bias = e.limb[k], e.inverse[k], e.limb_map[k], e.limb_bias[k]
     joints, rows = inverse.shape
     first = rows * k
     jacobian = d.foot_jacobian[first : first + rows]
     held = t.held[first // 3] != 0.0
     mass = np.empty(joints)
+    for b in range(free_from + first, free_from + first + rows):
+        e.free_acceleration[b] = 0.0
+        e.inverse_weight[b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
     for i in range(6):
         for a in range(joints):
             mass[a] = d.mass_matrix[i, limb[a]]
@@ -265,16 +188,6 @@ def _add_flat_limb(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, k
             for a in range(joints):
                 s += mass[a] * inverse[a, b]
             e.free_map[i, free_from + first + b] = 0.0 if held else -s
-
-
-@kernel
-def _weigh_free_acceleration(t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, k: int, free_from: int) -> None:
-    """Inverse weights of the free acceleration of limb k, which begins at zero; zero in stance."""
-    rows = e.inverse.shape[2]
-    held = t.held[rows * k // 3] != 0.0
-    for b in range(free_from + rows * k, free_from + rows * (k + 1)):
-        e.free_acceleration[b] = 0.0
-        e.inverse_weight[b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
 
 
 @kernel
@@ -379,3 +292,111 @@ def joint_torques(d: DynamicsRecord, e: CondensationRecord, v: Vector, f: Vector
             j = e.limb[k, x]
             for b in range(rows):
                 torque[j - 6] -= d.foot_jacobian[rows * k + b, j] * f[rows * k + b]
+
+
+@kernel
+def turn_to_centre(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, v: Vector) -> None:
+    """Change the root's equations, with the limbs eliminated, and what is demanded, to z."""
+    rotation, mass, thrusts = d.tree.rotation, d.mass_matrix[0, 0], d.thruster_jacobian.shape[0]
+    e.centred = 0
+    _linear_rows(e, rotation, mass)
+    if not _invert(e):
+        return
+    e.centred = 1
+    free = e.free_map.shape[1]
+    for k in range(2):
+        s = t.centre_drift[k]
+        for i in range(3):
+            s += rotation[k, i] * (e.bias[i] - d.bias[i]) / mass
+        e.centre_bias[k] = s
+        for c in range(free):
+            s = 0.0
+            for i in range(3):
+                s -= rotation[k, i] * e.free_map[i, c] / mass
+            e.centre_free[k, c] = s if c >= thrusts else 0.0
+    e.centre_bias[2] = 0.0
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        e.centre_bias[2] += rotation[2, i] * (v[3 + a] * v[b] - v[3 + b] * v[a])
+        e.desired[i] = t.body[i]
+    row = np.empty(6)
+    for i in range(6):
+        for j in range(6):
+            row[j] = 0.0
+            for k in range(6):
+                row[j] += e.mass[i, k] * e.root_per_centre[k, j]
+        for j in range(6):
+            e.mass[i, j] = row[j]
+        for k in range(3):
+            e.bias[i] -= row[k] * e.centre_bias[k]
+        for c in range(free):
+            e.free_map[i, c] += row[0] * e.centre_free[0, c] + row[1] * e.centre_free[1, c]
+
+
+@kernel
+def _linear_rows(e: CondensationRecord, rotation: Vector, mass: float) -> None:
+    """The first three rows of C, into ``root_per_centre``."""
+    for k in range(3):
+        for j in range(6):
+            s = 0.0
+            for i in range(3):
+                s += rotation[k, i] * e.mass[i, j] / mass
+            e.root_per_centre[k, j] = s
+    for j in range(6):
+        e.root_per_centre[2, j] = rotation[2, j] if j < 3 else 0.0
+
+
+@kernel
+def _invert(e: CondensationRecord) -> bool:
+    """C⁻¹ in the place of C = [[A, B], [0, 1]]: [[A⁻¹, −A⁻¹ B], [0, 1]]; whether there is one."""
+    m = e.root_per_centre
+    inverse, product = np.empty((3, 3)), np.empty((3, 3))
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        inverse[0, a] = m[b, 1] * m[c, 2] - m[b, 2] * m[c, 1]
+        inverse[1, a] = m[b, 2] * m[c, 0] - m[b, 0] * m[c, 2]
+        inverse[2, a] = m[b, 0] * m[c, 1] - m[b, 1] * m[c, 0]
+    determinant = m[0, 0] * inverse[0, 0] + m[1, 0] * inverse[0, 1] + m[2, 0] * inverse[0, 2]
+    if not abs(determinant) > MIN_CENTRE_DETERMINANT:
+        return False
+    for a in range(3):
+        for b in range(3):
+            product[a, b] = 0.0
+            for c in range(3):
+                product[a, b] += inverse[a, c] * m[c, 3 + b] / determinant
+    for a in range(3):
+        for b in range(3):
+            m[a, b], m[a, 3 + b] = inverse[a, b] / determinant, -product[a, b]
+            m[3 + a, b], m[3 + a, 3 + b] = 0.0, 1.0 if a == b else 0.0
+    return True
+
+
+@kernel
+def root_of_centre(e: CondensationRecord) -> None:
+    """The root's acceleration from z, in the first six entries of ``e.acceleration``."""
+    a, x = e.acceleration, np.empty(6)
+    for j in range(6):
+        x[j] = a[j] - (e.centre_bias[j] if j < 3 else 0.0)
+    for k in range(2):
+        for c in range(e.free_acceleration.shape[0]):
+            x[k] -= e.centre_free[k, c] * e.free_acceleration[c]
+    for i in range(6):
+        a[i] = 0.0
+        for j in range(6):
+            a[i] += e.root_per_centre[i, j] * x[j]
+
+
+@kernel
+def root_per_unit(e: CondensationRecord, n: int) -> None:
+    """The motion per unit of each of n variables, in the first six rows of ``e.motion_per_unit``."""
+    motion, free, x = e.motion_per_unit, e.free_per_unit, np.empty(6)
+    for a in range(n):
+        for j in range(6):
+            x[j] = motion[j, a]
+        for k in range(2):
+            for c in range(e.free_acceleration.shape[0]):
+                x[k] -= e.centre_free[k, c] * free[c, a]
+        for i in range(6):
+            motion[i, a] = 0.0
+            for j in range(6):
+                motion[i, a] += e.root_per_centre[i, j] * x[j]

@@ -1,18 +1,4 @@
-"""The whole-body optimum as a program in the contact forces alone, solved in a bounded number of operations.
-
-A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), fills in the program in the contact forces
-(:mod:`harpy_pin.wbc.condensed.force_program`), finds its optimum, and recovers thrusts and torques.
-The last tick's active set is tried, then exchanged; then follows the dual
-active-set method. At the end every force is put into its pyramid.
-
-Where thrusts or torques of that optimum exceed their limits, which is rare, the program is solved again with thrusts
-and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so that the result is the whole-body optimum
-in this case, too. What gives way there is said in :mod:`harpy_pin.wbc.giving_way`.
-
-For the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts returned, the
-force on each stance foot is f, and f is in its pyramid and range. The exception is reported in the status: torques that
-were clipped, because the search found no force in the pyramids that the motors can reach.
-"""
+"""The condensed whole-body optimum from Python: the records of a robot, and one solve."""
 
 from __future__ import annotations
 
@@ -22,47 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
-from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
+from harpy_pin.errors import InputError
+from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout, sized
+from harpy_pin.model.record import Record, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import ActiveSetRecord, WarmStartedActiveSet
-from harpy_pin.wbc.condensed.condense import (
-    CondensationRecord,
-    condensation_record,
-    condensed_sizes,
-    eliminate_limbs,
-    joint_torques,
-    recover,
-    root_factor,
-)
-from harpy_pin.wbc.condensed.force_program import force_objective, into_cones, search_active_set
-from harpy_pin.wbc.condensed.limits import limited_program
-from harpy_pin.wbc.dual import DualActiveSet, DualRecord
-from harpy_pin.wbc.giving_way import beyond_torque_limit, share_of_least_force, share_of_swing
-from harpy_pin.wbc.problem import (
-    ProblemRecord,
-    desired_acceleration,
-    enter_pyramids,
-    force_bounds,
-    friction_limits,
-    friction_rows,
-    problem_values,
-)
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.weights import TargetsRecord, WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms
+from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
+from harpy_pin.wbc.condensed.active_set import SearchRecord
+from harpy_pin.wbc.condensed.condense import CondensationRecord
+from harpy_pin.wbc.condensed.solve import CondensedRecord, solve_condensed
+from harpy_pin.wbc.problem import enter_pyramids, problem_values
+from harpy_pin.wbc.program import QuadraticProgram
+from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms
 
 __all__ = ["CondensedSolver", "CondensedStatus", "condensed_record"]
 
-AT_LIMIT = 1e-9
-"""Distance below its limit, as a share of it, at which a torque counts as limited."""
-BEYOND = 1e-6
-"""Excess over its limit, as a share of it, that counts as rounding and not as clipped."""
-SINGLE = {"AT_LIMIT": 1e-6, "BEYOND": 1e-3}
-"""Constants that differ in single precision."""
+
+_JOINTS = {1: 3}
+"""Joints of a limb by the contact points of its foot; six for all others."""
 
 
 class CondensedStatus(IntFlag):
@@ -77,40 +42,6 @@ class CondensedStatus(IntFlag):
     """The search for the active set ended at its bound; the forces were moved into their pyramids."""
     TORQUE_CLIPPED = 8
     """Torques were clipped: the forces that follow are not the ones intended."""
-
-
-CLIPPED = int(CondensedStatus.TORQUE_CLIPPED)
-
-
-class SearchRecord(RecordOf):
-    """A program, and what searches its optimum."""
-
-    program: ProgramRecord  # the quadratic program
-    exchange: ActiveSetRecord  # the last active set and its exchange
-    dual: DualRecord  # the dual method
-
-
-class CondensedRecord(ProblemRecord):
-    """Settings and work space of :class:`CondensedSolver`."""
-
-    root: CondensationRecord  # the robot as six equations
-    free: SearchRecord  # program on the forces alone
-    limited: SearchRecord  # program on thrusts, free accelerations and forces, with rows for the torques
-    least_share: Vector = sized("feet", fill=1.0)  # share of its least normal force that each foot has to bear
-    swing_share: Vector = sized("feet", fill=1.0)  # share of its weight that each swing foot has at the motors' limits
-    force: Vector = sized("3 feet")  # contact forces, world axes, N; zero in swing
-    inputs: Vector = sized("thrusts + joints")  # [u; τ] of the last tick, N and N·m
-    last_inputs: Vector = sized("thrusts + joints")  # those of the tick before
-    response: Vector = sized(6, "3 feet")  # acceleration of the root per force
-    desired: Vector = sized("nv")  # demanded generalised acceleration
-    unknowns: Vector = sized("thrusts + others + 3 feet")  # of the program with limits, N and rad/s²
-    wide_response: Vector = sized(6, "thrusts + others + 3 feet")  # acceleration of the root per unknown
-    gain: Vector = sized("thrusts + joints", "thrusts + others + 3 feet")  # [u; τ] per unknown
-    at_rest: Vector = sized("thrusts + joints")  # [u; τ] where the unknowns are zero
-    # status of the last tick, and systems that were solved in it
-    status_and_systems: NDArray[np.int64] = sized(2, whole=True)
-    hold_ticks: int  # ticks in a row for which the last inputs are held in the place of clipped ones
-    clipped: NDArray[np.int64] = sized(2, whole=True)  # ticks with clipped torques: all, and in a row
 
 
 def condensed_record(
@@ -145,6 +76,69 @@ def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Re
     enter_pyramids(program, pyramid, feet, force=bounded)
     search = WarmStartedActiveSet(program, DualActiveSet(program))
     return make_record(SearchRecord, program=program.record, exchange=search.record, dual=search.dual.record)
+
+
+def condensation_record(robot: Robot) -> Records[CondensationRecord]:
+    """A new :class:`CondensationRecord`.
+
+    Raises:
+        InputError: the feet do not hang on such limbs, or are of several kinds.
+    """
+    model, limbs = robot.model, _limbs(robot)
+    columns = {column for limb in limbs for column in limb}
+    corners = robot.corners[0] if limbs else 1
+    joints = len(limbs[0]) if limbs else 3
+    return make_record(
+        CondensationRecord,
+        {**condensed_sizes(robot), "limbs": len(limbs), "j": joints, "r": 3 * corners},
+        limb=np.array(limbs, dtype=np.int64).reshape(-1, joints),
+        others=np.array([c for c in range(6, model.nv) if c not in columns], dtype=np.int64),
+    )
+
+
+def condensed_sizes(robot: Robot) -> dict[str, int]:
+    """Numbers by which shapes of the condensed program are named: those of the robot, and of its joints on no limb."""
+    on_limbs = sum(_JOINTS.get(corners, 6) for corners in robot.corners)
+    return {**robot.sizes, "others": len(robot.joints) - on_limbs}
+
+
+def _limbs(robot: Robot) -> list[list[int]]:
+    """Columns of the joints between the root and each foot.
+
+    Raises:
+        InputError: feet of several kinds, a limb of another number of joints, or a joint that belongs to several.
+    """
+    model = robot.model
+    if len(set(robot.corners)) > 1:
+        raise InputError(
+            f"the feet of '{robot.name}' have {robot.corners} contact points: all must be points, or flat feet alike",
+            name="robot",
+        )
+    starts = np.cumsum((0, *robot.corners))[:-1]
+    feet = [robot.feet[first] for first in starts]
+    supports = [model.supports[model.frames[robot.frame_id(foot)].parentJoint] for foot in feet]
+    limbs = [[j for j in chain if j > 1] for chain in supports]
+    used: dict[int, str] = {}
+    for foot, limb in zip(feet, limbs, strict=True):
+        for joint in limb:
+            if joint in used:
+                raise InputError(
+                    f"joint '{model.names[joint]}' of '{robot.name}' moves the feet '{used[joint]}' and '{foot}': "
+                    "limbs must not share joints, so every leg must begin at the base",
+                    name="robot",
+                )
+            used[joint] = foot
+    for foot, corners, limb in zip(feet, robot.corners, limbs, strict=True):
+        desired = _JOINTS.get(corners, 6)
+        if len(limb) != desired:
+            kind = "point foot" if corners == 1 else "flat foot"
+            names = ", ".join(model.names[j] for j in limb) or "none"
+            raise InputError(
+                f"the limb of a {kind} must have {desired} joints; that of '{foot}' of '{robot.name}' has "
+                f"{len(limb)}: {names}",
+                name="robot",
+            )
+    return [[model.joints[j].idx_v for j in limb] for limb in limbs]
 
 
 @fixed_arrays("acceleration", "force", "inputs", "record")
@@ -225,96 +219,3 @@ class CondensedSolver(KeepsViews):
         rotation = as_array("rotation", rotation, (3, 3))
         solve_condensed(dynamics._record_, targets._record_, self._record_, v, rotation)
         return self._inputs_
-
-
-@kernel
-def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector, rotation: Vector) -> None:
-    """One tick, on elements of the records; see :class:`CondensedSolver`."""
-    e, qp = p.root, p.free.program
-    p.status_and_systems[:] = 0
-    for c in range(p.inputs.shape[0]):
-        p.last_inputs[c] = p.inputs[c]
-    desired_acceleration(v, rotation, t, p.desired)
-    for i in range(6):
-        e.desired[i] = p.desired[i]
-    eliminate_limbs(d, t, p, e, v)
-    root_factor(e)
-    p.least_share[:] = 1.0
-    if p.force.shape[0] > 0:
-        force_bounds(t, p.pyramid.shape[0], qp.lower, qp.upper)
-        force_objective(t, p, e, p.response, qp)
-        friction_limits(t, p)
-        friction_rows(p, qp, 0)
-        search_active_set(p, p.free, p.force)
-        into_cones(t, p)
-    recover(e, p.force)
-    thrusts = d.thruster_jacobian.shape[0]
-    thrust, torque = e.free_acceleration[:thrusts], p.inputs[thrusts:]
-    joint_torques(d, e, v, p.force, torque)
-    if _outside(thrust, p.input_lower, p.input_upper) or beyond_torque_limit(torque, p.torque_limit):
-        _within_limits(d, t, p, v)
-    for c in range(thrusts):
-        p.inputs[c] = thrust[c]
-
-
-@kernel
-def _outside(values: Vector, lower: Vector, upper: Vector) -> bool:
-    """Whether one of the values is out of its range, or not finite."""
-    found = False
-    for c in range(values.shape[0]):
-        found = found or not lower[c] <= values[c] <= upper[c]
-    return found
-
-
-@kernel
-def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: Vector) -> None:
-    """The optimum with bounds on the thrusts and rows of the torques."""
-    e, qp, y, thrusts = p.root, p.limited.program, p.unknowns, d.thruster_jacobian.shape[0]
-    first, torque = thrusts + e.others.shape[0], p.inputs[thrusts:]
-    p.swing_share[:] = 1.0
-    if p.give_way < 1.0 and beyond_torque_limit(torque, p.torque_limit):
-        for k in range(t.held.shape[0]):
-            p.least_share[k] = share_of_least_force(d, torque, p.torque_limit, k)
-            p.swing_share[k] = share_of_swing(d, torque, p.torque_limit, p.give_way, k)
-    limited_program(d, t, p, v)
-    search_active_set(p, p.limited, y)
-    for c in range(thrusts):
-        y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
-        if y[c] <= p.input_lower[c] or y[c] >= p.input_upper[c]:
-            p.status_and_systems[0] |= 1
-    for c in range(p.force.shape[0]):
-        p.force[c] = y[first + c]
-    into_cones(t, p)
-    for c in range(y.shape[0]):
-        if c < first or t.held[(c - first) // 3] == 0.0:
-            e.free_acceleration[c] = y[c]
-            for i in range(6):
-                e.right_hand_side[i] -= e.free_map[i, c] * y[c]
-    recover(e, p.force)
-    joint_torques(d, e, v, p.force, torque)
-    _clip_torques(p, torque)
-
-
-@kernel
-def _clip_torques(p: CondensedRecord, torque: Vector) -> None:
-    """Clip the torques; says in the status which limits are reached, and whether more than rounding was clipped."""
-    for j in range(torque.shape[0]):
-        limit = p.torque_limit[j]
-        if not abs(torque[j]) <= limit * (1.0 - AT_LIMIT):
-            p.status_and_systems[0] |= 2
-        if not abs(torque[j]) <= limit:
-            if not abs(torque[j]) <= limit * (1.0 + BEYOND):
-                p.status_and_systems[0] |= 8
-            torque[j] = min(max(torque[j], -limit), limit) if np.isfinite(torque[j]) else 0.0
-
-
-@kernel
-def hold_last(p: CondensedRecord) -> None:
-    """The last inputs in the place of clipped torques, for a while."""
-    if p.status_and_systems[0] & CLIPPED:
-        p.clipped[0] += 1
-        p.clipped[1] += 1
-        if p.clipped[1] <= p.hold_ticks:
-            p.inputs[:] = p.last_inputs
-    else:
-        p.clipped[1] = 0

@@ -16,33 +16,93 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
+from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import EXCHANGES, exchange
-from harpy_pin.wbc.dual import dual_active_set
 
 if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
+    from harpy_pin.wbc.condensed.active_set import ProgramRecord
     from harpy_pin.wbc.condensed.condense import CondensationRecord
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord, SearchRecord
-    from harpy_pin.wbc.problem import ProblemRecord
-    from harpy_pin.wbc.program import ProgramRecord
-    from harpy_pin.wbc.weights import TargetsRecord
+    from harpy_pin.wbc.condensed.solve import CondensedRecord
 
 __all__: list[str] = []
+
+
+class ProblemRecord(RecordOf):
+    """Weights and limits of a whole-body problem, for kernels.
+
+    The weights have the names of :class:`~harpy_pin.wbc.weights.WholeBodyWeights`, after ``w_``.
+    """
+
+    w_body: float
+    w_orientation: float
+    w_swing: float
+    w_posture: float
+    w_arms: float
+    w_thrust: float
+    w_force: float
+    torque_limit: Vector  # (joints,) N·m
+    input_lower: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
+    input_upper: Vector  # (thrust variables + joints,) limits of [u; τ], N and N·m
+    give_way: float  # share of ``w_swing`` that is left where a torque is at its limit; 1 where nothing gives way
+    # (faces, 3) rows p of the friction pyramid, p f ≥ 0; in a tick the last column is that of each foot
+    pyramid: Vector
+    mu: float  # friction coefficient of the ground
+    friction_share: float  # share of μ that is used; what is left is for errors of μ, of the model, and for impacts
+    inscribed: float  # share of the cone's slope that the faces of the pyramid have
+    friction: Vector  # (feet,) coefficient of each foot in this tick, after the safety margin
+
+
+class TargetsRecord(RecordOf):
+    """The arrays of :class:`~harpy_pin.wbc.weights.WholeBodyTargets`, and what kernels need besides."""
+
+    body: Vector = sized(3)
+    orientation: Vector = sized(3)
+    feet: Vector = sized("feet", 3)
+    joints: Vector = sized("joints")
+    held: Vector = sized("feet", fill=1.0)
+    force_range: Vector
+    friction: Vector = sized("feet", fill=np.inf)
+    tilted: int = ZERO
+    centred: int = ZERO
+    # horizontal acceleration of the centre of mass that velocities alone bring about, world axes, m/s²; used where
+    # ``centred``
+    centre_drift: Vector = sized(2)
+    frame: Vector = sized("feet", 3, 3)
+    # measured contact forces in the frames of the contacts, where the ground is not level, N
+    measured: Vector = sized("feet", 3)
+
+
+@kernel
+def note_centre_drift(d: DynamicsRecord, t: TargetsRecord) -> None:
+    """What the velocities alone give the centre of mass, R n_l / m + g, into ``t.centre_drift``."""
+    tree = d.tree
+    for k in range(2):
+        s = 0.0
+        for i in range(3):
+            s += tree.rotation[k, i] * d.bias[i]
+        t.centre_drift[k] = s / d.mass_matrix[0, 0] + tree.gravity[k]
+
+
+@kernel
+def root_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vector) -> None:
+    """Acceleration of the root that the targets of body and orientation ask for, into the first six entries of ``out``.
+
+    Its first three entries are in body axes: the body's world acceleration is R (a_v + ω × v).
+    """
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        out[i] = -(v[3 + a] * v[b] - v[3 + b] * v[a])
+        for k in range(3):
+            out[i] += rotation[k, i] * t.body[k]
+        out[3 + i] = t.orientation[i]
 
 
 @kernel
 def force_objective(
     t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, response: Vector, qp: ProgramRecord
 ) -> None:
-    """H and g; the identity for the force of a swing foot, which is zero.
-
-    Args:
-        t: see :mod:`harpy_pin.wbc.problem`.
-        p: see there.
-        e: factored.
-        response: (6, 3 feet) out: L⁻ᵀ G_f with K = Lᵀ L.
-        qp: out.
-    """
+    """H and g; the identity for the force of a swing foot, which is zero; ``response`` becomes L⁻ᵀ G_f."""
     response[:] = e.force_map
     root_cost(e, response, qp)
     for a in range(response.shape[1]):
@@ -51,18 +111,12 @@ def force_objective(
 
 @kernel
 def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> None:
-    """H = Gᵀ K⁻¹ G and g = −Gᵀ K⁻¹ w, with K = Lᵀ L.
-
-    Args:
-        e: factored.
-        response: (6, n) G; becomes L⁻ᵀ G.
-        qp: out.
-    """
+    """H = Gᵀ K⁻¹ G and g = −Gᵀ K⁻¹ w, with K = Lᵀ L; ``response`` (6, n) is G, and becomes L⁻ᵀ G."""
     n = response.shape[1]
     solve_transposed(e.factor, response, n)
     for i in range(6):
         e.multiplier[i] = e.right_hand_side[i]
-    _solve_transposed(e.factor, e.multiplier)
+    solve_transposed(e.factor, e.multiplier.reshape((6, 1)), 1)
     for a in range(n):
         s = 0.0
         for i in range(6):
@@ -76,34 +130,33 @@ def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> Non
 
 
 @kernel
-def _solve_transposed(factor: Vector, x: Vector) -> None:
-    """x ← L⁻ᵀ x for one vector x (6,)."""
-    for i in range(5, -1, -1):
-        x[i] *= factor[i, i]
-        for k in range(i):
-            x[k] -= factor[i, k] * x[i]
+def friction_limits(t: TargetsRecord, p: ProblemRecord) -> None:
+    """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction``."""
+    for k in range(p.friction.shape[0]):
+        p.friction[k] = p.friction_share * min(p.mu, t.friction[k])
 
 
 @kernel
-def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
-    """The optimum, by the last active set, its exchange, or the dual method; the status says whether one was found."""
-    w, dual = search.exchange, search.dual
-    systems, _ = exchange(search.program, w, z, EXCHANGES)
-    p.status_and_systems[1] += systems
-    if systems <= EXCHANGES:
-        return
-    outcome, exchanges = dual_active_set(search.program, dual, z)
-    p.status_and_systems[1] += exchanges
-    w.active[:] = dual.active
-    finite = True
-    for c in range(z.shape[0]):
-        finite = finite and np.isfinite(z[c])
-    if outcome == 0 and finite:
-        return
-    p.status_and_systems[0] |= 4
-    w.active[:] = 0
-    if not finite:
-        z[:] = 0.0
+def friction_rows(t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, force: int) -> None:
+    """Fit the pyramids' rows on force variables from index ``force`` to this tick's friction: another factor of f_z."""
+    friction_limits(t, p)
+    faces = p.pyramid.shape[0]
+    for k in range(p.friction.shape[0]):
+        up, first, z = p.friction[k] * p.inscribed, qp.bounded + (faces + 1) * k, force + 3 * k + 2
+        for row in range(first, first + faces):
+            qp.inequality[row, z] = up
+
+
+@kernel
+def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> None:
+    """Bounds of each foot's rows on its force itself; never active in swing, where f = 0."""
+    for k in range(t.held.shape[0]):
+        on = t.held[k] != 0.0
+        first = (faces + 1) * k
+        for row in range(first, first + faces):
+            lower[row] = 0.0 if on else -1.0
+        lower[first + faces] = t.force_range[k, 0] if on else -1.0
+        upper[first + faces] = t.force_range[k, 1] if on else 1.0
 
 
 @kernel

@@ -7,8 +7,19 @@ contact force of a stance foot and the free acceleration δ_k of a swing foot:
     minimise    ½ ‖L⁻ᵀ (w − G y)‖² + ½ w_u ‖u‖² + ½ w_ε ‖ε‖² + ½ Σ w_f ‖f_k‖² + ½ Σ w_δ ‖δ_k‖²
     subject to  pyramids and ranges of the f_k,  u_min ≤ u ≤ u_max,  |τ(y)| ≤ τ_max
 
-with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y. Where a torque is beyond its limit in the optimum without these limits,
-the weight of swing feet and least forces are smaller (:mod:`harpy_pin.wbc.giving_way`).
+with K = M_b W⁻¹ M_bᵀ = Lᵀ L, and τ affine in y.
+
+**What gives way.** A motor that cannot follow a swing foot would otherwise make the body pay: the swing task's weight
+is several times that of the body, and its error grows with the square of what is missing. So where the optimum without
+limits of thrusts and torques needs torques τ° beyond theirs, the program that is solved with all limits has
+
+- for a swing foot, only the share σ of its weight. σ falls from one to ``give_way`` while the largest |τ°| / τ_max of
+  the joints that move the foot grows from 1 to 1 + ``SPAN``, so that nothing jumps.
+- for a stance foot, ρ f_min in place of f_min, ρ = min τ_max / max(|τ°|, τ_max) over the joints that move the foot: a
+  leg whose motors would need twice their limits has to bear half of the least force.
+
+No torque at its limit: the program, and every digit of its solution, are those without all this. The formulations of
+the whole-body QP give way alike.
 """
 
 from __future__ import annotations
@@ -20,18 +31,23 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.centre import root_per_unit
-from harpy_pin.wbc.condensed.condense import CondensationRecord, joint_torques, recover, root_factor
-from harpy_pin.wbc.condensed.force_program import root_cost
-from harpy_pin.wbc.problem import force_bounds
+from harpy_pin.wbc.condensed.condense import CondensationRecord, joint_torques, recover, root_factor, root_per_unit
+from harpy_pin.wbc.condensed.force_program import force_bounds, root_cost
 
 if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.wbc.condensed.condensed_solver import CondensedRecord
-    from harpy_pin.wbc.program import ProgramRecord
-    from harpy_pin.wbc.weights import TargetsRecord
+    from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
+    from harpy_pin.wbc.condensed.active_set import ProgramRecord
+    from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
+    from harpy_pin.wbc.condensed.solve import CondensedRecord
 
 __all__: list[str] = []
+
+SPAN = 0.1
+"""Excess of a torque over its limit, as a share of it, over which swing feet give way."""
+NEAR = 1e-6
+"""Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is looked at."""
+SINGLE = {"NEAR": 1e-3}
+"""Constants that differ in single precision."""
 
 
 @kernel
@@ -111,15 +127,8 @@ def input_map(
     With all of o fixed at zero, they are a function of y = [u; …], which holds the force of a stance foot and the free
     acceleration of a swing foot: [u; τ] = at_rest + gain y. Between them are the free accelerations ε.
 
-    Args:
-        d: see :mod:`harpy_pin.wbc.problem`, as the others without a line here.
-        t: see there.
-        e: factored.
-        v: see there.
-        response: (6, n) L⁻ᵀ G of these variables; becomes K⁻¹ G.
-        gain: (thrusts + joints, n) out; zero columns for the forces of swing feet.
-        at_rest: (thrusts + joints,) out.
-        fixed: whether all of o is.
+    ``response`` (6, n) is L⁻ᵀ G of these variables and becomes K⁻¹ G; ``gain`` (thrusts + joints, n) and ``at_rest``
+    (thrusts + joints,) are written; ``fixed`` says whether all of o is.
     """
     n, thrusts = response.shape[1], d.thruster_jacobian.shape[0]
     first = thrusts + e.others.shape[0]
@@ -216,3 +225,44 @@ def _input_per_unit(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, 
                 j = e.limb[k, b]
                 for a in range(rows):
                     gain[thrusts + j - 6, first + rows * k + a] -= d.foot_jacobian[rows * k + a, j]
+
+
+@kernel
+def at_a_limit(inputs: Vector, p: ProblemRecord) -> bool:
+    """Whether a thrust or torque is at its limit, or not a number."""
+    found = False
+    for c in range(inputs.shape[0]):
+        found = found or not p.input_lower[c] + NEAR < inputs[c] < p.input_upper[c] - NEAR
+    return found
+
+
+@kernel
+def outside(values: Vector, lower: Vector, upper: Vector) -> bool:
+    """Whether one of the values is out of its range, or not a number."""
+    found = False
+    for c in range(values.shape[0]):
+        found = found or not lower[c] <= values[c] <= upper[c]
+    return found
+
+
+@kernel
+def share_of_swing(d: EquationsRecord, torque: Vector, limit: Vector, give_way: float, k: int) -> float:
+    """σ of a contact point, with ``give_way`` the least share; the others as of :func:`share_of_least_force`."""
+    excess = 1.0 / share_of_least_force(d, torque, limit, k) - 1.0
+    return 1.0 - (1.0 - give_way) * min(excess / SPAN, 1.0)
+
+
+@kernel
+def share_of_least_force(d: EquationsRecord, torque: Vector, limit: Vector, k: int) -> float:
+    """ρ of a contact point.
+
+    The torques are τ° and the limits τ_max, N·m.
+    """
+    share = 1.0
+    for j in range(limit.shape[0]):
+        moves = 0.0
+        for i in range(3 * k, 3 * k + 3):
+            moves += abs(d.foot_jacobian[i, 6 + j])
+        if moves > 0.0 and abs(torque[j]) > limit[j]:
+            share = min(share, limit[j] / abs(torque[j]))
+    return share

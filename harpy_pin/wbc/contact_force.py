@@ -12,7 +12,7 @@ task (limbs have no free posture). At a limit they differ: the others then choos
 swing feet and f anew. Here thrusts and motion are functions of f, so only other forces can satisfy the limit. The cost
 is then never less than theirs, and the program may be infeasible where theirs is feasible.
 
-The kernels are those of the condensed controller (:mod:`harpy_pin.wbc.condensed.condensed_solver`), which solves the
+The kernels are those of the condensed controller (:mod:`harpy_pin.wbc.condensed.solve`), which solves the
 same program.
 """
 
@@ -28,27 +28,19 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condense import (
-    CondensationRecord,
-    condensation_record,
-    eliminate_limbs,
-    recover,
-    root_factor,
-)
-from harpy_pin.wbc.condensed.force_program import force_objective
-from harpy_pin.wbc.condensed.limits import input_map
-from harpy_pin.wbc.problem import (
-    FormulationKernels,
-    FormulationRecord,
-    WholeBodyProblem,
-    desired_acceleration,
-    enter_pyramids,
+from harpy_pin.wbc.condensed.active_set import ProgramRecord
+from harpy_pin.wbc.condensed.condense import CondensationRecord, eliminate_limbs, recover, root_factor
+from harpy_pin.wbc.condensed.condensed_solver import condensation_record
+from harpy_pin.wbc.condensed.force_program import (
+    TargetsRecord,
     force_bounds,
-    friction_limits,
+    force_objective,
     friction_rows,
+    root_acceleration,
 )
-from harpy_pin.wbc.program import ProgramRecord, QuadraticProgram
-from harpy_pin.wbc.weights import TargetsRecord
+from harpy_pin.wbc.condensed.limits import input_map
+from harpy_pin.wbc.problem import FormulationKernels, FormulationRecord, WholeBodyProblem, enter_pyramids
+from harpy_pin.wbc.program import QuadraticProgram
 
 __all__ = ["ContactForceProblem"]
 
@@ -60,7 +52,6 @@ class ContactForceRecord(RecordOf):
     response: Vector = sized(6, "3 feet")  # acceleration of the root per force
     gain: Vector = sized("thrusts + joints", "3 feet")  # [u; τ] per force
     at_rest: Vector = sized("thrusts + joints")  # [u; τ] without forces
-    desired: Vector = sized("nv")  # demanded generalised acceleration
 
 
 class ContactForceProblem(WholeBodyProblem):
@@ -128,9 +119,7 @@ def _build(
 ) -> None:
     """The program, on elements of the records."""
     e = m.root
-    desired_acceleration(v, rotation, t, m.desired)
-    for i in range(6):
-        e.desired[i] = m.desired[i]
+    root_acceleration(v, rotation, t, e.desired)
     eliminate_limbs(d, t, p, e, v)
     root_factor(e)
     held = False
@@ -141,8 +130,7 @@ def _build(
     force_objective(t, p, e, m.response, qp)
     input_map(d, t, e, v, m.response, m.gain, m.at_rest, False)
     force_bounds(t, p.pyramid.shape[0], qp.lower, qp.upper)
-    friction_limits(t, p)
-    friction_rows(p, qp, 0)
+    friction_rows(t, p, qp, 0)
     first = qp.lower.shape[0] - m.at_rest.shape[0]
     for c in range(m.at_rest.shape[0]):
         row, low, high = first + c, p.input_lower[c], p.input_upper[c]

@@ -29,20 +29,34 @@ What holds, for every sequence of samples:
 
 Not proved: that the estimate is below the true coefficient before a foot has slid. The friction of a place that no foot
 has tried is unknown; the first foot on ice slides until that is noticed (``docs/friction.md`` says how far).
+
+**Friction in the joints** that the model does not have is estimated, too. The joints' rows of the equations of motion
+leave it over,
+
+    φ = τ + J_fᵀ f + J_tᵀ u − M a − n − B v,    a = Δv / period,
+
+from the last command, the measured contact forces and two measured velocities. For every joint, least squares with
+exponential forgetting fit φ = b v + c tanh(v / ``KNEE``) with b, c ≥ 0: viscous and Coulomb friction. The fit is drawn
+to zero where a joint has hardly moved. The controllers' bias forces then contain it. Ticks in which a contact force
+changes by more than ``IMPACT`` are left out.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.model.entry import MAX_SAMPLE, all_possible, as_array
-from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, sized
+from harpy_pin.model.entry import MAX_SAMPLE, all_possible
+from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["FrictionEstimator", "friction_record"]
+if TYPE_CHECKING:
+    from harpy_pin.model.dynamics import DynamicsRecord
+
+__all__ = ["friction_record"]
 
 LEAST_ESTIMATE = 0.03
 """The estimate is never below it, or below the assumed coefficient where that is lower."""
@@ -58,62 +72,18 @@ MEMORY = 0.1
 """Time constant with which proven ratios are forgotten, s."""
 RECOVERY = 0.15
 """Rate at which the estimate of a foot that sticks rises, 1/s."""
-
-
-@fixed_arrays("estimate", "least", "record")
-class FrictionEstimator(KeepsViews):
-    """The estimate for every foot of a robot, updated once per tick.
-
-    Args:
-        assumed: coefficient that the estimate begins with and never exceeds.
-        feet: how many.
-        period: time between updates, s.
-        record: where everything is kept, a part of a larger record, made by :func:`friction_record`.
-
-    Attributes:
-        estimate: (feet,) μ̂ of the last update.
-        least: (1,) lowest estimate of the feet that were loaded when one last did.
-
-    Raises:
-        InputError: a number out of its domain.
-    """
-
-    def __init__(self, *, assumed: float, feet: int = 2, period: float = 1e-3, record: Record | None = None) -> None:
-        self.record = friction_record(assumed=assumed, feet=feet, period=period) if record is None else record
-        self.estimate: Vector = field(self.record, "estimate")
-        self.least: Vector = self.record["least"]
-        self._feet = (len(self.estimate), 3)
-        update_friction.prepare(self.record, np.zeros(self._feet), np.zeros(self._feet), np.zeros(self._feet[0]))
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin with what is assumed."""
-        self.estimate[:] = self.least[:] = self.record["assumed"]
-        for name in ("loaded", "samples", "proven", "velocity", "force", "sweep", "loss"):
-            self.record[name] = 0.0
-
-    def update(self, foot_force: Vector, foot_velocity: Vector, held: Vector) -> Vector:
-        """Take one sample into account.
-
-        Args:
-            foot_force: (feet, 3) measured force of the ground on each foot, world axes, N.
-            foot_velocity: (feet, 3) measured velocity of each foot, world axes, m/s.
-            held: (feet,) other than zero where a foot is meant to stand on the ground; others are not looked at.
-
-        Returns:
-            (feet,) μ̂, the array :attr:`estimate` itself.
-
-        Raises:
-            InputError: an array of another shape, or not of numbers.
-        """
-        force = as_array("foot_force", foot_force, self._feet)
-        velocity = as_array("foot_velocity", foot_velocity, self._feet)
-        update_friction(self.record, force, velocity, as_array("held", held, self._feet[:1]))
-        return self.estimate
+JOINT_MEMORY = 0.5
+"""Time constant of the forgetting, s."""
+KNEE = 0.05
+"""Velocity at which Coulomb friction is mostly there, rad/s."""
+RIDGE = 1.0
+"""Sum of squares of a regressor, (rad/s)² or 1, that draws the fit half-way to zero."""
+IMPACT = 20.0
+"""N."""
 
 
 class FrictionRecord(RecordOf):
-    """Memory of :class:`FrictionEstimator`."""
+    """Memory of the estimate."""
 
     on: int  # whether there is an estimate at all
     assumed: float  # as given
@@ -133,7 +103,8 @@ class FrictionRecord(RecordOf):
 
 
 def friction_record(*, assumed: float, feet: int, period: float, on: bool = True) -> Records[FrictionRecord]:
-    """A new :class:`FrictionRecord`; arguments and errors as of :class:`FrictionEstimator`."""
+    """A new :class:`FrictionRecord`; arguments and errors as of
+    :class:`~harpy_pin.controllers.governed.FrictionEstimator`."""
     assumed = checks.number("assumed friction", assumed, low=0.0, high=checks.MAX_FRICTION)
     period = checks.number("period", period, low=0.0, strict=True)
     return make_record(
@@ -150,9 +121,17 @@ def friction_record(*, assumed: float, feet: int, period: float, on: bool = True
     )
 
 
+def forget_friction(record: Records[FrictionRecord]) -> None:
+    """Begin with what is assumed."""
+    record["estimate"] = record["least"] = record["assumed"]
+    for name in ("loaded", "samples", "proven", "velocity", "force", "sweep", "loss"):
+        record[name] = 0.0
+
+
 @kernel
 def update_friction(p: FrictionRecord, foot_force: Vector, foot_velocity: Vector, held: Vector) -> None:
-    """Take one sample into account; see :meth:`FrictionEstimator.update`, which checks the arrays."""
+    """Take one sample into account; see
+    :meth:`~harpy_pin.controllers.governed.FrictionEstimator.update`, which checks the arrays."""
     least = np.inf
     for k in range(p.estimate.shape[0]):
         f, v = foot_force[k], foot_velocity[k]
@@ -206,3 +185,83 @@ def _conclude(p: FrictionRecord, k: int) -> None:
         p.estimate[k] = min(max(p.estimate[k] + p.rise, p.proven[k]), p.assumed)
     else:
         p.proven[k] *= p.keep
+
+
+class JointFrictionEstimateRecord(RecordOf):
+    """The estimate of friction in the joints."""
+
+    on: int  # 1 where there is an estimate
+    period: float  # between ticks, s
+    known: int = ZERO  # 1 where the last tick is known
+    velocity: Vector = sized("nv")  # (nv,) of the last tick
+    force: Vector = sized("feet", 3)  # (feet, 3) of the last tick, N
+    inputs: Vector = sized("thrusts + joints")  # (thrust variables + joints,) [u; τ] of the last tick, N and N·m
+    # (joints, 5) of squares and products: v v, v s, s s, v φ and s φ, with s = tanh(v / KNEE)
+    sums: Vector = sized("joints", 5)
+    viscous: Vector = sized("joints")  # (joints,) b, N·m·s/rad
+    coulomb: Vector = sized("joints")  # (joints,) c, N·m
+
+
+@kernel
+def note_inputs(f: JointFrictionEstimateRecord, inputs: Vector) -> None:
+    """Keep the command of a tick, [u; τ], for the next."""
+    if f.on:
+        for c in range(inputs.shape[0]):
+            f.inputs[c] = inputs[c]
+
+
+@kernel
+def add_joint_friction(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector) -> None:
+    """Update the estimate, and add it to the bias forces.
+
+    Args:
+        f: element of the record.
+        d: of the dynamics' record, at this tick's state.
+        v: (nv,) generalised velocity.
+        foot_force: (feet, 3) as measured, N.
+    """
+    calm = f.known != 0
+    for k in range(foot_force.shape[0]):
+        for i in range(3):
+            calm = calm and abs(foot_force[k, i] - f.force[k, i]) < IMPACT
+            f.force[k, i] = foot_force[k, i]
+    if calm:
+        _fit(f, d, v, foot_force)
+    for i in range(v.shape[0]):
+        f.velocity[i] = v[i]
+    f.known = 1
+    for j in range(f.viscous.shape[0]):
+        d.bias[6 + j] += f.viscous[j] * v[6 + j] + f.coulomb[j] * np.tanh(v[6 + j] / KNEE)
+
+
+@kernel
+def _fit(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector) -> None:
+    """Least squares with the residual of this tick."""
+    nv, thrusts = v.shape[0], d.thruster_jacobian.shape[0]
+    keep = 1.0 - min(f.period / JOINT_MEMORY, 1.0)
+    for j in range(f.viscous.shape[0]):
+        row = 6 + j
+        residual = f.inputs[thrusts + j] - d.bias[row] - d.damping[row] * v[row]
+        for i in range(nv):
+            residual -= d.mass_matrix[row, i] * (v[i] - f.velocity[i]) / f.period
+        for c in range(d.foot_jacobian.shape[0]):
+            residual += d.foot_jacobian[c, row] * foot_force[c // 3, c % 3]
+        for c in range(thrusts):
+            residual += d.thruster_jacobian[c, row] * f.inputs[c]
+        speed = 0.5 * (v[row] + f.velocity[row])
+        sign = np.tanh(speed / KNEE)
+        s = f.sums[j]
+        s[0] = keep * s[0] + speed * speed
+        s[1] = keep * s[1] + speed * sign
+        s[2] = keep * s[2] + sign * sign
+        s[3] = keep * s[3] + speed * residual
+        s[4] = keep * s[4] + sign * residual
+        first, last = s[0] + RIDGE, s[2] + RIDGE
+        determinant = first * last - s[1] * s[1]
+        viscous = (last * s[3] - s[1] * s[4]) / determinant
+        coulomb = (first * s[4] - s[1] * s[3]) / determinant
+        if viscous < 0.0:
+            viscous, coulomb = 0.0, s[4] / last
+        elif coulomb < 0.0:
+            viscous, coulomb = s[3] / first, 0.0
+        f.viscous[j], f.coulomb[j] = max(viscous, 0.0), max(coulomb, 0.0)

@@ -1,0 +1,422 @@
+"""The search for the active set of a strictly convex program: the last one, its exchange, then the dual method.
+
+**Exchange.** The active set seldom changes from tick to tick, and then a solve is one linear system. With the active
+constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is right if and only if no other constraint is
+violated and every multiplier has its sign. If not, the wrong constraints are exchanged, a few times all at once and
+then one by one, the last first (block principal pivoting; with single exchanges in a fixed order it ends for any
+strictly convex program whose active constraints are independent). Exchanges all at once may add constraints that depend
+on each other, as the faces of one pyramid do: then it starts over without any, one by one.
+
+**Dual method** of Goldfarb and Idnani (1983). It starts from the optimum without constraints and adds the most violated
+one, with a step along which active constraints stay active and multipliers keep their signs; a constraint whose
+multiplier reaches zero on the way is dropped. The objective grows at every full step, so no active set comes twice and
+the method ends; where no step is left, the constraints contradict each other. Rounding may break that argument, so the
+exchanges are bounded.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.record import ZERO, RecordOf, sized
+from harpy_pin.model.state import Vector
+
+__all__: list[str] = []
+
+UNBOUNDED = 1e20
+"""A bound of this size or more counts as infinite."""
+BLOCKS = 4
+"""Systems after which constraints are exchanged one by one."""
+EXCHANGES = 20
+"""Systems solved before the dual method is called."""
+TOLERANCE = 1e-7
+"""Violation (N, N·m, m/s²) with which a guess still counts as right."""
+PULL = 1e-9
+"""Multiplier of the wrong sign with which a guess still counts as right. Forces of heavy robots weigh some 1e-8."""
+VIOLATION = 1e-9
+"""Violation (N, N·m, m/s²) that the dual method leaves, besides what rounding leaves."""
+ROUNDING = 1e-13
+"""Relative error of a row's value."""
+DEPENDENT = 1e-11
+"""Share of a constraint's normal outside the span of the active ones, below which it depends on them."""
+SINGLE = {"TOLERANCE": 1e-4, "PULL": 1e-7, "VIOLATION": 1e-4, "ROUNDING": 1e-6, "DEPENDENT": 1e-4}
+"""Constants that differ in single precision."""
+FOUND, EXHAUSTED, CONTRADICTORY = 0, 1, 2
+"""How the dual method ends: with the optimum, at its bound, or because constraints contradict each other."""
+
+
+class ProgramRecord(RecordOf):
+    """Arrays of a :class:`~harpy_pin.wbc.program.QuadraticProgram`: ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u."""
+
+    hessian: Vector = sized("size", "size")  # H, positive definite
+    gradient: Vector = sized("size")  # g
+    equality: Vector = sized("equalities", "size")  # A
+    equality_value: Vector = sized("equalities")  # b
+    inequality: Vector  # (bounded + inequalities, n) C
+    lower: Vector = sized("rows", fill=-UNBOUNDED)  # l
+    upper: Vector = sized("rows", fill=UNBOUNDED)  # u
+    bounded: int  # how many variables have bounds
+
+
+class ActiveSetRecord(RecordOf):
+    """Work space of the exchange, and the account of a tick."""
+
+    # −1 for a row at its lower bound, 1 at its upper bound, else 0
+    active: NDArray[np.int64] = sized("rows", whole=True)
+    chosen: NDArray[np.int64] = sized("rows", whole=True)  # the active rows, packed to the front
+    multiplier: Vector = sized("n_eq + rows")  # of the equalities and the active rows
+    factor: Vector = sized("n", "n")  # L of H = Lᵀ L
+    columns: Vector = sized("n", "n_eq + rows + 1")  # L⁻ᵀ [Aᵀ Wᵀ −g], one column per active constraint
+    schur: Vector = sized("n_eq + rows", "n_eq + rows")  # factor of W H⁻¹ Wᵀ
+    budget: int  # exchanges of the dual method that all solves of a tick may take; a system counts as ``SYSTEM``
+    most: int  # that it may take in one solve
+    left: int = ZERO  # of the budget, in this tick
+    systems: int = ZERO  # solved in this tick
+    exchanges: int = ZERO  # of the dual method in this tick
+    searched: int = ZERO  # how many solves needed that method
+    iterations: int = ZERO  # of the last solve
+    violation: float = 0.0  # of the last solution
+
+
+class DualRecord(RecordOf):
+    """Work space of the dual method."""
+
+    # −1 for an inequality at its lower bound, 1 at its upper bound, else 0
+    active: NDArray[np.int64] = sized("rows", whole=True)
+    scale: Vector = sized("rows")  # 1 / norm of each row of C
+    factor: Vector = sized("n", "n")  # L of H = Lᵀ L
+    basis: Vector = sized("n", "n")  # Q L⁻ᵀ, Q turning the normals of the active constraints into [R; 0]
+    triangle: Vector = sized("n", "n")  # R
+    # the active constraints in the order of R: equalities, then n_eq + row
+    chosen: NDArray[np.int64] = sized("n", whole=True)
+    multiplier: Vector = sized("n + 1")  # of the active constraints, and of the one that comes in
+    normal: Vector = sized("n")  # of the constraint that comes in
+    turned: Vector = sized("n")  # basis · normal
+    pull: Vector = sized("n")  # R⁻¹ of its leading part: how fast the multipliers fall
+    limit: int  # exchanges after which a solve gives up
+
+
+class SearchRecord(RecordOf):
+    """A program, and what searches its optimum."""
+
+    program: ProgramRecord  # the quadratic program
+    exchange: ActiveSetRecord  # the last active set and its exchange
+    dual: DualRecord  # the dual method
+
+
+@kernel
+def row_value(qp: ProgramRecord, r: int, z: Vector) -> float:
+    """Row r of C z; the first rows are the bounded variables themselves."""
+    if r < qp.bounded:
+        return float(z[r])
+    s = 0.0
+    for i in range(z.shape[0]):
+        s += qp.inequality[r, i] * z[i]
+    return s
+
+
+@kernel
+def equality_residual(qp: ProgramRecord, z: Vector) -> float:
+    """Largest |A z − b|; inf where one is not a number."""
+    worst = 0.0
+    for r in range(qp.equality_value.shape[0]):
+        s = -qp.equality_value[r]
+        for i in range(z.shape[0]):
+            s += qp.equality[r, i] * z[i]
+        if np.isnan(s):
+            return np.inf
+        worst = max(worst, abs(s))
+    return worst
+
+
+@kernel
+def exchange(qp: ProgramRecord, w: ActiveSetRecord, z: Vector, most: int) -> tuple[int, float]:
+    """Systems solved until the guess was right, at most ``most``, and the violation of z.
+
+    The number is ``EXCHANGES`` + 1 where the guess never was right.
+    """
+    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
+    factorise(qp.hessian, w.factor)
+    singly = False
+    for attempt in range(1, most + 1):
+        count = _choose(w)
+        # Too many constraints, or ones that depend on each other: start over with none, one by one.
+        if n_eq + count > n or not _solve_active(qp, w, count, z):
+            w.active[:] = 0
+            if singly:
+                break
+            singly = True
+            continue
+        wrong, worst = _correct(qp, w, count, z, attempt <= BLOCKS and not singly)
+        worst = max(worst, equality_residual(qp, z))
+        if worst == np.inf:
+            w.active[:] = 0
+            break
+        if wrong == 0:
+            # A nearly singular system may have left the active constraints themselves.
+            return (attempt if worst <= 10.0 * TOLERANCE else EXCHANGES + 1), worst
+    return EXCHANGES + 1, np.inf
+
+
+@kernel
+def _choose(w: ActiveSetRecord) -> int:
+    """Pack the active rows to the front of ``chosen``; returns how many there are."""
+    count = 0
+    for r in range(w.active.shape[0]):
+        if w.active[r] != 0:
+            w.chosen[count] = r
+            count += 1
+    return count
+
+
+@kernel
+def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> bool:
+    """Optimum z and multipliers on the chosen constraints; whether z is finite."""
+    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
+    m = n_eq + count
+    columns = w.columns
+    for i in range(n):
+        for c in range(n_eq):
+            columns[i, c] = qp.equality[c, i]
+        for c in range(count):
+            columns[i, n_eq + c] = qp.inequality[w.chosen[c], i]
+        columns[i, m] = -qp.gradient[i]
+    solve_transposed(w.factor, columns, m + 1)
+    # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
+    system, multiplier = w.schur[:m, :m], w.multiplier[:m]
+    system[:] = 0.0
+    for c in range(n_eq):
+        multiplier[c] = qp.equality_value[c]
+    for c in range(count):
+        r = w.chosen[c]
+        multiplier[n_eq + c] = qp.lower[r] if w.active[r] < 0 else qp.upper[r]
+    for i in range(n):
+        for a in range(m):
+            x = columns[i, a]
+            if x != 0.0:
+                multiplier[a] -= x * columns[i, m]
+                for b in range(a + 1):
+                    system[a, b] += x * columns[i, b]
+    factorise(system, system)
+    solve_vector(system, multiplier)
+    for i in range(n):
+        s = columns[i, m]
+        for a in range(m):
+            s += columns[i, a] * multiplier[a]
+        z[i] = s
+    solve_factor(w.factor, z.reshape((n, 1)), 1)
+    regular = True
+    for i in range(n):
+        regular = regular and np.isfinite(z[i])
+    return regular
+
+
+@kernel
+def _correct(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block: bool) -> tuple[int, float]:
+    """Drop rows with multipliers of the wrong sign, add violated ones: all of them (``block``) or the last.
+
+    Returns:
+        How many rows were wrong, and the largest violation; inf where a bound or row is NaN.
+    """
+    n_eq, active = qp.equality_value.shape[0], w.active
+    wrong, worst = 0, 0.0
+    last, change = 0, 0
+    for c in range(count):
+        r = w.chosen[c]
+        if active[r] * w.multiplier[n_eq + c] > PULL:
+            wrong += 1
+            last, change = r, -active[r]
+            if block:
+                active[r] = 0
+    for r in range(active.shape[0]):
+        s = row_value(qp, r, z)
+        below, above = qp.lower[r] - s, s - qp.upper[r]
+        if np.isnan(below) or np.isnan(above):
+            return 1, np.inf
+        worst = max(worst, below, above)
+        if active[r] == 0 and (below > TOLERANCE or above > TOLERANCE):
+            wrong += 1
+            side = -1 if below > above else 1
+            if r >= last:
+                last, change = r, side
+            if block:
+                active[r] = side
+    if wrong > 0 and not block:
+        active[last] += change
+    return wrong, worst
+
+
+@kernel
+def dual_active_set(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
+    """Optimum z; returns the outcome and how many exchanges it took."""
+    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
+    _start(qp, w, z)
+    size = exchanges = 0
+    for c in range(n_eq):
+        value = -qp.equality_value[c]
+        for i in range(n):
+            value += qp.equality[c, i] * z[i]
+        sign = -1.0 if value > 0.0 else 1.0
+        for i in range(n):
+            w.normal[i] = sign * qp.equality[c, i]
+        outcome, size, exchanges = _bring_in(w, c, size, n_eq, -abs(value), exchanges, z)
+        if outcome == CONTRADICTORY and abs(value) <= _noise(w.normal, qp.equality_value[c], z):
+            continue  # redundant
+        if outcome != FOUND:
+            return outcome, exchanges
+    while exchanges < w.limit:
+        r, side = _most_violated(qp, w, z)
+        if side == 0:
+            return FOUND, exchanges
+        for i in range(n):
+            w.normal[i] = -side * qp.inequality[r, i]
+        slack = row_value(qp, r, z) - qp.lower[r] if side < 0 else qp.upper[r] - row_value(qp, r, z)
+        w.active[r] = side
+        outcome, size, exchanges = _bring_in(w, n_eq + r, size, n_eq, slack, exchanges, z)
+        if outcome != FOUND:
+            return outcome, exchanges
+    return EXHAUSTED, exchanges
+
+
+@kernel
+def _start(qp: ProgramRecord, w: DualRecord, z: Vector) -> None:
+    """No constraint active, z = −H⁻¹ g."""
+    n = z.shape[0]
+    factorise(qp.hessian, w.factor)
+    w.basis[:] = 0.0
+    for i in range(n):
+        w.basis[i, i] = 1.0
+        z[i] = -qp.gradient[i]
+    solve_transposed(w.factor, w.basis, n)
+    solve_transposed(w.factor, z.reshape((n, 1)), 1)
+    solve_factor(w.factor, z.reshape((n, 1)), 1)
+    w.active[:] = 0
+    for r in range(w.active.shape[0]):
+        square = 0.0
+        for i in range(n):
+            square += qp.inequality[r, i] ** 2
+        w.scale[r] = 1.0 / np.sqrt(square) if square > 0.0 else 1.0
+
+
+@kernel
+def _noise(normal: Vector, value: float, z: Vector) -> float:
+    """Violation of normal · z = value that may be rounding."""
+    size = abs(value)
+    for i in range(z.shape[0]):
+        size += abs(normal[i] * z[i])
+    return VIOLATION + ROUNDING * size
+
+
+@kernel
+def _most_violated(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
+    """Row that is violated by the largest distance, and its side; side 0 where none is."""
+    worst, row, side = 0.0, 0, 0
+    for r in range(w.active.shape[0]):
+        if w.active[r] != 0:
+            continue
+        s = row_value(qp, r, z)
+        below, above = qp.lower[r] - s, s - qp.upper[r]
+        size = max(below, above)
+        if size * w.scale[r] > worst:
+            bound = qp.lower[r] if below > above else qp.upper[r]
+            if size > _noise(qp.inequality[r], bound, z):
+                worst, row, side = size * w.scale[r], r, (-1 if below > above else 1)
+    return row, side
+
+
+@kernel
+def _bring_in(
+    w: DualRecord, constraint: int, size: int, n_eq: int, slack: float, exchanges: int, z: Vector
+) -> tuple[int, int, int]:
+    """Make ``w.normal`` · z = value hold, which falls short by −``slack``; drops constraints that block it.
+
+    Returns:
+        The outcome, the number of active constraints, and the exchanges so far.
+    """
+    n = z.shape[0]
+    basis, triangle, turned, pull, multiplier = w.basis, w.triangle, w.turned, w.pull, w.multiplier
+    gained = 0.0  # multiplier of the constraint that comes in
+    while exchanges < w.limit:
+        exchanges += 1
+        whole, free = 0.0, 0.0
+        for k in range(n):
+            s = 0.0
+            for i in range(n):
+                s += basis[k, i] * w.normal[i]
+            turned[k] = s
+            whole += s * s
+            if k >= size:
+                free += s * s
+        for a in range(size - 1, -1, -1):
+            s = turned[a]
+            for b in range(a + 1, size):
+                s -= triangle[a, b] * pull[b]
+            pull[a] = s / triangle[a, a]
+        leaves, partial = -1, np.inf
+        for a in range(size):
+            if w.chosen[a] >= n_eq and pull[a] > 0.0 and multiplier[a] < partial * pull[a]:
+                leaves, partial = a, max(multiplier[a] / pull[a], 0.0)
+        full = -slack / free if free > DEPENDENT**2 * whole else np.inf
+        length = min(partial, full)
+        if not length < np.inf:
+            return CONTRADICTORY, size, exchanges
+        for a in range(size):
+            multiplier[a] -= length * pull[a]
+        gained += length
+        if full < np.inf:
+            for k in range(size, n):
+                for i in range(n):
+                    z[i] += length * turned[k] * basis[k, i]
+            slack += length * free
+        if full <= partial:
+            _add(w, size)
+            w.chosen[size], multiplier[size] = constraint, gained
+            return FOUND, size + 1, exchanges
+        w.active[w.chosen[leaves] - n_eq] = 0
+        size -= 1
+        _drop(w, leaves, size)
+    return EXHAUSTED, size, exchanges
+
+
+@kernel
+def _turn(a: float, b: float) -> tuple[float, float, float]:
+    """Cosine and sine of the rotation that takes (a, b) to (length, 0), and the length."""
+    length = np.hypot(a, b)
+    return (a / length, b / length, length) if length > 0.0 else (1.0, 0.0, 0.0)
+
+
+@kernel
+def _rotate(matrix: Vector, k: int, first: int, c: float, s: float) -> None:
+    """Rotate rows k and k + 1 from column ``first`` on."""
+    for i in range(first, matrix.shape[1]):
+        x, y = matrix[k, i], matrix[k + 1, i]
+        matrix[k, i] = c * x + s * y
+        matrix[k + 1, i] = c * y - s * x
+
+
+@kernel
+def _add(w: DualRecord, size: int) -> None:
+    """The constraint of ``w.turned`` becomes the last column of R."""
+    for k in range(w.turned.shape[0] - 2, size - 1, -1):
+        c, s, length = _turn(w.turned[k], w.turned[k + 1])
+        w.turned[k] = length
+        _rotate(w.basis, k, 0, c, s)
+    for k in range(size + 1):
+        w.triangle[k, size] = w.turned[k]
+
+
+@kernel
+def _drop(w: DualRecord, out: int, size: int) -> None:
+    """Column ``out`` leaves R, which keeps ``size`` columns."""
+    for a in range(out, size):
+        w.chosen[a], w.multiplier[a] = w.chosen[a + 1], w.multiplier[a + 1]
+        for k in range(a + 2):
+            w.triangle[k, a] = w.triangle[k, a + 1]
+    for k in range(out, size):
+        c, s, length = _turn(w.triangle[k, k], w.triangle[k + 1, k])
+        _rotate(w.triangle, k, k + 1, c, s)
+        w.triangle[k, k], w.triangle[k + 1, k] = length, 0.0
+        _rotate(w.basis, k, 0, c, s)
