@@ -35,7 +35,7 @@ def condensed_step(r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, 
     """A tick: terms, tasks, optimum, command.
 
     Args:
-        r: element of the controller's record.
+        r: of the controller.
         target: of the gait at this time.
         q: (nq,) as measured.
         v: (nv,) as measured.

@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.compiled import BACKEND, Kernel
+from harpy_pin.compiled import BACKEND, Kernel, kernel
 from harpy_pin.compiled.calls import Call, Chain
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
-from harpy_pin.controllers.tick import BAD_SAMPLE, sample_fits
+from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, FullGait, Gait, GaitTarget, calls_of, check_target, own_target
 from harpy_pin.model.entry import MISFIT, as_state
@@ -215,3 +215,9 @@ class GaitController(KeepsViews, ABC):
             turns = all(isfinite(x) for x in self.target.body) and bool(self.target.heading[0])
             message = "the gait turns, and this controller faces x" if turns else "the gait's targets are no numbers"
             raise InputError(message, name="gait", value=self.gait)
+
+
+@kernel
+def sample_fits(r: TickRecord) -> bool:
+    """Whether the last sample and targets were of the robot's sizes, and the targets numbers."""
+    return r.verdict != MISFIT

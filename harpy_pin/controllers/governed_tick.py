@@ -19,11 +19,11 @@ from harpy_pin.governors.thrust import CentreGainsRecord, allocate, centre_feedb
 from harpy_pin.ground.contact_frame import is_level
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
-from harpy_pin.model.kinematics import LegGeometry, LegRecord, body_rotation
+from harpy_pin.model.kinematics import LegGeometry, LegRecord
 from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import update_terms
+from harpy_pin.model.terms import body_rotation, update_terms
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord

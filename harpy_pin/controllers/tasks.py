@@ -280,8 +280,7 @@ def forces_in_world(t: TargetsRecord, force: Vector) -> None:
 
 @kernel
 def target_tilt(up: Vector, x: float, y: float, z: float, w: float) -> tuple[float, float, float, float]:
-    """The body's quaternion (x, y, z, w) seen from a target body that leans, by the smallest rotation from upright to
-    its z axis ``up`` (3,), of length one."""
+    """The body's quaternion seen from a target that leans by the smallest rotation, its z axis ``up`` of length one."""
     c = np.sqrt(0.5 * (1.0 + up[2]))
     a, b = 0.5 * up[1] / c, -0.5 * up[0] / c
     return c * x + a * w + b * z, c * y - a * z + b * w, c * z + a * y - b * x, c * w - a * x - b * y

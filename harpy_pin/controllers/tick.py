@@ -8,7 +8,7 @@ which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.m
 from __future__ import annotations
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, MISFIT
+from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
@@ -62,9 +62,3 @@ def write_inputs(r: TickRecord, inputs: Vector, apart: bool) -> None:
                 r.thrust[k, i] *= factor
     for j in range(r.torque.shape[0]):
         r.torque[j] = inputs[first + j]
-
-
-@kernel
-def sample_fits(r: TickRecord) -> bool:
-    """Whether the last sample and targets were of the robot's sizes, and the targets numbers."""
-    return r.verdict != MISFIT

@@ -15,7 +15,7 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["LegGeometry", "body_rotation", "leg_forward", "leg_inverse", "leg_inverse_kinematics", "leg_jacobian"]
+__all__ = ["LegGeometry", "leg_forward", "leg_inverse", "leg_inverse_kinematics", "leg_jacobian"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,18 +197,3 @@ def leg_inverse_kinematics(geometry: LegGeometry, foot: ArrayLike) -> Vector:
             excess=excess,
         )
     return angles
-
-
-@kernel(q=("7+",), rotation=(3, 3))
-def body_rotation(q: Vector, rotation: Vector) -> None:
-    """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the unit quaternion (x, y, z, w)."""
-    x, y, z, w = q[3], q[4], q[5], q[6]
-    rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
-    rotation[0, 1] = 2.0 * (x * y - z * w)
-    rotation[0, 2] = 2.0 * (x * z + y * w)
-    rotation[1, 0] = 2.0 * (x * y + z * w)
-    rotation[1, 1] = 1.0 - 2.0 * (x * x + z * z)
-    rotation[1, 2] = 2.0 * (y * z - x * w)
-    rotation[2, 0] = 2.0 * (x * z - y * w)
-    rotation[2, 1] = 2.0 * (y * z + x * w)
-    rotation[2, 2] = 1.0 - 2.0 * (x * x + y * y)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
 
@@ -402,3 +401,18 @@ def is_unit(q: Vector) -> bool:
     """Whether the quaternion of a configuration, entries 3 to 6, is one: of length 0.7 to 1.4."""
     squared = float(q[3] * q[3] + q[4] * q[4] + q[5] * q[5] + q[6] * q[6])
     return 0.5 <= squared <= 2.0
+
+
+@kernel(q=("7+",), rotation=(3, 3))
+def body_rotation(q: Vector, rotation: Vector) -> None:
+    """Rotation matrix, body to world, of a configuration whose entries 3 to 6 are the unit quaternion (x, y, z, w)."""
+    x, y, z, w = q[3], q[4], q[5], q[6]
+    rotation[0, 0] = 1.0 - 2.0 * (y * y + z * z)
+    rotation[0, 1] = 2.0 * (x * y - z * w)
+    rotation[0, 2] = 2.0 * (x * z + y * w)
+    rotation[1, 0] = 2.0 * (x * y + z * w)
+    rotation[1, 1] = 1.0 - 2.0 * (x * x + z * z)
+    rotation[1, 2] = 2.0 * (y * z - x * w)
+    rotation[2, 0] = 2.0 * (x * z - y * w)
+    rotation[2, 1] = 2.0 * (y * z + x * w)
+    rotation[2, 2] = 1.0 - 2.0 * (x * x + y * y)

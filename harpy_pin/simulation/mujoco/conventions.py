@@ -25,10 +25,10 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.kinematics import body_rotation
 from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
+from harpy_pin.model.terms import body_rotation
 
 __all__ = ["Conventions", "import_mujoco", "installed_version"]
 

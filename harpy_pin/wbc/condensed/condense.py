@@ -54,8 +54,7 @@ if TYPE_CHECKING:
 __all__: list[str] = []
 
 MIN_DETERMINANT = 1e-6
-"""Least determinant of a limb's J_kl, m³. Below it (a straight or folded leg) the inverse is damped, and the foot is
-not held exactly."""
+"""Least determinant of a limb's J_kl, m³; below it (a straight leg) the inverse is damped and the foot not held."""
 MIN_PIVOT = 1e-8
 """Least pivot of J_klᵀ J_kl of a flat foot, m²."""
 MIN_CENTRE_DETERMINANT = 1e-2
