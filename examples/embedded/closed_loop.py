@@ -87,7 +87,7 @@ def program(duration: float, *, single: bool) -> dict[str, str]:
     names = ("target", "gait", "dynamics", "ground", "step")
     one = {name: Array.packed(Struct(world.dtype[name], name), (1,)) for name in names}
     q, v, feet, joints = (Array.packed(REAL, shape) for shape in ((13,), (12,), (2, 3), (6,)))
-    walk = unit.function_for(_walk, (REAL, one["gait"], one["target"]))
+    walk = unit.function_for(_walk, (REAL, one["gait"].element, one["target"].element))
     records = tuple(one[name].element for name in ("dynamics", "ground", "step"))
     physics = unit.function_for(physics_steps, (*records, q, v, joints, feet, feet))
     unit.struct(Struct(world.dtype, "world"))
