@@ -17,6 +17,7 @@ import typer
 from harpy_pin.cli.output import INTERRUPTED
 from harpy_pin.cli.signals import Interruptible
 from harpy_pin.errors import HarpyError, Interrupted, RunFileWarning
+from harpy_pin.files import Shield
 
 __all__ = ["one_line_errors", "say", "stopping"]
 
@@ -58,9 +59,7 @@ def stopping(command: Callable[..., None]) -> Callable[..., None]:
             own = not isinstance(interrupt, Interrupted) and str(interrupt)
             say(own or "interrupted; nothing more was written")
             # A signal may have waited until results were kept.
-            files = sys.modules.get("harpy_pin.files")
-            waited = [] if files is None else files.Shield.waited
-            code = 128 + waited[-1] if waited else INTERRUPTED
+            code = 128 + Shield.waited[-1] if Shield.waited else INTERRUPTED
         code = signals.code or code
         if code:
             raise typer.Exit(code)

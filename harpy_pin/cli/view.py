@@ -93,8 +93,8 @@ def view(
         raise InputError("--figures and --csv are of one run", name="runs")
     if times is not None and png is None:
         raise InputError("--times says when to take pictures: give --png", name="times", value=times)
-    moments = None if times is None else [_number("--times", text) for text in times.split(",")]
-    begin, end = (None, None) if span is None else _pair("--span", span, ":")
+    moments = None if times is None else _numbers("--times", times, ",")
+    begin, end = (None, None) if span is None else _numbers("--span", span, ":", 2)
     pixels = None if size is None else _pixels(size)
     from harpy_pin.log.run import Run
     from harpy_pin.view.identity import robot_of
@@ -173,14 +173,6 @@ def _draw_figures(run: Run, robot: Robot, path: Path) -> None:
         console.print(f"wrote {target}")
 
 
-def _number(option: str, text: str) -> float:
-    """A number of an option."""
-    try:
-        return checks.number(option, float(text))
-    except ValueError:
-        raise InputError(f"{option} takes numbers, got '{text}'", name=option, value=text) from None
-
-
 def _check_ending(name: str, path: Path | None) -> None:
     """Refuse a name of a file that does not end as its kind asks, before any work is done."""
     if path is not None and name in KINDS and path.suffix.lower() not in KINDS[name]:
@@ -188,17 +180,19 @@ def _check_ending(name: str, path: Path | None) -> None:
         raise InputError(f"{name} wants a name that ends in {ends}, got '{path}'", name=name, value=path)
 
 
+def _numbers(option: str, text: str, between: str, count: int | None = None) -> list[float]:
+    """Numbers of an option, with a sign between them."""
+    parts = text.lower().split(between)
+    if count is not None and len(parts) != count:
+        message = f"{option} must be {count} numbers with '{between}' between, got '{text}'"
+        raise InputError(message, name=option, value=text)
+    try:
+        return [checks.number(option, float(part)) for part in parts]
+    except ValueError:
+        raise InputError(f"{option} takes numbers, got '{text}'", name=option, value=text) from None
+
+
 def _pixels(text: str) -> tuple[int, int]:
     """Width and height of the option ``--size``."""
-    width, height = _pair("--size", text, "x")
+    width, height = _numbers("--size", text, "x", 2)
     return int(width), int(height)
-
-
-def _pair(option: str, text: str, between: str) -> tuple[float, float]:
-    """Two numbers of an option, with a sign between them."""
-    parts = text.lower().split(between)
-    if len(parts) != 2:
-        message = f"{option} must be two numbers with '{between}' between, got '{text}'"
-        raise InputError(message, name=option, value=text)
-    first, second = (_number(option, part) for part in parts)
-    return first, second

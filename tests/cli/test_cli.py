@@ -218,14 +218,6 @@ def test_gait_is_shown_searched_and_loaded(command, tmp_path):
     assert "--seed 5 --budget 3" in " ".join(out.split())
 
 
-@pytest.mark.parametrize("gait", ["hand", "commanded"])
-def test_every_gait_walks_a_little(command, gait, tmp_path):
-    arguments = ("--set", f"gait={gait}", "--duration", 0.3, "--friction", 0.25)
-    code, _, err = command("walk", *arguments, "--json", tmp_path / "a.json")
-    assert code == 0, err
-    assert json.loads((tmp_path / "a.json").read_text())["metadata"]["scenario"]["gait"]["name"] == gait
-
-
 def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, monkeypatch):
     opened = []
     monkeypatch.setattr("webbrowser.open", opened.append)

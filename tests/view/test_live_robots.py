@@ -13,8 +13,8 @@ from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.view.identity import robot_of
 from harpy_pin.view.live.drive import LiveLog
-from harpy_pin.view.live.live_charts import WholeFeet
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
+from harpy_pin.view.live.panel import WholeFeet
 from harpy_pin.view.live.settings import DriveRanges, usual_settings
 
 pytestmark = needs_robots

@@ -15,7 +15,7 @@ from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
 from harpy_pin.view import replay_html
 from harpy_pin.view.identity import CONTROLLERS
-from harpy_pin.view.live.drive import Drive, LiveLog, listen
+from harpy_pin.view.live.drive import Drive, LiveLog
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.settings import LiveSettings, usual_settings
 from harpy_pin.view.live.shared_snapshots import PLACES, SharedSnapshots
@@ -348,16 +348,6 @@ def test_drive_without_a_page(robot: hp.Robot, tmp_path: Path) -> None:
     assert list(numbers["tick_us"]) == ["0"]
     assert numbers["tick_us"]["0"]["ticks"] == len(driven.run)
     assert numbers["falls"] == 0
-
-
-def test_addresses_that_cannot_be() -> None:
-    for host, port in (("127.0.0.1", 70000), ("127.0.0.1", -1), ("nowhere", 0), ("127.0.0.1:80", 0)):
-        with pytest.raises(InputError):
-            listen(host, port)
-    with listen("127.0.0.1", 0) as taken:
-        assert taken.getsockname()[0] == "127.0.0.1"
-        with pytest.raises(RunFileError, match="in use"):
-            listen("127.0.0.1", taken.getsockname()[1])
 
 
 def test_robot_stands_before_controllers_are_made(robot: hp.Robot) -> None:

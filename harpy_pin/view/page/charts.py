@@ -236,18 +236,13 @@ def _thrust(frames: Frames) -> Vector | None:
     return np.linalg.norm(thrust, axis=2).sum(axis=1) if thrust.shape[1] else None
 
 
-def _ticks(frames: Frames) -> Vector | None:
-    """(n,) times of ticks, µs."""
-    return tick_times(frames.run)
-
-
 COMPARED: tuple[tuple[Chart, Callable[[Frames], Vector | None]], ...] = (
     (Chart("Feet", "slip so far, all feet", "mm", low=0.0), lambda frames: _slip(frames).sum(axis=1)),
     (Chart("Feet", "friction used, worst foot", "%", level=(100.0, "all of it"), low=0.0, high=130.0), _worst_used),
     (Chart("Feet", "normal force, all feet", "N", low=0.0), lambda frames: frames.contacts.normal.sum(axis=1)),
     (Chart("Body", "distance from the target", "mm", low=0.0), _distance),
     (Chart("Effort", "thrust, all thrusters", "N", low=0.0), _thrust),
-    (Chart("Effort", "time of a tick", "µs", low=0.0), _ticks),
+    (Chart("Effort", "time of a tick", "µs", low=0.0), lambda frames: tick_times(frames.run)),
 )
 """Charts of several runs, and their line of each run."""
 
