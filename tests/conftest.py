@@ -9,7 +9,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: its threads 
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
+from harpy_pin.compiled import kernels
 from harpy_pin.errors import HarpyError
 from harpy_pin.view.page.film import SWITCHES, find_chromium
 
@@ -79,6 +81,40 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """``--long`` runs the tests marked ``long``, too; ``--fuzz N`` multiplies the random cases of tests that ask."""
     parser.addoption("--long", action="store_true", help="also run the tests marked long, most of which compile much")
     parser.addoption("--fuzz", type=int, default=1, metavar="N", help="multiply the number of random cases by N")
+
+
+class _Waiting:
+    """In the place of the threads that compile: the turn of what is begun never comes, so that calls compile."""
+
+    def __call__(self) -> _Waiting:
+        return self
+
+    def submit(self, *_: object) -> Future[None]:
+        return Future()
+
+    def shutdown(self, **_: object) -> None:
+        """Nothing is under way."""
+
+    cache_clear = shutdown
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_when_called() -> Iterator[Callable[[], object]]:
+    """Kernels are compiled when they are called, not ahead: most that are prepared are called by no test.
+
+    Returns:
+        The function that has the threads, for tests of what is compiled in the background.
+    """
+    threads = kernels._workers
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "_workers", _Waiting())
+        yield threads
+
+
+@pytest.fixture
+def compiled_ahead(compiled_when_called: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Kernels are compiled in the background, as users have it."""
+    monkeypatch.setattr(kernels, "_workers", compiled_when_called)
 
 
 @pytest.fixture(scope="session")

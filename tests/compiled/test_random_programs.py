@@ -90,6 +90,7 @@ class Writer:
         return "\n".join([*self.lines, "    return x, y + i", ""])
 
 
+@pytest.mark.usefixtures("compiled_ahead")
 @pytest.mark.parametrize("seed", range(4))
 def test_programs_that_nobody_wrote(seed, fuzz, tmp_path, monkeypatch):
     rng, count = np.random.default_rng(seed), 15 * fuzz

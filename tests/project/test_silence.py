@@ -356,6 +356,7 @@ def test_batches_go_on_in_a_forked_child(robot, state):
 
 
 @needs_fork
+@pytest.mark.usefixtures("compiled_ahead")
 def test_kernels_that_are_being_compiled_are_compiled_in_a_forked_child(tmp_path, monkeypatch):
     """The parent's threads are not there to end what they have begun."""
     if compiler.compiler() is None:
