@@ -244,7 +244,7 @@ struct Replay {
     }
 };
 
-// Pinocchio's terms as comparison/peers/pinocchio_terms.py asks for them, without Python: what they cost, ns.
+// Pinocchio's rigid-body terms of the program, without Python: what they cost, ns.
 struct Terms {
     const Settings &s;
     pinocchio::Data data;

@@ -35,7 +35,7 @@ def test_prediction_is_the_pendulums_motion(place, velocity, pressure, omega, ti
         )
         np.testing.assert_allclose(found, motion.y[:, -1], rtol=1e-6, atol=1e-8)
     else:
-        assert found == (place, velocity)
+        np.testing.assert_allclose(found, (place, velocity), rtol=0.0, atol=1e-15)  # p + (c − p) may round
 
 
 @given(small, small, st.floats(3.0, 8.0), st.floats(0.1, 0.6))

@@ -148,7 +148,7 @@ class CondensedSolver(KeepsViews):
     Args:
         robot: with a limb of its own for each foot.
         weights: of the tasks; the posture's is not used: limbs have no free posture.
-        limits: of the constraints; ``slack`` is not used.
+        limits: of the constraints.
         record: where everything is kept, a part of a larger record, made by :func:`condensed_record`.
 
     Attributes:
