@@ -76,6 +76,8 @@ class WholeBodyController(TaskController):
         added: tasks and ranges that :meth:`add` has put in, with the ``program`` that is solved; None without any.
     """
 
+    _made_anew = (*TaskController._made_anew, "_kernels_of_tick", "_parts_of_program")
+
     @checked
     def __init__(
         self,
@@ -87,7 +89,6 @@ class WholeBodyController(TaskController):
         super().__init__(gait, parameters)
         p = self.parameters
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
-        self._kernels_of_tick = QP_TICKS[p.formulation]
         self._lag = thrust_lag_record(self.robot, p)
         self.added: AddedTasks | None = None
         self._make_solver = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
@@ -141,6 +142,7 @@ class WholeBodyController(TaskController):
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is Python's."""
         super()._make_anew()
+        self._kernels_of_tick = QP_TICKS[self.parameters.formulation]
         solver, problem = getattr(self, "_solver", None), self.problem
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
         self._in_python = type(solver) is not WarmStartedActiveSet or self.added is not None or self._lag is not None

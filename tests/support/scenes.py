@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -59,7 +59,11 @@ def library_kernels() -> dict[str, Kernel]:
         loaded = importlib.import_module(module.name)
         named = dict(vars(loaded))
         tables = {name: value for name, value in named.items() if isinstance(value, dict)}
-        named |= {f"{name}[{key}]": value for name, table in tables.items() for key, value in table.items()}
+        entries = {f"{name}[{key}]": value for name, table in tables.items() for key, value in table.items()}
+        named |= entries
+        for name, entry in entries.items():  # or several kernels of one entry
+            if is_dataclass(entry) and not isinstance(entry, type):
+                named |= {f"{name}.{part.name}": getattr(entry, part.name) for part in fields(entry)}
         for name, value in named.items():
             # Kernels in tables may be made by a function of another module.
             if isinstance(value, Kernel) and ("[" in name or value.__module__ == module.name):
