@@ -176,7 +176,8 @@ class Walker:
 
 SPEED = 0.3
 WALKERS: dict[str, Walker] = {
-    "no_thrust": Walker("joint PID, no thrust", LIMITED["none"] | {"thrust": False}),
+    "no_thrust": Walker("no governor, no thrust", LIMITED["none"] | {"thrust": False}),
+    "none": Walker("no governor", LIMITED["none"]),
     "paper": Walker("paper's governor", LIMITED["paper"]),
     "filter": Walker("contact-force filter", LIMITED["filter"]),
     "condensed": Walker("condensed WBC"),
@@ -285,9 +286,9 @@ STUDY = Study(
     name="slopes",
     help="""Stand robots on slopes, angle by friction.
 
-    From 0 to 45 degrees, at friction 0.1 to 1.0, beside the bound of statics: Harpy under a joint PID without thrust,
-    the paper's governor, the contact-force filter, the condensed controller and the whole-body QP, and Go2 and G1 under
-    the condensed controller. Needs the extra "robots". This takes many minutes.
+    From 0 to 45 degrees, at friction 0.1 to 1.0, beside the bound of statics: Harpy under a joint PID without a
+    governor, without and with thrust, the paper's governor, the contact-force filter, the condensed controller and the
+    whole-body QP, and Go2 and G1 under the condensed controller. Needs the extra "robots". This takes many minutes.
     """,
     example="--out slopes.jsonl --figure slopes.png",
     defaults={

@@ -117,7 +117,7 @@ ZERO = [
 """Figures that README and docs call none."""
 
 RATIOS = [
-    ("README.md", "at four and a half times the computing time", f"comparison/ticks|{ACTIVE}|median", TICK_PRINTED, 4.5),
+    ("README.md", "at four and a half times the", f"comparison/ticks|{ACTIVE}|median", TICK_PRINTED, 4.5),
     ("README.md", "same optimum in 0.55 of the QP's time", TICK_LAW, f"comparison/ticks|{ACTIVE}|median", 0.55),
     ("docs/results.md", "feet slip a third", f"{HARSH}, tuned|median slip", f"{HARSH}|median slip", 1 / 3),
     ("docs/results.md", "They cost a fifth more thrust", f"{HARSH}, tuned|thrust, N", f"{HARSH}|thrust, N", 1.2),
@@ -161,7 +161,6 @@ NAMES = {
         BEST: "paper's governor, best variant",
         "whole-body QP": "WBC QP, active-set warm start",
     },
-    "slopes/slopes": {"no governor": "joint PID, no thrust"},
     "embedded/embedded": {
         "paper's governor": "Harpy, paper's governor",
         "contact-force filter": "Harpy, contact-force filter",
