@@ -249,7 +249,7 @@ def _motion(d: DynamicsRecord, q: Vector, k: int, i: int, x: float, y: float, z:
 def _jacobian(t: TreeRecord, i: int, x: float, y: float, z: float, out: Vector) -> None:
     """Linear Jacobian, world axes, of a point of body i; columns of joints beyond it stay as they are."""
     r = t.rotation
-    while 0 < i < t.parent.shape[0]:  # a compiler sees that a single body has none above it
+    while t.parent.shape[0] > 1 and i > 0:  # a compiler sees that a single body has none above it
         s, column = t.screw[i], t.column[i]
         sx = s[0] + s[4] * z - s[5] * y
         sy = s[1] + s[5] * x - s[3] * z
@@ -279,7 +279,7 @@ def _rotor(d: DynamicsRecord, n: int, i: int, x: float, y: float, z: float, out:
     mx = y * bz - z * by + drag * bx
     my = z * bx - x * bz + drag * by
     mz = x * by - y * bx + drag * bz
-    while 0 < i < t.parent.shape[0]:  # a compiler sees that a single body has none above it
+    while t.parent.shape[0] > 1 and i > 0:  # a compiler sees that a single body has none above it
         s, column = t.screw[i], t.column[i]
         out[column] = bx * s[0] + by * s[1] + bz * s[2] + mx * s[3] + my * s[4] + mz * s[5]
         i = t.parent[i]
