@@ -21,6 +21,8 @@ from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.scenario import Compliant, Mujoco, PlantPart, Straight
 from harpy_pin.simulation.mujoco import installed_version
 
+WALKING = ("campaign/*.py", "measure/*.py", "joint_pd/*.py", "contenders.py", "study.py")
+"""What of the comparison decides the outcome of a walk."""
 JOINT_DAMPING = 0.1
 """Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""
 
@@ -275,17 +277,24 @@ def _balanced(levels: Sequence[_Level], count: int, rng: np.random.Generator) ->
     return [levels[i] for _ in range(rounds) for i in rng.permutation(len(levels))][:count]
 
 
+def code_files() -> dict[str, Path]:
+    """The Python files that decide the outcome of a walk, by their path in the repository."""
+    found: dict[str, Path] = {}
+    for folder, patterns in ((Path(harpy_pin.__file__).parent, ("**/*.py",)), (Path(__file__).parents[1], WALKING)):
+        paths = [path for pattern in patterns for path in folder.glob(pattern)]
+        found |= {path.relative_to(folder.parent).as_posix(): path for path in paths}
+    return {name: path for name, path in found.items() if not name.startswith("harpy_pin/view/")}
+
+
 @cache
 def code_digest() -> str:
-    """Hash of everything that decides the outcome of a walk: this code, the library, the robot, the versions used.
+    """Hash of everything that decides the outcome of a walk: :func:`code_files`, the robot, the versions used.
 
     Rows of other code are never mixed with today's; a campaign is resumed only by the code that began it.
     """
     total = hashlib.sha256()
-    for folder in (Path(harpy_pin.__file__).parent, Path(__file__).parent):
-        for path in sorted(folder.rglob("*.py")):
-            if "view" not in path.relative_to(folder).parts:
-                total.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+    for name, path in sorted(code_files().items()):
+        total.update(name.encode() + b"\0" + path.read_bytes())
     total.update(harpy_urdf().read_bytes() + TUNED_FILE.read_bytes())
     versions = {k: v for k, v in describe_versions().items() if k != "machine"} | {"mujoco": installed_version()}
     total.update(json.dumps(versions, sort_keys=True, default=str).encode())

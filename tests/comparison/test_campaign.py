@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections import Counter
 from dataclasses import asdict, replace
 from itertools import combinations, product
@@ -15,7 +17,17 @@ import pytest
 
 import harpy_pin as hp
 from comparison.campaign import walks
-from comparison.campaign.plan import FACTORS, JOINT_DAMPING, KINDS, CampaignSettings, Task, code_digest, level_key, plan
+from comparison.campaign.plan import (
+    FACTORS,
+    JOINT_DAMPING,
+    KINDS,
+    CampaignSettings,
+    Task,
+    code_digest,
+    code_files,
+    level_key,
+    plan,
+)
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.summary import exceptions_of, summarise_rows, summary_tables, variants_table
 from comparison.campaign.walks import exceptions_table, scenario, walk_task
@@ -342,3 +354,13 @@ def test_reasons_are_the_levels_without_which_a_walk_stands(tmp_path: Path, monk
     assert walks.variations(usual) == {}
     assert walks.variations(replace(usual, ice=0.15)) == {"ice": usual}
     assert set(walks.USUAL) == set(FACTORS) - {"friction"}
+
+
+def test_rows_are_kept_by_all_code_that_walks():
+    """What a worker imports to walk, apart from the drawing of tables and pages, is in the digest."""
+    code = "import sys, comparison.campaign.walks, comparison.study; print(*(m.__file__ for m in sys.modules.values() "
+    code += "if m.__name__.partition('.')[0] in ('harpy_pin', 'comparison')), sep='\\n')"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split("\n")
+    imported = {Path(name) for name in found if name.endswith(".py") and "/harpy_pin/view/" not in name}
+    assert len(imported) > 100
+    assert {path.name for path in imported - set(code_files().values())} <= {"__init__.py", "tables.py"}
