@@ -8,12 +8,13 @@ from hypothesis.extra.numpy import arrays
 from reduced_states import references, states
 from scipy.linalg import null_space
 
+import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows, StackedRows
 from harpy_pin.governors.erg import ErgRecord, explicit_update
 from harpy_pin.governors.point_mass import Law
 from harpy_pin.governors.thrust import CentreGains
-from harpy_pin.model.record import make_record
+from harpy_pin.model.record import field, make_record
 from reproduction.vlip_model import AngleRow
 from reproduction.vlip_simulation import cartesian
 
@@ -82,6 +83,20 @@ def test_repair_without_a_direction_follows_the_target():
     applied, erg = x_w.copy(), made(1, False, -1.0, -1.0, row)
     assert explicit_update(x_r, applied, 1e-3, erg[0])
     np.testing.assert_allclose(applied, (1.0 - 1e-3 * ALPHA[1]) * x_w, rtol=1e-12)
+
+
+def test_ticks_of_a_walk_are_algorithm_1():
+    """To rounding on all ticks of a walk that falls: on none of them does v_t act without a direction of repair."""
+    walk = hp.build(hp.Scenario(controller="governed", ground=hp.Ground(mu_s=0.15), duration=3.0))
+    record, ticks = walk.controller.governor._record, []
+    names = ("h_r", "h_w", "jacobian_r", "rate", "applied")
+    run = walk.run(on_tick=lambda _: ticks.append([np.array(field(record, name)) for name in names]))
+    repaired = 0
+    for x_r, (h_r, h_w, jacobian, rate, applied) in zip(run["x_r"][:-1], ticks[1:], strict=True):
+        repaired += h_r.min() < 0 and h_w.min() < 0
+        expected = algorithm_1(h_r, h_w, jacobian, x_r, applied - 1e-3 * rate, 1e-3)
+        np.testing.assert_allclose(applied, expected, rtol=0, atol=1e-12)
+    assert repaired > 1000
 
 
 @given(states(), references(), st.sampled_from(Law))
