@@ -16,7 +16,7 @@ from comparison.campaign.walks import run_campaign
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
 from comparison.measure.walking import CONTENDERS, pushed_walk, record_states, recorded_walk, stage
 from comparison.sections.growth import FACES, time_growth
-from comparison.sections.ticks import WALKERS, WALKS, time_formulations, time_simulator, time_ticks
+from comparison.sections.ticks import WALKERS, WALKS, time_formulations, time_own_walks, time_simulator, time_ticks
 from comparison.sections.timing import time_contenders
 from harpy_pin import checks, measure
 from harpy_pin.files import finite
@@ -121,7 +121,13 @@ def compare(
         "friction": settings.friction,
         "impulse": settings.impulse,
         "contenders": time_ticks(bench("ticks", [settings.seed, 1]), pushed),
+        "own_walks": time_own_walks(
+            bench("own walks", [settings.seed, 2]), impulse=settings.impulse, duration=settings.duration
+        ),
     }
+    inside_c = [entry["inside_c"] for entry in document["ticks"]["contenders"].values() if "inside_c" in entry]
+    differing = sum(entry["differing"] for entry in inside_c)
+    document["checks"] |= {"differing_inside_c": differing, "passed": document["checks"]["passed"] and not differing}
     document["formulations"] = time_formulations(bench("formulations", [settings.seed, 3]), pushed[1])
     document["growth"] = time_growth(
         robot,

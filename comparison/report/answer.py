@@ -29,7 +29,8 @@ _MEASURES = {
     "falls": ("walks that fall, %", 100.0),
     "p50_us": ("tick, median, µs", 1.0),
     "p99_us": ("tick, 99 %, µs", 1.0),
-    "low_force": ("under 20 N, %", 100.0),
+    "c_p50_us": ("in C, median, µs", 1.0),
+    "c_p99_us": ("in C, 99 %, µs", 1.0),
     "tracking_rms_mm": ("off target, rms mm", 1.0),
 }
 """Rows of the table: heading, and the factor that brings a value to its unit; less is better in all of them."""
@@ -57,9 +58,11 @@ class Answer:
 
 def answer_of(document: Mapping[str, Any]) -> Answer:
     """Which controller keeps the feet from slipping, and what a tick costs."""
-    ticks, whole = document["ticks"]["contenders"], document["campaign"]["whole"]
+    whole, ticks = document["campaign"]["whole"], document["ticks"]["contenders"]
+    inside = {name: {f"c_{key}": value for key, value in ticks[name]["inside_c"].items()} for name in COLUMNS}
+    parts = (ticks, inside, whole)
     values = {
-        key: {name: _value(entry[name].get(key)) for entry in (ticks, whole) for name in COLUMNS if key in entry[name]}
+        key: {name: _value(entry[name].get(key)) for entry in parts for name in COLUMNS if key in entry[name]}
         for key in _MEASURES
     }
     rows = [(heading, values[key], scale) for key, (heading, scale) in _MEASURES.items()]
@@ -73,15 +76,14 @@ def answer_of(document: Mapping[str, Any]) -> Answer:
     settings, friction = document["campaign"]["settings"], document["ticks"]["friction"]
     least, most = min(settings["frictions"]), max(settings["frictions"])
     note = (
-        f"* best of its row. Ticks: friction {friction:g}, the same states for all, interleaved. "
-        f"The rest: medians of {walks} walks each, {settings['duration']:g} s, friction {least:g} to {most:g}, "
-        "with pushes and model errors. Slip: mm per step."
+        f"* best. Ticks: friction {friction:g}, same states for all. Slip: mm per step, medians of "
+        f"{walks} walks, {settings['duration']:g} s, friction {least:g} to {most:g}, pushes, model errors."
     )
     spreads = {name: entry["slip_mm_per_step"] for name, entry in whole.items()}
     trust = "Every timed command equals an untimed one."
     if not passed(document):
         trust = "DO NOT USE THESE TIMES: a timed command was not what it should be."
-    sentences = (_slip(spreads), _paper(spreads), _falls(whole), _cost(values["p50_us"]), trust)
+    sentences = (_slip(spreads), _paper(spreads), _falls(whole), f"{_cost(values['p50_us'])} {trust}".lstrip())
     return Answer(tuple(s for s in sentences if s), marked, note)
 
 

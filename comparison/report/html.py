@@ -98,7 +98,7 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
 
 _SECTIONS: dict[str, tuple[str, tuple[str, ...]]] = {
     "overview": ("Cost and quality", ("pareto",)),
-    "ticks": ("The complete tick of every controller", ("ticks", "misses")),
+    "ticks": ("The complete tick of every controller", ("ticks", "cold_ticks")),
     "formulations": ("Formulations and solvers", ("formulations",)),
     "timing": ("Where the time goes", ("timing", "ratios")),
     "campaign": ("The campaign", ("campaign",)),

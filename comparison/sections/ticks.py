@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from comparison.contenders import CONTENDERS, FORCES, controller_part, label
+from comparison.measure.inside_c import ReplayInsideC, overhead_inside_c
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
-from comparison.measure.walking import StateSequence, scenario_of
+from comparison.measure.walking import StateSequence, pushed_walk, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
@@ -21,9 +22,6 @@ from harpy_pin.model.state import State
 from harpy_pin.scenario import build
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, WholeBodyLimits, installed_solvers
 from harpy_pin.wbc.solvers import ProxQPSolver
-
-RATES = (1, 2, 5, 10)
-"""Control rates, kHz, whose periods a tick may miss."""
 
 COLD = 200
 """Ticks right after a reset that are timed."""
@@ -44,31 +42,64 @@ def make_all(robot: Robot, friction: float) -> dict[str, Any]:
 
 
 def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, Any]:
-    """Time the complete tick of every controller.
+    """Time the complete tick of every controller, as Python calls it and inside C, in turn.
 
     Returns:
-        For each contender percentiles, µs, the least and largest median of a repetition, how many ticks were longer
-        than the periods of :data:`RATES`, and the ticks right after a reset.
+        For each contender percentiles, µs, the least and largest median of a repetition, and the ticks right after a
+        reset; and, unless a part of its tick is Python's, ``inside_c`` with the same percentiles, and how many of its
+        commands were ``differing`` from those in Python.
     """
     timed = {name: TickReplay(controller) for name, controller in make_all(bench.robot, bench.friction).items()}
+    inside = {name: ReplayInsideC(controller) for name, controller in make_all(bench.robot, bench.friction).items()}
+    inside = {name: timer for name, timer in inside.items() if timer.controller.calls(sequences[0].states[0])}
+    differing = dict.fromkeys(inside, 0)
 
     def start(k: int) -> dict[str, TickReplay]:
-        for timer in timed.values():
+        every = timed | {f"{name}{_INSIDE}": timer for name, timer in inside.items()}
+        for timer in every.values():
             timer.start(sequences[k].states)
-        return timed
+        return every
 
-    laps, overhead = bench.repeat(start, [len(sequence) for sequence in sequences], block=bench.settings.block)
+    def end(repetition: int, k: int) -> None:
+        for name, timer in inside.items():
+            differing[name] += int(np.any(timer.commands != timed[name].commands, axis=1).sum())
+
+    lengths, overhead_c = [len(sequence) for sequence in sequences], overhead_inside_c()
+    laps, overhead = bench.repeat(start, lengths, block=bench.settings.block, end=end)
     result: dict[str, Any] = {}
     for name, timer in timed.items():
-        times = np.maximum(np.concatenate(laps[name])[:, 0] - overhead, 1.0) * 1e-3
         cold = summarise([_first_ticks(timer.controller, sequences[0].states)], overhead)
         result[name] = {
             **summarise_repetitions(laps[name], overhead),
-            "misses": {f"{rate} kHz": int(np.count_nonzero(times > 1e3 / rate)) for rate in RATES},
             "cold_p50_us": cold["p50_us"],
             "cold_p99_us": cold["p99_us"],
         }
+    for name in inside:
+        summary = summarise_repetitions([part[:, 0] for part in laps[f"{name}{_INSIDE}"]], overhead_c)
+        result[name]["inside_c"] = {**summary, "differing": differing[name]}
     return result
+
+
+_INSIDE = ", inside C"
+
+
+def time_own_walks(bench: Bench, *, impulse: float, duration: float) -> dict[str, Any]:
+    """Ticks of each controller inside C on a pushed walk of its own, in the closed loop; impulse in N·s, duration in s.
+
+    Returns:
+        For each of :data:`CONTENDERS` percentiles, µs, and how the walk ended.
+    """
+    found: dict[str, list[Any]] = {name: [] for name in CONTENDERS}
+    for _ in range(bench.settings.repetitions):
+        for k in bench.rng.permutation(len(CONTENDERS)):
+            name = CONTENDERS[int(k)]
+            found[name].append(pushed_walk(name, friction=bench.friction, duration=duration, impulse=impulse))
+        bench.on_pass()
+    first, overhead = bench.settings.warm_up, overhead_inside_c()
+    return {
+        name: {**summarise_repetitions([run["tick_ns"][first:] for run in runs], overhead), "ending": runs[0].ending}
+        for name, runs in found.items()
+    }
 
 
 def _first_ticks(controller: Any, states: Sequence[State]) -> Laps:
@@ -84,24 +115,27 @@ def _first_ticks(controller: Any, states: Sequence[State]) -> Laps:
 
 
 def ticks_tables(ticks: Mapping[str, Any]) -> list[Table]:
-    """Percentiles of every controller, its missed deadlines, and its ticks after a reset."""
+    """Percentiles of every controller, and its ticks after a reset."""
     times: list[Cell] = []
-    misses: list[Cell] = []
+    cold: list[Cell] = []
     for name, entry in ticks["contenders"].items():
         row = label(name)
         times.append(Cell(row, "p50", entry["p50_us"], "µs", entry["low_us"], entry["high_us"]))
         times += percentiles(row, entry, first="p95_us")
-        misses.append(Cell(row, "ticks", entry["samples"]))
-        misses += [Cell(row, f"missed, {rate}", count) for rate, count in entry["misses"].items()]
-        misses += in_columns(row, entry, {f"cold_{p}_us": (f"after a reset, {p}", "µs") for p in ("p50", "p99")})
+        for where, found in (("inside C", entry.get("inside_c")), ("own walk", ticks.get("own_walks", {}).get(name))):
+            if found:
+                times.append(Cell(row, f"{where}, p50", found["p50_us"], "µs", found["low_us"], found["high_us"]))
+                times.append(Cell(row, f"{where}, p99", found["p99_us"], "µs"))
+        cold += in_columns(row, entry, {f"cold_{p}_us": (f"after a reset, {p}", "µs") for p in ("p50", "p99")})
     friction = ticks["friction"]
     title = f"Complete tick of every controller, µs, friction {friction:g}, pushes of {ticks['impulse']:g} N·s"
-    of_misses = (
-        "How many ticks took longer than the period of a control rate; no core is reserved and Python is not real-time."
+    note = (
+        "Called from Python, then inside C, on the same states for all; own walk: inside C in the closed loop, where "
+        "each controller meets its own states, up to a fall. In brackets: least and largest median of a repetition."
     )
     return [
-        Table("ticks", title, tuple(times), "In brackets: least and largest median of a repetition."),
-        Table("misses", f"Deadlines and cold ticks, friction {friction:g}", tuple(misses), of_misses),
+        Table("ticks", title, tuple(times), note),
+        Table("cold_ticks", f"Ticks right after a reset, µs, friction {friction:g}", tuple(cold)),
     ]
 
 

@@ -1,7 +1,8 @@
 """What a tick costs on a microcontroller: instructions counted in QEMU, flash, memory and stack.
 
-Controllers are exported as C (:mod:`harpy_pin.export`), and each sees the same recorded states. Beside our own QP,
-which begins with the last tick's active set, DAQP solves the same program from nothing, in its own C.
+Controllers are exported as C (:mod:`harpy_pin.export`). Each is counted on the states of its own walk, and once more
+on those of the condensed controller's walk, which are the same for all; the pushes are the same in every walk. Beside
+our own QP, which begins with the last tick's active set, DAQP solves the same program from nothing, in its own C.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ OTHERS_FRICTION = 0.5
 WEAK = 0.2
 """Share of the motors' torque that the condensed controller has where the dearest tick is looked for."""
 Bound = Callable[[str, str], int]
+SAME = "condensed"
+"""Whose walk gives the states that are the same for all controllers."""
 WALK = 10.0
 """Length of a motion whose states tell single from double precision, s."""
 
@@ -87,60 +90,69 @@ def _counted(settings: Any, progress: Progress) -> Rows:
 def _jobs(name: str, settings: Any, place: Path, daqp: Path | None) -> list[Callable[[], dict[str, Any]]]:
     """What there is to do for a robot."""
     robot = robot_of(name)
-    states = _record(robot, settings.duration, np.random.default_rng(settings.seed))
+    kinds = CONTROLLERS if name == "harpy" else ("condensed", "wbc")
+    walks = {kind: _record(robot, settings.duration, np.random.default_rng(settings.seed), kind) for kind in kinds}
     many = _many(robot, settings)
     jobs: list[Callable[[], dict[str, Any]]] = []
 
-    def exported(what: Exportable, kind: str, *, single: bool) -> tuple[Path, int]:
-        """The folder with its C, named as the controller in it, and its memory, B."""
-        precision = "float" if single else "double"
-        folder = place / f"{name}_{kind}_{precision}"
-        return folder, write_folder(what, states, folder, name=folder.name, single=single, readme=False).code.ram
+    def exported(what: Exportable, kind: str, walker: str, *, single: bool) -> tuple[tuple[Path, Path], int]:
+        """Folders with its C, named as the controller in it, for its own walk and for all's, and its memory, B."""
+        precision, folders = "float" if single else "double", []
+        for walk in dict.fromkeys((walker, SAME)):
+            folders.append(place / f"{name}_{kind}_{precision}_{walk}")
+            written = write_folder(what, walks[walk], folders[-1], name=folders[-1].name, single=single, readme=False)
+        return (folders[0], folders[-1]), written.code.ram
 
-    for kind in CONTROLLERS if name == "harpy" else ("condensed", "wbc"):
+    for kind in kinds:
         for single in (True, False):
             what = exportable(ready(robot, kind, duration=0.1, friction=_friction(robot), single=single).controller)
             precision, chips = "float" if single else "double", [c for c in settings.chips if single or CHIPS[c].double]
-            bound = _bound(kind, what, states, place / f"{name}_{kind}_{single}_limited", single=single)
+            limited = place / f"{name}_{kind}_{single}_limited"
+            bound = _bound(kind, what, (walks[kind], walks[SAME]), limited, single=single)
             rows = [
                 {"robot": name, "controller": kind, "precision": precision, "chip": chip, "level": level}
                 for chip in chips
                 for level in settings.levels
             ]
             if rows:
-                program = exported(what, kind, single=single)
+                program = exported(what, kind, kind, single=single)
                 jobs += [partial(_count, row, *program, bound) for row in rows]
             if kind == "wbc" and daqp is not None and rows and not single:  # in floats it does not end
-                folder, ram = exported(replace(what, step=_build, kind="daqp"), "daqp", single=False)
-                daqp_count(folder, folder.name, what)
-                jobs += [partial(_count, row | {"controller": "daqp"}, folder, ram, None, daqp) for row in rows]
+                folders, ram = exported(replace(what, step=_build, kind="daqp"), "daqp", kind, single=False)
+                for folder in folders:
+                    daqp_count(folder, folder.name, what)
+                jobs += [partial(_count, row | {"controller": "daqp"}, folders, ram, None, daqp) for row in rows]
             if single:
                 jobs.append(partial(_difference, name, kind, what, many))
     return jobs
 
 
 def _count(
-    row: dict[str, Any], folder: Path, ram: int, bound: Bound | None, daqp: Path | None = None
+    row: dict[str, Any], folders: tuple[Path, Path], ram: int, bound: Bound | None, daqp: Path | None = None
 ) -> dict[str, Any]:
     """The row with what was counted on its chip at its level of optimisation; DAQP's source if that solves it."""
     flags, sources = [row["level"]], ["count.c"]
     if daqp is not None:
         flags += ["-I", str(daqp / "include")]
         sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
-    found = measure(folder, folder.name, CHIPS[row["chip"]], flags=flags, sources=sources)
+    every = {f: measure(f, f.name, CHIPS[row["chip"]], flags=flags, sources=sources) for f in dict.fromkeys(folders)}
+    own, same = (every[folder] for folder in folders)
     return row | {
-        "ticks": len(found.instructions),
-        "median": float(np.median(found.instructions)),
-        "worst": int(found.instructions.max()),
-        "flash": None if daqp is not None else found.flash,
+        "ticks": len(own.instructions),
+        "median": float(np.median(own.instructions)),
+        "worst": int(own.instructions.max()),
+        "same_ticks": len(same.instructions),
+        "same_median": float(np.median(same.instructions)),
+        "same_worst": int(same.instructions.max()),
+        "flash": None if daqp is not None else own.flash,
         "ram": None if daqp is not None else ram,
-        "stack": found.stack,
-        "equal": None if daqp is not None else found.different == 0,
+        "stack": max(found.stack for found in every.values()),
+        "equal": None if daqp is not None else not any(found.different for found in every.values()),
         "bound": None if bound is None else bound(row["chip"], row["level"]),
     }
 
 
-def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, single: bool) -> Bound | None:
+def _bound(kind: str, what: Exportable, walks: tuple[Recording, ...], folder: Path, *, single: bool) -> Bound | None:
     """An upper end of a tick beside its searches' own: see :mod:`comparison.studies.exchange_bound`.
 
     The rest is at most the worst tick that was counted, of the condensed controller with motors so weak that it always
@@ -153,10 +165,12 @@ def _bound(kind: str, what: Exportable, states: Recording, folder: Path, *, sing
         record["condensed"]["torque_limit"] *= WEAK
     places = [record["condensed"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
     search = "exchange" if kind == "condensed" else "search"
-    write_folder(replace(what, record=record), states, folder, name="weak", single=single, readme=False)
+    folders = [folder] if kind == SAME else [folder, folder.with_name(f"{folder.name}_same")]
+    for place, states in zip(folders, walks, strict=False):
+        write_folder(replace(what, record=record), states, place, name="weak", single=single, readme=False)
 
     def bound(chip: str, level: str) -> int:
-        rest = int(measure(folder, "weak", CHIPS[chip], flags=[level]).instructions.max())
+        rest = max(int(measure(f, "weak", CHIPS[chip], flags=[level]).instructions.max()) for f in folders)
         for part in places:
             records = [np.array([part[name]], part[name].dtype) for name in ("program", search, "dual")]
             rest += search_bound(tuple(records), folder, chip, single=single, level=level, again=kind == "wbc")
@@ -189,13 +203,13 @@ def _friction(robot: Robot) -> float:
     return FRICTION.get(robot.name, OTHERS_FRICTION)
 
 
-def _record(robot: Robot, duration: float, rng: np.random.Generator) -> Recording:
-    """States of a motion under the condensed controller, pushed from both sides."""
+def _record(robot: Robot, duration: float, rng: np.random.Generator, kind: str = SAME) -> Recording:
+    """States of a motion under a controller, by its name for export, pushed from both sides."""
     pushes = []
     for time in np.arange(0.3, duration - 0.2, 0.9):
         x, y = 0.15 * robot.mass * rng.uniform(-1.0, 1.0, 2)
         pushes.append(Push(float(time), (float(x), float(y), 0.0)))
-    motion = ready(robot, "condensed", duration=duration, friction=_friction(robot), pushes=pushes)
+    motion = ready(robot, kind, duration=duration, friction=_friction(robot), pushes=pushes)
     return record(motion, exportable(motion.controller))
 
 
@@ -215,7 +229,14 @@ def _robot(row: dict[str, Any]) -> str:
     return f"{row['robot']}, {LABELS[row['controller']]}"
 
 
-_COUNT: dict[str, Any] = {"median": shown("median"), "worst": shown("worst"), "bound": shown("bound")}
+_COUNT: dict[str, Any] = {
+    "own walk, median": shown("median"),
+    "own walk, worst": shown("worst"),
+    "same states, median": shown("same_median"),
+    "same states, worst": shown("same_worst"),
+    "bound": shown("bound"),
+}
+_STATES = "On the walk of each controller, and on the same states for all: those of the condensed controller's walk. "
 _MEMORY = {"flash": (shown("flash"), "B"), "RAM": (shown("ram"), "B")}
 VIEWS = (
     View(
@@ -223,7 +244,7 @@ VIEWS = (
         "Instructions of a tick on a Cortex-M4F, float, -O2",
         row=_robot,
         columns=_COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
-        note="Milliseconds are for one instruction in each cycle, the least there is.",
+        note=_STATES + "Milliseconds are of its own walk, for one instruction in each cycle, the least there is.",
         only=lambda row: (row["chip"], row.get("level"), row.get("precision")) == ("m4", "-O2", "float"),
     ),
     View(
@@ -231,7 +252,8 @@ VIEWS = (
         "Instructions of a tick of {robot}, {precision}, {ticks} states",
         row=lambda row: f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}",
         columns=_COUNT | _MEMORY | {"stack": (shown("stack"), "B"), "equal": shown("equal")},
-        note="Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
+        note=_STATES
+        + "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
         "exchanges allowed times the dearest exchange, and the rest of the dearest tick. Equal: every command is that "
         "of this machine, in every bit.",
         only=lambda row: row["chip"] is not None,
@@ -259,8 +281,8 @@ STUDY = Study(
 
     Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU: the paper's governor, the contact-force
     filter, the condensed controller, and the whole-body QP by its last active set and by DAQP's own C, for Harpy,
-    Solo12 and Bolt on the same recorded states. Needs gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm;
-    DAQP's source is fetched from its package.
+    Solo12 and Bolt, on a walk of each controller and on the same recorded states for all. Needs gcc-arm-none-eabi,
+    libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
     """,
     defaults={
         "robots": ("harpy", "solo12", "bolt"),

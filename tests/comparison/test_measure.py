@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import comparison.measure.replay as replays
+from comparison.measure.inside_c import ReplayInsideC
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
 from comparison.measure.timing import Bench, TimingSettings, counted, interleave, ratio_of_medians, summarise
 from comparison.measure.walking import (
@@ -19,8 +20,11 @@ from comparison.measure.walking import (
     record_states,
     recorded_walk,
 )
+from comparison.sections.ticks import make_all
 from comparison.sections.timing import stationarity, time_contenders
 from harpy_pin import InputError, State, load_harpy
+from harpy_pin.compiled import Kernel
+from harpy_pin.compiled.calls import Chain
 from harpy_pin.files import finite
 from harpy_pin.wbc import QuadraticProgram
 
@@ -132,6 +136,26 @@ def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]
                 blocks.time_block(begin, begin + 70)
         assert np.isfinite(whole.commands).all()
         np.testing.assert_allclose(blocks.commands, whole.commands, atol=1e-6)
+        inside = replay(ReplayInsideC(make_contender(name, robot, FRICTION)), states)
+        np.testing.assert_array_equal(inside.commands, whole.commands)
+
+
+def test_every_tick_is_one_crossing_into_c(sequences: list[StateSequence], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same number for all controllers whose ticks are compared, but for those whose solver Python calls."""
+    crossings: list[Any] = []
+    for kind in (Kernel, Chain):
+
+        def counted(self: Any, *given: Any, call: Any = kind.__call__) -> Any:
+            crossings.append(self)
+            return call(self, *given)
+
+        monkeypatch.setattr(kind, "__call__", counted)
+    for name, controller in make_all(load_harpy(), FRICTION).items():
+        controller.step(sequences[0].states[0])  # joins the kernels
+        crossings.clear()
+        for state in sequences[0].states[1:20]:
+            controller.step(state)
+        assert (len(crossings) == 19) == (name not in ("wbc/proxqp", "wbc/daqp")), (name, len(crossings))
 
 
 def test_program_knows_objective_and_violation() -> None:
