@@ -166,16 +166,17 @@ def flight_measures(run: hp.Run, flight: Jump | Fly, walks: bool) -> dict[str, A
     before, after = feet[air[0] - 1].mean(axis=0), feet[land[-1]].mean(axis=0)
     rest = np.linalg.norm(np.diff(plan[air], axis=0), axis=1) < 1e-9
     still = air[1:][rest][1000:]  # where the plan stays, but for the first second
-    flown = slice(int(np.flatnonzero(phase == PHASES.index("bend"))[0]), int(land[-1]) + 1)
+    bend = int(np.flatnonzero(phase == PHASES.index("bend"))[0])
     return {
         "stands": _stands(run, walks),
         "height_m": float(q[air, 2].max() - q[air[0], 2]),
         "distance_m": float(np.hypot(*(after - before)[:2])),
         "place_mm": float(1e3 * np.hypot(*((after - before)[:2] - (flight.forward, flight.left)))),
         "hover_mm": float(1e3 * np.linalg.norm(q[still, :3] - plan[still], axis=1).max()) if len(still) else None,
+        "push_off": _peak(run, slice(bend, int(air[0]))),
         "peak": _peak(run, land),
         "slip_mm": float(1e3 * (slip[land[-1]] - slip[land[0]]).sum()),
-        **_cost(run, flown, float(np.hypot(flight.forward, flight.left))),
+        **_cost(run, slice(bend, int(land[-1]) + 1), float(np.hypot(flight.forward, flight.left))),
     }
 
 
@@ -220,6 +221,7 @@ COLUMNS: dict[str, Any] = {
     "distance, m": _of_all("distance_m", min, 3),
     "place, mm": _of_all("place_mm", max, 2),
     "hover, mm": _of_all("hover_mm", max, 2),
+    "push-off / weight": _of_all("push_off", max, 2),
     "peak / weight": _of_all("peak", max, 2),
     "slip, mm": _of_all("slip_mm", max, 2),
     "energy, J": _of_all("energy_j", np.median, 3),
@@ -232,8 +234,8 @@ VIEW = View(
     row=lambda row: f"{row['flight']}, {CONTROLLERS[row['controller']]}, {PLANTS[row['plant']]}",
     columns=COLUMNS,
     note=f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and least "
-    "distance of the feet, greatest error of the landing and of the hovering body, greatest force of both feet and "
-    "greatest slip in landing; medians of the energy. Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed.",
+    "distance of the feet, greatest error of the landing and of the hovering body, greatest force of both feet in "
+    "pushing off, and in landing (or walking), greatest slip in landing; medians of the energy. Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed.",
 )
 
 STUDY = Study(
