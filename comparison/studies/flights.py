@@ -235,7 +235,8 @@ VIEW = View(
     columns=COLUMNS,
     note=f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and least "
     "distance of the feet, greatest error of the landing and of the hovering body, greatest force of both feet in "
-    "pushing off, and in landing (or walking), greatest slip in landing; medians of the energy. Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed.",
+    "pushing off, and in landing or walking, greatest slip in landing; medians of the energy. Fans of 18 N from 1 kW, "
+    "motors of 0.6 N·m/√W, both assumed.",
 )
 
 STUDY = Study(
