@@ -20,6 +20,7 @@ from comparison.tables import Table
 from harpy_pin.files import finite
 
 TINY: dict[str, dict[str, Any]] = {
+    "assumption": {"walkers": ("governed/none", "condensed"), "errors": (0.0, 1.5), "duration": 3.0},
     "grounds": {"walkers": ("governed/none", "governed/paper"), "duration": 0.1},
     "engines": {"walkers": ("governed/none",), "duration": 0.4},
     "contacts": {"walkers": ("governed/none", "condensed", contacts.GENTLE), "starts": 2},
@@ -66,6 +67,15 @@ def test_a_document_makes_the_tables(name):
     for text in texts:
         assert max(map(len, text.splitlines())) <= 80
         assert len(text.splitlines()) > 2
+
+
+def test_a_wrong_friction_makes_feet_slip_beyond_the_margin():
+    """The margin of 0.75 covers an error of 33 %; an estimate brings most of it back."""
+    slip = {(r["walker"], r["estimate"], r["error"]): r["slip_mm_per_step"] for r in rows_of("assumption")}
+    right, wrong, estimated = (slip["condensed", *case] for case in ((False, 0.0), (False, 1.5), (True, 1.5)))
+    assert wrong > 3.0 * right
+    assert estimated < 0.5 * wrong
+    assert slip["governed/none", False, 0.0] == slip["governed/none", False, 1.5]  # it assumes nothing
 
 
 def test_grounds_show_slip_or_when_a_walk_fell():

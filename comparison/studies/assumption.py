@@ -1,0 +1,106 @@
+"""Walks whose controllers are wrong about the friction of the ground, with and without an estimate of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from comparison.contenders import CONTENDERS, controller_part, label
+from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
+from comparison.study import STARTS, Job, Study, View, grid, kept, start_velocity
+from comparison.tables import number_text
+from harpy_pin import Disturbances, Ground, Push, Scenario
+from harpy_pin.view.figures import styled
+from harpy_pin.wbc import WholeBodyLimits
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PUSH = Push(2.0, (0.0, 3.0, 0.0))
+UNGOVERNED = CONTENDERS[0]
+"""Knows of no friction, so that there is nothing to be wrong about."""
+_COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b")
+
+
+def _jobs(s: Any) -> Iterable[Job]:
+    same = {"duration": [s.duration], "jitter": [s.jitter], "seed": [s.seed], "start": range(s.starts)}
+    for job in grid(friction=s.frictions, walker=s.walkers, estimate=(False, True), error=s.errors, **same):
+        if job["walker"] != UNGOVERNED or not job["estimate"]:
+            yield job
+
+
+def _measured(job: Job) -> dict[str, Any]:
+    part = controller_part(job["walker"], (1.0 + job["error"]) * job["friction"])
+    if job["estimate"]:
+        part = replace(part, parameters={**part.parameters, "estimate_friction": True})
+    disturbances = Disturbances(pushes=(PUSH,), start_velocity=start_velocity(job))
+    ground = Ground(mu_s=job["friction"])
+    scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=job["duration"])
+    return kept(walk_as_far_as_it_goes(scenario), "slip_mm_per_step")
+
+
+def _name(row: dict[str, Any]) -> str:
+    return label(row["walker"]) + (", friction estimated" if row["estimate"] else "")
+
+
+def _slip(rows: Rows) -> str:
+    slip, falls = float(np.median([row["slip_mm_per_step"] for row in rows])), sum(row["fell"] for row in rows)
+    return number_text(slip) + (f" ({falls} fell)" if falls else "")
+
+
+VIEW = View(
+    name="assumption_{friction:g}",
+    title="Slip by the error of the assumed friction, ground of {friction:g}, mm per step",
+    row=_name,
+    across=lambda row: f"{row['error']:+.0%}" if row["error"] else "right",
+    columns=_slip,
+    note="Medians over the starts, with a push of 3 N·s; a walk that falls counts up to its fall.",
+)
+
+
+@styled
+def _figure(rows: Rows) -> Figure:
+    from matplotlib.figure import Figure
+
+    frictions = grouped(rows, "friction")
+    figure = Figure(figsize=(8.0, 3.6), layout="constrained")
+    panels = figure.subplots(1, len(frictions), sharey=True, squeeze=False)[0]
+    for panel, ((friction,), here) in zip(panels, frictions.items(), strict=True):
+        for colour, (walker, mine) in zip(_COLOURS, grouped(here, "walker").items(), strict=True):
+            for estimate, style in ((False, "-"), (True, ":")):
+                lines = grouped([row for row in mine if row["estimate"] == estimate], "error")
+                slips = [float(np.median([row["slip_mm_per_step"] for row in same])) for same in lines.values()]
+                name = None if estimate else label(walker[0])
+                width = 4.0 if walker[0] == "condensed" else 1.5  # the QP's line lies on it
+                panel.plot([100.0 * error for (error,) in lines], slips, style, color=colour, label=name, lw=width)
+        panel.axvline(100.0 * (1.0 / WholeBodyLimits().friction_share - 1.0), color="#b8c2cc", zorder=0)
+        panel.set(yscale="log", title=f"ground of {friction:g}", xlabel="error of the assumed friction, %")
+    panels[0].set_ylabel("slip, mm per step")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
+    return figure
+
+
+STUDY = Study(
+    name="assumption",
+    help="""Walk with a wrong friction coefficient.
+
+    Every controller assumes from half to two and a half times the friction of the ground, without and with the friction
+    estimated. In the figure the latter are dotted, and a vertical line is where the margin of the WBCs ends.
+    """,
+    defaults={
+        **STARTS,
+        "starts": 3,
+        "walkers": CONTENDERS,
+        "frictions": (0.15, 0.25),
+        "errors": (-0.5, -0.3, 0.0, 0.3, 0.5, 1.0, 1.5),
+        "duration": 8.0,  # s
+    },
+    quick={"starts": 1, "frictions": (0.25,), "errors": (0.0, 1.0), "duration": 3.0},
+    jobs=_jobs,
+    measure=_measured,
+    views=(VIEW,),
+    figure=_figure,
+)
