@@ -62,20 +62,10 @@ def test_a_document_makes_the_tables(name):
     assert all(row.items() >= finite(job).items() for row, job in zip(rows, jobs, strict=True))
     read = json.loads(json.dumps(rows, allow_nan=False))
     texts = [table.to_string(80) for table in study.tables(read)]
-    assert texts == [table.to_string(80) for table in study.tables(rows)]
-    assert texts
+    assert texts == [table.to_string(80) for table in study.tables(rows)] != []
     for text in texts:
         assert max(map(len, text.splitlines())) <= 80
         assert len(text.splitlines()) > 2
-
-
-def test_a_wrong_friction_makes_feet_slip_beyond_the_margin():
-    """The margin of 0.75 covers an error of 33 %; an estimate brings most of it back."""
-    slip = {(r["walker"], r["estimate"], r["error"]): r["slip_mm_per_step"] for r in rows_of("assumption")}
-    right, wrong, estimated = (slip["condensed", *case] for case in ((False, 0.0), (False, 1.5), (True, 1.5)))
-    assert wrong > 3.0 * right
-    assert estimated < 0.5 * wrong
-    assert slip["governed/none", False, 0.0] == slip["governed/none", False, 1.5]  # it assumes nothing
 
 
 def test_grounds_show_slip_or_when_a_walk_fell():
