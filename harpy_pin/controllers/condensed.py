@@ -21,6 +21,8 @@ __all__ = ["CondensedController"]
 class CondensedController(TaskController):
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
 
+    A tick, :meth:`~harpy_pin.controllers.gait_controller.GaitController.step`, calls the gait's kernels and then
+    :func:`~harpy_pin.controllers.condensed_tick.condensed_step`.
     Where no forces in the cones are within reach of the motors, the last command is held for ``hold_ticks`` ticks, as
     :class:`WholeBodyController` holds it where its program has no solution; then the torques are clipped.
 

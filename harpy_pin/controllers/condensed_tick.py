@@ -30,7 +30,7 @@ class CondensedTickRecord(CondensedTasksRecord, TickRecord):
     """The condensed whole-body controller."""
 
 
-@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
+@kernel(v="r.dynamics.bias", foot_force="r.targets.feet")  # arrays of the record that have the same shape
 def condensed_step(r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
     """A tick: terms, tasks, optimum, command.
 
@@ -44,14 +44,14 @@ def condensed_step(r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, 
     Returns:
         The status: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or ``BAD_SAMPLE``.
     """
-    d, p = r.dynamics, r.condensed
+    d, optimum = r.dynamics, r.condensed
     r.verdict = task_terms(r, target, q, v, foot_force)
     if r.verdict == GOOD:
-        solve_condensed(d, r.targets, p, v, d.tree.rotation)
+        solve_condensed(d, r.targets, optimum, v, d.tree.rotation)
         finish_optimum(r)
-        write_thrusts(d, p.inputs, r.thrust)
-    write_inputs(r, p.inputs, d.rotor_axis.shape[0] > 0)
-    return p.status_and_systems[0] if r.verdict == GOOD else BAD_SAMPLE
+        write_thrusts(d, optimum.inputs, r.thrust)
+    write_inputs(r, optimum.inputs, d.rotor_axis.shape[0] > 0)
+    return optimum.status_and_systems[0] if r.verdict == GOOD else BAD_SAMPLE
 
 
 @kernel
