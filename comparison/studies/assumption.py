@@ -20,15 +20,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PUSH = Push(2.0, (0.0, 3.0, 0.0))
-UNGOVERNED = CONTENDERS[0]
-"""Knows of no friction, so that there is nothing to be wrong about."""
 _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b")
 
 
 def _jobs(s: Any) -> Iterable[Job]:
     same = {"duration": [s.duration], "jitter": [s.jitter], "seed": [s.seed], "start": range(s.starts)}
     for job in grid(friction=s.frictions, walker=s.walkers, estimate=(False, True), error=s.errors, **same):
-        if job["walker"] != UNGOVERNED or not job["estimate"]:
+        if job["walker"] != CONTENDERS[0] or not job["estimate"]:  # the ungoverned one assumes nothing
             yield job
 
 
@@ -42,10 +40,6 @@ def _measured(job: Job) -> dict[str, Any]:
     return kept(walk_as_far_as_it_goes(scenario), "slip_mm_per_step")
 
 
-def _name(row: dict[str, Any]) -> str:
-    return label(row["walker"]) + (", friction estimated" if row["estimate"] else "")
-
-
 def _slip(rows: Rows) -> str:
     slip, falls = float(np.median([row["slip_mm_per_step"] for row in rows])), sum(row["fell"] for row in rows)
     return number_text(slip) + (f" ({falls} fell)" if falls else "")
@@ -54,7 +48,7 @@ def _slip(rows: Rows) -> str:
 VIEW = View(
     name="assumption_{friction:g}",
     title="Slip by the error of the assumed friction, ground of {friction:g}, mm per step",
-    row=_name,
+    row=lambda row: label(row["walker"]) + (", friction estimated" if row["estimate"] else ""),
     across=lambda row: f"{row['error']:+.0%}" if row["error"] else "right",
     columns=_slip,
     note="Medians over the starts, with a push of 3 N·s; a walk that falls counts up to its fall.",
@@ -71,12 +65,17 @@ def _figure(rows: Rows) -> Figure:
     for panel, ((friction,), here) in zip(panels, frictions.items(), strict=True):
         for colour, (walker, mine) in zip(_COLOURS, grouped(here, "walker").items(), strict=True):
             for estimate, style in ((False, "-"), (True, ":")):
-                lines = grouped([row for row in mine if row["estimate"] == estimate], "error")
-                slips = [float(np.median([row["slip_mm_per_step"] for row in same])) for same in lines.values()]
-                name = None if estimate else label(walker[0])
-                width = 4.0 if walker[0] == "condensed" else 1.5  # the QP's line lies on it
-                panel.plot([100.0 * error for (error,) in lines], slips, style, color=colour, label=name, lw=width)
-        panel.axvline(100.0 * (1.0 / WholeBodyLimits().friction_share - 1.0), color="#b8c2cc", zorder=0)
+                points = grouped([row for row in mine if row["estimate"] == estimate], "error")
+                x = 100.0 * np.array([error for (error,) in points])
+                slip = np.array([np.median([row["slip_mm_per_step"] for row in same]) for same in points.values()])
+                fell = np.array([any(row["fell"] for row in same) for same in points.values()], dtype=bool)
+                name, width = None if estimate else label(walker[0]), 4.0 if walker[0] == "condensed" else 1.5
+                panel.plot(x, slip, style, color=colour, label=name, lw=width)  # the QP's line lies on the condensed
+                panel.plot(x[fell], slip[fell], "x", color=colour)
+        panel.plot([], [], "k:", label="friction estimated")
+        panel.plot([], [], "kx", label="walks fell")
+        end = 100.0 / WholeBodyLimits().friction_share - 100.0
+        panel.axvline(end, color="#9aa5b1", zorder=0, label="end of the WBCs' margin")
         panel.set(yscale="log", title=f"ground of {friction:g}", xlabel="error of the assumed friction, %")
     panels[0].set_ylabel("slip, mm per step")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
@@ -88,7 +87,7 @@ STUDY = Study(
     help="""Walk with a wrong friction coefficient.
 
     Every controller assumes from half to two and a half times the friction of the ground, without and with the friction
-    estimated. In the figure the latter are dotted, and a vertical line is where the margin of the WBCs ends.
+    estimated. In the figure a vertical line is where the margin of the WBCs ends.
     """,
     defaults={
         **STARTS,

@@ -13,10 +13,11 @@ from comparison.tables import number_text
 ROOT = Path(__file__).parents[2]
 TABLES = {
     name: cells
-    for page in ("results.md", "terrain.md")
+    for page in ("results.md", "terrain.md", "friction.md")
     for name, cells in read_blocks((ROOT / "docs" / page).read_text(encoding="utf-8")).items()
 }
 FOUND = "paper's governor, tracked, PID, tuned"
+WRONG = "assumption/assumption_0.15"
 PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP"
 PID, SOLVE = "no governor, PID, tuned", "comparison/timing"
 ACTIVE = "WBC QP, active-set warm start"
@@ -59,6 +60,11 @@ SENTENCES = {
         "measurements.",
         "slip is at most {limits/limits|condensed WBC, joint friction estimated|joint friction: worst slip, mm} mm "
         "per step.",
+        f"{{{WRONG}|{LAW}|+50%}} mm per step at +50 % on a ground of 0.15, and {{{WRONG}|{LAW}|+150%}} mm at +150 %. "
+        f"With the estimate the latter is {{{WRONG}|{LAW}, friction estimated|+150%}} mm.",
+        f"with the estimate {{{WRONG}|contact-force filter, friction estimated|+30%}} mm on a ground of 0.15.",
+        f"the estimate costs it: {{{WRONG}|contact-force filter, friction estimated|right}} mm instead of "
+        f"{{{WRONG}|contact-force filter|right}}.",
     ],
     "docs/condensed.md": [
         "Ungoverned walks stand there, too; they slip up to {limits/limits|no governor|limits: worst slip, mm} mm per "
