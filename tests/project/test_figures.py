@@ -85,6 +85,7 @@ SENTENCES = {
         "{comparison/campaign|condensed WBC|off target, rms, mm|2} mm rms in the campaign, against the filter's "
         "{comparison/campaign|contact-force filter|off target, rms, mm|2}.",
     ],
+    "docs/embedded.md": [f"WBC's median tick takes {{embedded/embedded|Harpy, {LAW}|ms at 168 MHz|2}} to"],
     "docs/steering.md": [
         "with 10 N·s {steering/steering_pushes|10 N·s, default gains, condensed|fell} walks fall, with 12 N·s "
         "{steering/steering_pushes|12 N·s, default gains, condensed|fell}."
@@ -159,7 +160,8 @@ README_ROWS = {
     "walks that fall": ("comparison/campaign", "falls", 100.0),
     "tick, median": ("comparison/ticks", "median", 1.0),
     "tick, 99 %": ("comparison/ticks", "99 %", 1.0),
-    "instructions on a microcontroller, median": ("embedded/embedded", "median", 1.0),
+    "instructions, median, own walk": ("embedded/embedded", "own walk, median", 1.0),
+    "instructions, median, same states": ("embedded/embedded", "same states, median", 1.0),
     "stands on slopes, of 100 places": ("slopes/slopes", "up to 45°", 1.0),
     "off target, rms": ("comparison/campaign", "off target, rms, mm", 1.0),
 }
