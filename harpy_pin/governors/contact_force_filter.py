@@ -37,7 +37,7 @@ from harpy_pin.governors.contact_force_kernels import (
 from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.contact_map import contact_terms
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.entry import FLOAT64, as_command, as_state
+from harpy_pin.model.entry import FLOAT64, as_command, as_state, refuse_law
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
@@ -124,9 +124,11 @@ class ContactForceFilter(KeepsViews):
             The command itself; where its arrays are not float64, and so cannot hold the bend, a copy.
 
         Raises:
-            InputError: an array of the state or of the command has the wrong shape, or no numbers.
+            InputError: an array of the state or of the command has the wrong shape, or no numbers; or the command has
+                a motors' law.
         """
         dynamics = self.dynamics
+        refuse_law(command)
         try:
             torque, thrust = command.torque, command.thrust
             if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:

@@ -22,7 +22,7 @@ from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, 
 from harpy_pin.governors.thrust import limit_thrust
 from harpy_pin.model.contact_map import sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.entry import FADE, HOLD_TICKS, all_finite, all_finite_rows, as_command, as_state
+from harpy_pin.model.entry import FADE, HOLD_TICKS, all_finite, all_finite_rows, as_command, as_state, refuse_law
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
@@ -112,8 +112,10 @@ class Shield(KeepsViews):
             A new command, and what was changed.
 
         Raises:
-            InputError: an array of the state or of the command has the wrong shape, or no numbers.
+            InputError: an array of the state or of the command has the wrong shape, or no numbers; or the command has
+                a motors' law.
         """
+        refuse_law(command)
         state, given = as_state(state, self.robot), as_command(command, self.robot)
         arrays = (state.q, state.v, state.foot_force, given.torque, given.thrust)
         friction = self.governor.friction[None].copy()

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin import checks
+from harpy_pin.errors import InputError
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 
 __all__ = ["Command", "State", "Vector"]
@@ -61,19 +63,52 @@ class State:
         return State(self.t, *(array.copy() for array in arrays))
 
 
-@fixed_arrays("thrust", "torque")
-@dataclass
+@fixed_arrays("law", "thrust", "torque")
 class Command(KeepsViews):
     """What a controller returns at each tick. To assign to an attribute writes into its array.
 
-    Attributes:
+    A motor may have a law of its own, which it evaluates much faster than the controller ticks:
+
+        τ_j + k_p (q_j* − q_j) + k_d (q̇_j* − q̇_j),
+
+    within the model's peak torque. Plants evaluate it in every physics step.
+
+    Args:
         torque: (joints,) joint torques, in the order of the model, N·m.
         thrust: (thrusters, 3) forces of thrusters and rotors on the robot, world axes, N; that of a rotor is along its
-            axis, see :mod:`harpy_pin.model.rotor`.
+            axis, see :mod:`harpy_pin.model.rotor`. None for a robot without any.
+        q: (joints,) joint targets q*, rad. They need a stiffness.
+        v: (joints,) targets of their velocities q̇*, rad/s; zero by default.
+        k_p: (joints,) stiffness of the motors, or one for all, N·m/rad.
+        k_d: (joints,) damping of the motors, or one for all, N·m·s/rad.
+
+    Attributes:
+        torque: as given.
+        thrust: as given.
+        law: (4, joints) rows q*, q̇*, k_p and k_d; None for torque alone.
+
+    Raises:
+        InputError: numbers of the motors' law that do not fit the torques, are not finite, or gains that are negative.
     """
 
     torque: Vector
     thrust: Vector
+    law: Vector | None
+
+    def __init__(
+        self,
+        torque: Vector,
+        thrust: Vector | None = None,
+        *,
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        k_p: ArrayLike | None = None,
+        k_d: ArrayLike | None = None,
+    ) -> None:
+        self.torque, self.thrust = torque, np.zeros((0, 3)) if thrust is None else thrust
+        self.law = None if k_p is None and k_d is None else _motor_law(len(torque), q, v, k_p, k_d)
+        if self.law is None and not (q is None and v is None):
+            raise InputError("joint targets need a stiffness k_p or a damping k_d", name="k_p")
 
     def __repr__(self) -> str:
         most = float(np.max(np.abs(self.torque), initial=0.0))
@@ -81,4 +116,22 @@ class Command(KeepsViews):
         if len(self.thrust):
             largest = float(np.linalg.norm(self.thrust, axis=1).max())
             text += f", {len(self.thrust)} thrusts up to {largest:.3g} N"
+        if self.law is not None:
+            text += f", motors with k_p up to {self.law[2].max():.3g} N·m/rad"
         return f"{text})"
+
+
+def _motor_law(
+    joints: int, q: ArrayLike | None, v: ArrayLike | None, k_p: ArrayLike | None, k_d: ArrayLike | None
+) -> Vector:
+    """The rows of a command's law (4, joints)."""
+    law = np.zeros((4, joints))
+    if k_p is not None and q is None and np.any(np.asarray(k_p) != 0.0):
+        raise InputError("a stiffness k_p needs joint targets q", name="q")
+    for row, (name, value) in enumerate({"q": q, "v": v, "k_p": k_p, "k_d": k_d}.items()):
+        if value is not None:
+            given = np.full(joints, value) if row > 1 and np.ndim(value) == 0 else value
+            law[row] = checks.vector(name, given, joints)
+    if (law[2:] < 0.0).any():
+        raise InputError("gains of the motors must not be negative", name="k_p", value=law[2:].min())
+    return law

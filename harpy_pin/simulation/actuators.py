@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -95,11 +96,19 @@ class MotorsRecord(RecordOf):
     torque: Vector = sized("joints")  # (joints,) at the end of the last step, N·m
     mean_torque: Vector = sized("joints")  # (joints,) over the last step, N·m
     settled: int = ZERO  # 0 before the first command
+    place: NDArray[np.int64]  # (joints,) of each joint's angle in q; of its cosine where it has no bounds
+    unbounded: NDArray[np.int64]  # (joints,) 1 for a joint whose q is a cosine and a sine
+    peak: Vector  # (joints,) torque that a motor with a law of its own does not exceed, N·m
+    has_law: int = ZERO  # whether the command has the motors' law below
+    law: Vector = sized(4, "joints")  # targets q* and q̇*, stiffness and damping: rad, rad/s, N·m/rad, N·m·s/rad
 
 
-def motors_record(actuators: Actuators, peak: Vector) -> Records[MotorsRecord]:
-    """The motors, for kernels; ``peak`` are the model's peak torques (joints,), N·m."""
+def motors_record(
+    actuators: Actuators, peak: Vector, place: NDArray[np.int64] | None = None, unbounded: ArrayLike = 0
+) -> Records[MotorsRecord]:
+    """The motors, for kernels; ``peak`` are the model's peak torques (joints,), N·m, the rest as in the record."""
     joints, bandwidth, share = len(peak), actuators.bandwidth, actuators.torque_share
+    place = np.arange(7, 7 + joints) if place is None else place
     return make_record(
         MotorsRecord,
         {"joints": joints},
@@ -107,19 +116,30 @@ def motors_record(actuators: Actuators, peak: Vector) -> Records[MotorsRecord]:
         limit=np.full(joints, math.inf) if share is None else share * peak,
         stall=peak * (1.0 if actuators.stall_share is None else actuators.stall_share),
         no_load_speed=math.inf if actuators.no_load_speed is None else actuators.no_load_speed,
+        place=np.asarray(place, np.int64),
+        unbounded=np.full(joints, unbounded, np.int64),
+        peak=peak,
     )
 
 
 @kernel
-def drive_motors(m: MotorsRecord, command: Vector, v: Vector, dt: float) -> None:
-    """Torques of a step dt, s, under a constant command (joints,), N·m, at the generalised velocity v (6 + joints,).
+def drive_motors(m: MotorsRecord, command: Vector, q: Vector, v: Vector, dt: float) -> None:
+    """Torques of a step dt, s, under a constant command (joints,), N·m, at a state q (nq,), v (6 + joints,).
 
     The exact mean of the lag over the step goes into ``mean_torque``.
     """
     x = m.rate * dt
     remaining = np.exp(-x)
     for j in range(command.shape[0]):
-        goal = min(max(command[j], -m.limit[j]), m.limit[j])
+        goal = command[j]
+        if m.has_law != 0:
+            k = m.place[j]
+            off = m.law[0, j] - (np.arctan2(q[k + 1], q[k]) if m.unbounded[j] else q[k])
+            if m.unbounded[j]:  # the short way round
+                off -= 2.0 * np.pi * np.floor(off / (2.0 * np.pi) + 0.5)
+            goal += m.law[2, j] * off + m.law[3, j] * (m.law[1, j] - v[6 + j])
+            goal = min(max(goal, -m.peak[j]), m.peak[j])
+        goal = min(max(goal, -m.limit[j]), m.limit[j])
         if m.no_load_speed < np.inf:
             share = v[6 + j] / m.no_load_speed
             goal = min(max(goal, -m.stall[j] * (1.0 + share)), m.stall[j] * (1.0 - share))

@@ -132,6 +132,8 @@ class Plant(KeepsViews, ABC):
         self.t = 0.0
         self._applied = np.zeros(self._shapes[1])
         self._noted_torque, self._noted_thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
+        motors = (field(record["motors"], name) for name in ("law", "has_law", "mean_torque"))
+        self._law, self._has_law, self._motor_torque = motors
         self._clock, self._tick_ns = np.zeros(()), np.zeros((), np.int64)
         self._prepare()
         self.dynamics.update(self.q, self.v)
@@ -142,7 +144,13 @@ class Plant(KeepsViews, ABC):
 
     def _make_record(self) -> Records[PlantRecord]:
         """The record of contact and actuators."""
-        return plant_record(PlantRecord, self.robot.sizes, self.actuators, self.robot.torque_limit, self.dt)
+        return plant_record(PlantRecord, self.robot.sizes, self.actuators, self.dt, self._motors())
+
+    def _motors(self) -> dict[str, Any]:
+        """What :func:`~harpy_pin.simulation.actuators.motors_record` knows of the robot."""
+        joints = list(self.robot.model.joints)[2:]
+        place, unbounded = ([getattr(j, name) for j in joints] for name in ("idx_q", "nq"))
+        return {"peak": self.robot.torque_limit, "place": np.array(place), "unbounded": np.array(unbounded) - 1}
 
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""
@@ -168,7 +176,7 @@ class Plant(KeepsViews, ABC):
         self._foot_force[:] = 0.0
         self.dynamics.update(self.q, self.v)
         forget_slip(self.record["slip"], self.dynamics.foot_position)
-        self.record["motors"]["settled"] = 0
+        self.record["motors"]["settled"] = self.record["motors"]["has_law"] = 0
         settle_thrusters(self.record["thrusters"], self.actuators.thrusters, self.dt)
         for part in self.attached:
             part.reset(self)
@@ -255,6 +263,13 @@ class Plant(KeepsViews, ABC):
             return ()
         given = field(self.record["thrusters"], "mean_thrust")
         return (Call(write_thrusts, self.dynamics.record, given, self._applied),)
+
+    def _take_law(self, command: Command) -> None:
+        """Give the motors the command's own law, or none."""
+        law = getattr(command, "law", None)
+        if law is not None:
+            self._law[:] = checks.vector("command.law", law, self._law.shape)
+        self._has_law[...] = law is not None
 
     @abstractmethod
     def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
@@ -391,12 +406,17 @@ class Plant(KeepsViews, ABC):
         self._noted_torque[...], self._noted_thrust[...] = command.torque, command.thrust
         for call in self.log_calls:
             call.kernel(*call.arguments)
-        row: Mapping[str, ArrayLike] = self.signals
+        own = self.signals
+        # of commands with a law also the law, and the torque of the motors in the last physics step
+        if "motor_law" in recorder.layout.shapes or (len(recorder) == 0 and getattr(command, "law", None) is not None):
+            self._take_law(command)
+            own = {**own, "motor_law": self._law, "motor_torque": self._motor_torque}
+        row: Mapping[str, ArrayLike] = own
         if telemetry is not None:
             signals = telemetry()
-            row = {**self.signals, **signals}
-            if len(row) < len(self.signals) + len(signals):
-                taken = ", ".join(sorted(self.signals.keys() & signals.keys()))
+            row = {**own, **signals}
+            if len(row) < len(own) + len(signals):
+                taken = ", ".join(sorted(own.keys() & signals.keys()))
                 raise InputError(f"telemetry uses names of the log itself: {taken}", name="telemetry")
         recorder.append(row)
 
@@ -417,7 +437,9 @@ class Plant(KeepsViews, ABC):
             pass
         command = as_command(command, self.robot)
         torque = checks.vector("command.torque", command.torque, self._shapes[0])
-        return Command(torque, checks.vector("command.thrust", command.thrust, self._shapes[1]))
+        fit = Command(torque, checks.vector("command.thrust", command.thrust, self._shapes[1]))
+        fit.law = None if command.law is None else checks.vector("command.law", command.law, self._law.shape)
+        return fit
 
     def _check_placed(self) -> None:
         if not self._placed:

@@ -55,7 +55,7 @@ class Simulator(Plant):
     sweeps = 0
 
     def _make_record(self) -> Records[StepRecord]:
-        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, peak=self.robot.torque_limit)
+        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, motors=self._motors())
 
     def _prepare(self) -> None:
         arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)
@@ -92,6 +92,7 @@ class Simulator(Plant):
         quiet = isinstance(pushes, tuple | list) and not pushes and steps <= len(NO_PUSH)
         push = NO_PUSH[:steps] if quiet else push_forces(pushes, self.t, self.dt, steps)
         plant = (self.dynamics.record, self._ground, self.record, self.q, self.v)
+        self._take_law(command)
         try:
             sweeps = physics_steps(*plant, command.torque, command.thrust, push)
         except (AttributeError, TypeError):

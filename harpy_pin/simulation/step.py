@@ -13,7 +13,7 @@ plane. A foot feels the tangent plane below it at the beginning of the step.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -90,9 +90,14 @@ class StepRecord(PlantRecord):
 
 
 def plant_record(
-    kind: type[Kind], sizes: Mapping[str, int], actuators: Actuators, peak: Vector, step: float, **own: ArrayLike
+    kind: type[Kind],
+    sizes: Mapping[str, int],
+    actuators: Actuators,
+    step: float,
+    motors: Mapping[str, Any],
+    **own: ArrayLike,
 ) -> Records[Kind]:
-    """A new record of a plant, with the sizes that a robot has and its motors' peak torques (joints,), N·m.
+    """A new record of a plant, with the sizes that a robot has and its motors, see :func:`motors_record`.
 
     A step is in s; ``own`` are the fields that a :class:`PlantRecord` does not have.
     """
@@ -101,20 +106,20 @@ def plant_record(
         kind,
         sizes,
         slip=slip_record(sizes["feet"]),
-        motors=motors_record(actuators, peak),
+        motors=motors_record(actuators, **motors),
         thrusters=thrusters_record(actuators.thrusters, **thrusters, dt=step),
         **own,
     )
 
 
 def step_record(
-    sizes: Mapping[str, int], *, dt: float, actuators: Actuators | None = None, peak: Vector | None = None
+    sizes: Mapping[str, int], *, dt: float, actuators: Actuators | None = None, motors: Mapping[str, Any] | None = None
 ) -> Records[StepRecord]:
     """A new :class:`StepRecord`, see :func:`plant_record`; by default of a model without motors and thrusters."""
     sizes, actuators = {"thrusts": 0, "thrusters": 0, **sizes}, Actuators() if actuators is None else actuators
     joints = joint_friction_record(nv=sizes["nv"], feet=sizes["feet"], coulomb=actuators.coulomb_friction)
-    peak = np.zeros(0) if peak is None else peak
-    return plant_record(StepRecord, sizes, actuators, peak, dt, dt=dt, joints=joints)
+    motors = {"peak": np.zeros(0)} if motors is None else motors
+    return plant_record(StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints)
 
 
 @kernel
@@ -240,7 +245,7 @@ def physics_steps(
         for i in range(3):
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
-        drive_motors(s.motors, torque, v, s.dt)
+        drive_motors(s.motors, torque, q, v, s.dt)
         drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
         sweeps = implicit_step(d, ground, s, v, s.motors.mean_torque, s.thrusters.mean_thrust)
         s.counts[0] = max(s.counts[0], sweeps)

@@ -37,11 +37,11 @@ def command(torque: float | np.ndarray, joint: int | None = None) -> hp.Command:
 @pytest.mark.parametrize("bandwidth", [20.0, 200.0])
 def test_step_response_of_a_motor(bandwidth):
     motors = motors_record(Actuators(bandwidth=bandwidth), np.full(6, 8.5))
-    drive_motors(motors[0], np.full(6, 1.0), np.zeros(12), 5e-4)
+    drive_motors(motors[0], np.full(6, 1.0), np.zeros(13), np.zeros(12), 5e-4)
     assert (motors["torque"] == 1.0).all()  # settled at the first command
     rate, dt = 2.0 * math.pi * bandwidth, 5e-4
     for n in range(200):
-        drive_motors(motors[0], np.full(6, 3.0), np.zeros(12), dt)
+        drive_motors(motors[0], np.full(6, 3.0), np.zeros(13), np.zeros(12), dt)
         end = 3.0 - 2.0 * math.exp(-rate * (n + 1) * dt)
         mean = 3.0 + 2.0 / (rate * dt) * (math.exp(-rate * (n + 1) * dt) - math.exp(-rate * n * dt))
         assert motors["torque"][0] == pytest.approx(end, rel=1e-12)
@@ -186,9 +186,9 @@ def test_torque_falls_with_speed():
     v = np.zeros(12)
     v[6:] = [0.0, 5.0, 20.0, 30.0, -5.0, 5.0]
     motors = motors_record(actuators, np.full(6, 8.0))
-    drive_motors(motors[0], np.array([9.0, 9.0, 9.0, 9.0, 9.0, -9.0]), v, 5e-4)
+    drive_motors(motors[0], np.array([9.0, 9.0, 9.0, 9.0, 9.0, -9.0]), np.zeros(13), v, 5e-4)
     np.testing.assert_allclose(motors["mean_torque"][0], [4.0, 3.0, 0.0, -2.0, 5.0, -5.0])
-    drive_motors(motors[0], np.full(6, 0.5), v, 5e-4)
+    drive_motors(motors[0], np.full(6, 0.5), np.zeros(13), v, 5e-4)
     np.testing.assert_allclose(motors["mean_torque"][0], [0.5, 0.5, 0.0, -2.0, 0.5, 0.5])
 
 

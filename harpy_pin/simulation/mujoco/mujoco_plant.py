@@ -136,7 +136,7 @@ class MujocoPlant(Plant):
     def _prepare(self) -> None:
         thrust, torque = self.record["thrust"][0], np.zeros(len(self.robot.joints))
         read_thrusts.prepare(self.dynamics.record, self._forces, thrust)
-        drive_actuators.prepare(self.dynamics.record, self.record, torque, self.v, self.dt, self._forces)
+        drive_actuators.prepare(self.dynamics.record, self.record, torque, self.q, self.v, self.dt, self._forces)
         _note.prepare(self.record, self._terrain, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
@@ -161,6 +161,7 @@ class MujocoPlant(Plant):
         self._check_placed()
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         command = self.checked(command)
+        self._take_law(command)
         self.counts[2] += read_thrusts(self.dynamics.record, command.thrust, self.record["thrust"][0])
         push = push_forces(pushes, self.t, self.dt, steps) if pushes else None
         for n in range(steps):
@@ -183,7 +184,7 @@ class MujocoPlant(Plant):
         if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        drive_actuators(self.dynamics.record, self.record, torque, self.v, self.dt, self._forces)
+        drive_actuators(self.dynamics.record, self.record, torque, self.q, self.v, self.dt, self._forces)
         inside.apply(self.record["motors"]["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
@@ -284,11 +285,13 @@ def _set_options(mujoco: Any, option: Any) -> None:
 
 
 @kernel
-def drive_actuators(d: DynamicsRecord, s: PlantRecord, torque: Vector, v: Vector, dt: float, forces: Vector) -> None:
+def drive_actuators(
+    d: DynamicsRecord, s: PlantRecord, torque: Vector, q: Vector, v: Vector, dt: float, forces: Vector
+) -> None:
     """Torques and thrusts of a step under a constant command; the latter as forces (thrusters, 3) in world axes, N."""
     drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
     write_thrusts(d, s.thrusters.mean_thrust, forces)
-    drive_motors(s.motors, torque, v, dt)
+    drive_motors(s.motors, torque, q, v, dt)
 
 
 @kernel
