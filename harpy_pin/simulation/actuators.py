@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,6 +102,13 @@ class MotorsRecord(RecordOf):
     peak: Vector  # (joints,) torque that a motor with a law of its own does not exceed, N·m
     has_law: int = ZERO  # whether the command has the motors' law below
     law: Vector = sized(4, "joints")  # targets q* and q̇*, stiffness and damping: rad, rad/s, N·m/rad, N·m·s/rad
+
+
+def motors_of(robot: Robot) -> dict[str, Any]:
+    """What :func:`motors_record` takes of a robot."""
+    joints = list(robot.model.joints)[2:]
+    place, unbounded = ([getattr(joint, name) for joint in joints] for name in ("idx_q", "nq"))
+    return {"peak": robot.torque_limit, "place": np.array(place), "unbounded": np.array(unbounded) - 1}
 
 
 def motors_record(

@@ -33,7 +33,7 @@ from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.model.terms import write_thrusts
-from harpy_pin.simulation.actuators import Actuators
+from harpy_pin.simulation.actuators import Actuators, motors_of
 from harpy_pin.simulation.loop import ClosedLoop, Controller, keep_run, run_metadata
 from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.simulation.sensors import Sensors
@@ -144,13 +144,7 @@ class Plant(KeepsViews, ABC):
 
     def _make_record(self) -> Records[PlantRecord]:
         """The record of contact and actuators."""
-        return plant_record(PlantRecord, self.robot.sizes, self.actuators, self.dt, self._motors())
-
-    def _motors(self) -> dict[str, Any]:
-        """What :func:`~harpy_pin.simulation.actuators.motors_record` knows of the robot."""
-        joints = list(self.robot.model.joints)[2:]
-        place, unbounded = ([getattr(j, name) for j in joints] for name in ("idx_q", "nq"))
-        return {"peak": self.robot.torque_limit, "place": np.array(place), "unbounded": np.array(unbounded) - 1}
+        return plant_record(PlantRecord, self.robot.sizes, self.actuators, self.dt, motors_of(self.robot))
 
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""

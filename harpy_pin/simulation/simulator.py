@@ -21,6 +21,7 @@ from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.memory import read_only
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State
+from harpy_pin.simulation.actuators import motors_of
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import MISFIT_COMMAND, StepRecord, physics_steps, step_record
@@ -55,7 +56,7 @@ class Simulator(Plant):
     sweeps = 0
 
     def _make_record(self) -> Records[StepRecord]:
-        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, motors=self._motors())
+        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, motors=motors_of(self.robot))
 
     def _prepare(self) -> None:
         arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)

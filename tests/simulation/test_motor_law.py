@@ -126,7 +126,7 @@ def test_what_corrects_torques_refuses_a_law():
     simulator = hp.Simulator(robot)
     simulator.reset(*gait.initial_state())
     command = hp.Command(np.zeros(6), np.zeros((2, 3)), q=np.zeros(6), k_p=1.0)
-    for update in (Shield(robot, mu=0.4), ContactForceFilter(robot, mu=0.4).update):
+    for update in (Shield(robot, mu=0.4), ContactForceFilter(robot).update):
         with pytest.raises(hp.InputError, match="torques alone"):
             update(simulator.state, command)
 
