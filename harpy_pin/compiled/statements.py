@@ -235,7 +235,12 @@ class _Translator(Assignments):
             end = self.keep(f"{own}_end", end)
         sign = "<" if step > 0 else ">"
         advance = f"{own}++" if step == 1 else f"{own}--" if step == -1 else f"{own} += {step}"
-        return f"for (integer {own} = {begin.code}; {own} {sign} {wrap(end, SUM)}; {advance})"
+        header = f"for (integer {own} = {begin.code}; {own} {sign} {wrap(end, SUM)}; {advance})"
+        if begin.constant is not None and end.constant is not None:
+            rounds = len(range(int(begin.constant), int(end.constant), step))
+            if rounds <= 3:
+                return f"#pragma GCC unroll {rounds}\n{header}"
+        return header
 
     def _over_items(self, own: str, node: ast.expr) -> Block:
         """A loop over a tuple: its items go into an array first."""

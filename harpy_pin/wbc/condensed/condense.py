@@ -184,8 +184,9 @@ def _add_limb(
         for b in range(rows):
             e.force_map[i, first + b] = jacobian[b, i] if held else 0.0
             s = 0.0
-            for a in range(joints):
-                s += mass[a] * inverse[a, b]
+            if not held:
+                for a in range(joints):
+                    s += mass[a] * inverse[a, b]
             e.free_map[i, free_from + first + b] = 0.0 if held else -s
 
 
