@@ -1,4 +1,4 @@
-"""Ticks of a controller on recorded states inside C (replay.c): the kernels that the closed loop calls, its clock."""
+"""Ticks of a controller on recorded states inside C: replay.c, behind the ticks.c of the closed loop."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from harpy_pin.compiled import compiler
 from harpy_pin.compiled.calls import linked
 from harpy_pin.errors import HarpyError
 from harpy_pin.model.state import State, Vector
+from harpy_pin.simulation import ticks
 
 
 class ReplayInsideC(TickReplay):
@@ -61,7 +62,8 @@ def _arrays(state: State) -> tuple[Vector, ...]:
 
 @cache
 def _library() -> Any:
-    text = Path(__file__).with_name("replay.c").read_text(encoding="utf-8")
+    files = (Path(ticks.__file__).with_suffix(".c"), Path(__file__).with_name("replay.c"))
+    text = "\n".join(file.read_text(encoding="utf-8") for file in files)
     library = compiler.library("replay", compiler.key_of(text), lambda: text)
     pointer, whole = ctypes.c_void_p, ctypes.c_int64
     library.replay.restype = whole

@@ -162,7 +162,8 @@ def _bound(kind: str, what: Exportable, walks: tuple[Recording, ...], folder: Pa
         return None
     record = what.record.copy()
     if kind == "condensed":
-        record["condensed"]["torque_limit"] *= WEAK
+        for name in ("torque_limit", "input_lower", "input_upper"):
+            record["condensed"][name][..., -len(what.robot.joints) :] *= WEAK
     places = [record["condensed"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
     search = "exchange" if kind == "condensed" else "search"
     folders = [folder] if kind == SAME else [folder, folder.with_name(f"{folder.name}_same")]

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 __all__ = ["translate"]
 
+SHORT = 3
+"""Rounds of a loop that is unrolled: on a microcontroller the condensed WBC takes 0.85 of the instructions."""
+
 
 def _unify(a: Type, b: Type) -> Type:
     """A type that holds both."""
@@ -225,22 +228,17 @@ class _Translator(Assignments):
             raise Refused("a step that is not known when compiling")
         if mentions(begin.code, own):
             begin = self.keep(f"{own}_begin", begin)
-        if (
-            begin.constant is not None
-            and end.constant is not None
-            and not range(int(begin.constant), int(end.constant), step)
-        ):
-            return None
+        rounds = SHORT + 1  # or not known
+        if begin.constant is not None and end.constant is not None:
+            rounds = len(range(int(begin.constant), int(end.constant), step))
+            if rounds == 0:
+                return None
         if end.constant is None and (end.volatile or "(" in end.code or self._assigned_in(end.code, body)):
             end = self.keep(f"{own}_end", end)
         sign = "<" if step > 0 else ">"
         advance = f"{own}++" if step == 1 else f"{own}--" if step == -1 else f"{own} += {step}"
         header = f"for (integer {own} = {begin.code}; {own} {sign} {wrap(end, SUM)}; {advance})"
-        if begin.constant is not None and end.constant is not None:
-            rounds = len(range(int(begin.constant), int(end.constant), step))
-            if rounds <= 3:
-                return f"#pragma GCC unroll {rounds}\n{header}"
-        return header
+        return header if rounds > SHORT else f"#pragma GCC unroll {rounds}\n{header}"
 
     def _over_items(self, own: str, node: ast.expr) -> Block:
         """A loop over a tuple: its items go into an array first."""

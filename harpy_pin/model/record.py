@@ -38,6 +38,9 @@ __all__ = ["ZERO", "Record", "RecordOf", "Records", "field", "fields", "flag", "
 Record = NDArray[np.void]
 """A structured array of shape (1,)."""
 NO_SIZES: Mapping[str, int] = {}
+ALIGNED, PLACE = 32, 16
+"""Records begin 16 bytes beyond a multiple of 32. There the vectors of their matrices lie well; elsewhere ticks of the
+whole-body QP and of the contact-force filter take 1.15 times as long."""
 
 
 class RecordOf:
@@ -156,7 +159,9 @@ def make_record(kind: type[RecordOf] | None = None, sizes: Mapping[str, int] = N
         values = {name: values[name] for name in names}
     arrays = {name: np.asarray(value) for name, value in values.items()}
     shapes = {name: () if array.dtype.names else array.shape for name, array in arrays.items()}
-    record = np.zeros(1, _layout(tuple((name, _kind(value), shapes[name]) for name, value in values.items())))
+    layout = _layout(tuple((name, _kind(value), shapes[name]) for name, value in values.items()))
+    room = np.zeros(layout.itemsize + ALIGNED, np.uint8)
+    record = np.ndarray((1,), layout, room, (PLACE - room.ctypes.data) % ALIGNED)
     for name, array in arrays.items():
         record[name] = array
     return record

@@ -169,7 +169,6 @@ README_ROWS = {
     "slip, all walks": ("comparison/campaign", "slip per step, mm", 1.0),
     "walks that fall": ("comparison/campaign", "falls", 100.0),
     "tick from Python, median": ("comparison/ticks", "median", 1.0),
-    "tick from Python, 99 %": ("comparison/ticks", "99 %", 1.0),
     "tick inside C, median": ("comparison/ticks", "inside C, median", 1.0),
     "tick inside C, 99 %": ("comparison/ticks", "inside C, 99 %", 1.0),
     "instructions, median, own walk": ("embedded/embedded", "own walk, median", 1.0),
