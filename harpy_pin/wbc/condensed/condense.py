@@ -102,7 +102,6 @@ class CondensationRecord(RecordOf):
 def eliminate_limbs(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, v: Vector) -> None:
     """Fill in the root's equations."""
     thrusts, others = d.thruster_jacobian.shape[0], e.others.shape[0]
-    first = thrusts + others
     for i in range(6):
         e.bias[i] = d.bias[i] + d.damping[i] * v[i]
         e.inverse_body_weight[i] = 1.0 / (p.w_body if i < 3 else p.w_orientation)
@@ -114,7 +113,7 @@ def eliminate_limbs(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: Co
         e.inverse_weight[c] = 1.0 / p.w_thrust
     for k in range(e.limb.shape[0]):
         _limb_motion(d, t, e, k)
-        _add_limb(d, t, p, e, k, first)
+        _add_limb(d, t, p, e, k, thrusts + others)
     for c in range(others):
         column = e.others[c]
         e.posture[c] = t.joints[column - 6]
