@@ -80,10 +80,12 @@ def answer_of(document: Mapping[str, Any]) -> Answer:
         f"{walks} walks, {settings['duration']:g} s, friction {least:g} to {most:g}, pushes, model errors."
     )
     spreads = {name: entry["slip_mm_per_step"] for name, entry in whole.items()}
-    trust = "Every timed command equals an untimed one."
-    if not passed(document):
-        trust = "DO NOT USE THESE TIMES: a timed command was not what it should be."
-    sentences = (_slip(spreads), _paper(spreads), _falls(whole), f"{_cost(values['p50_us'])} {trust}".lstrip())
+    cost = _cost(values["p50_us"])
+    if passed(document):
+        trust = f"{cost} Every timed command equals an untimed one.".lstrip()
+    else:
+        trust = f"DO NOT USE THESE TIMES: a timed command was not what it should be. {cost}".rstrip()
+    sentences = (_slip(spreads), _paper(spreads), _falls(whole), trust)
     return Answer(tuple(s for s in sentences if s), marked, note)
 
 
