@@ -85,8 +85,8 @@ _WHOLE_BODY: Space = {
     "parameters.orientation": _GAIN,
     "parameters.swing": _GAIN,
     "parameters.contact_damping": _GAIN,
-    "parameters.min_normal_force": Range(0.05, 1.5),
-    "parameters.limits.friction_share": Range(0.5, 1.33),
+    "parameters.min_normal_force": Range(0.1, 3.0),
+    "parameters.limits.friction_share": Range(0.9, 2.5),
     "parameters.weights.orientation": _WEIGHT,
     "parameters.weights.swing": _WEIGHT,
     "parameters.weights.thrust": _WEIGHT,
@@ -227,12 +227,11 @@ TUNED = tuple(name + end for name in VARIANTS for end in ("", "/tuned"))
 FORCES = "wbc/contact_force"
 """The whole-body QP, stated in the contact forces alone; the section on ticks has it, too."""
 
-ESTIMATES = ("condensed/estimate", "wbc/estimate")
-"""Law and QP with the friction estimated as they go (docs/friction.md); they walk the wide campaign, too."""
+TRUSTING = ("condensed/trusting", "wbc/trusting")
+"""Condensed WBC and QP that trust the friction they are told, without an estimate; they walk the wide campaign, too."""
 
-HARSH = (*(name for name in TUNED if not name.startswith("filter/")), "governed/filter", *ESTIMATES)
-"""Every tuned variant but the filter's, the filter, and law and QP with the friction estimated; they walk the harsh
-campaign."""
+HARSH = (*(name for name in TUNED if not name.startswith("filter/")), "governed/filter", *TRUSTING)
+"""Every tuned variant but the filter's, the filter, and the WBCs without an estimate; they walk the harsh campaign."""
 
 LIMITED: dict[str, dict[str, Any]] = {
     name: {"name": "governed", "governor": name, "limits": True} for name in ("none", "paper", "filter")
@@ -247,13 +246,13 @@ _LABELS = {
     "condensed": "condensed WBC",
     "wbc": "whole-body QP",
     FORCES: "condensed program by a general solver",
-    "condensed/estimate": "condensed WBC, friction estimated",
-    "wbc/estimate": "whole-body QP, friction estimated",
+    "condensed/trusting": "condensed WBC, no friction estimate",
+    "wbc/trusting": "whole-body QP, no friction estimate",
     "wbc/proxqp": "whole-body QP, ProxQP only",
     "wbc/daqp": "whole-body QP, DAQP only",
     "joint_pd": "joint PD",
 }
-_SHORT = {BEST: "best", "condensed/estimate": "cond. est."}
+_SHORT = {BEST: "best", "condensed/trusting": "cond., no est."}
 
 
 def label(contender: str) -> str:
@@ -269,14 +268,14 @@ def short_name(contender: str) -> str:
     """A contender's name where eight of them share 80 columns: a governor's own, or the controller's."""
     if contender in _SHORT:
         return _SHORT[contender]
-    return contender.removeprefix("governed/").replace("wbc", "QP").replace("/estimate", " est.")
+    return contender.removeprefix("governed/").replace("wbc", "QP").replace("/trusting", ", no est.")
 
 
 def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
     """A contender as the controller of a scenario; it assumes the ground's friction coefficient by default.
 
     A contender is ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``) or with
-    the formulation of its program (``wbc/contact_force``), or with ``estimate``, of the friction; or one of
+    the formulation of its program (``wbc/contact_force``), or ``trusting`` the friction it is told; or one of
     :data:`TUNED`, or :data:`BEST`.
     """
     if contender == BEST or contender in TUNED:
@@ -284,5 +283,5 @@ def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
     controller, _, variant = contender.partition("/")
     if controller == "governed":
         return Governed(governor=variant, mu=mu)
-    parameters: dict[str, Any] = {"estimate_friction": True} if variant == "estimate" else {"formulation": variant}
+    parameters: dict[str, Any] = {"estimate_friction": False} if variant == "trusting" else {"formulation": variant}
     return CONTROLLER_PARTS[controller](mu=mu, parameters=parameters if variant else {})

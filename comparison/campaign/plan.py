@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 import harpy_pin
-from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, TUNED, TUNED_FILE
+from comparison.contenders import CONTENDERS, FORCES, HARSH, TRUSTING, TUNED, TUNED_FILE
 from harpy_pin import checks
 from harpy_pin.ground.ground import Ground
 from harpy_pin.log.run import describe_versions
@@ -124,7 +124,7 @@ class CampaignSettings:
         checks.ticks(checks.number("duration", self.duration, low=1.5), 1e-3)
         checks.number("seed", self.seed, low=0.0)
         for name in self.contenders:
-            checks.one_of("contender", name, (*CONTENDERS, FORCES, *ESTIMATES, *TUNED))
+            checks.one_of("contender", name, (*CONTENDERS, FORCES, *TRUSTING, *TUNED))
         for name, factor in FACTORS.items():
             for value in getattr(self, factor.levels):
                 if name == "plant":
@@ -145,7 +145,7 @@ class CampaignSettings:
         levels: dict[str, Any] = {
             "walks": 1680,
             "seed": 40427,
-            "contenders": (*CONTENDERS, *ESTIMATES),
+            "contenders": (*CONTENDERS, *TRUSTING),
             "frictions": (0.12, 0.17, 0.22, 0.35, 0.55, 0.8),
             "pushes": (0.0, 2.0, 4.0, 6.0, 8.0),
             "mass_errors": (-0.25, -0.12, 0.0, 0.12, 0.25),

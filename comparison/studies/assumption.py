@@ -32,8 +32,7 @@ def _jobs(s: Any) -> Iterable[Job]:
 
 def _measured(job: Job) -> dict[str, Any]:
     part = controller_part(job["walker"], (1.0 + job["error"]) * job["friction"])
-    if job["estimate"]:
-        part = replace(part, parameters={**part.parameters, "estimate_friction": True})
+    part = replace(part, parameters={**part.parameters, "estimate_friction": job["estimate"]})
     disturbances = Disturbances(pushes=(PUSH,), start_velocity=start_velocity(job))
     ground = Ground(mu_s=job["friction"])
     scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=job["duration"])

@@ -1,7 +1,6 @@
 """Walks that go where they are told: a course, random commands, pushes, slippery ground and absurd commands.
 
-The stiffer gains of the body that pushed walks are repeated with were chosen on sequences of seed 1; what is walked
-here by default has another seed. Nothing else was chosen on random commands.
+Nothing was chosen on these commands.
 """
 
 from __future__ import annotations
@@ -29,15 +28,11 @@ COURSE: tuple[tuple[float, float, float, float], ...] = (
 """Ahead, a quarter to the left, sideways, back, and stop: 20 s."""
 FRICTIONS = {"random": (0.25, 0.8), "pushed": (0.25, 0.8), "absurd": (0.25, 0.8), "slippery": (0.06, 0.2)}
 """Range from which the friction is drawn, by what is walked."""
-STIFF = (100.0, 20.0)
-"""The stiffer gains of the body, 1/s² and 1/s; the default is (25, 10)."""
 
 
 def scenario_of(job: Job) -> Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
     parameters: dict[str, Any] = {"solver": "daqp"} if job["controller"] == "wbc" else {}
-    if job["stiff"]:
-        parameters["body"] = STIFF
     rng, what, impulse = np.random.default_rng([job["seed"], job["number"]]), job["what"], job["impulse"]
     friction, rows = 0.4, COURSE
     pushes: tuple[Push, ...] = ()
@@ -85,15 +80,14 @@ DRAWS = {"slippery": (_fast, 0.4, 1.6), "absurd": (_absurd, 0.1, 0.6)}
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    walk: Job = {"what": "random", "plant": "compliant", "number": 0, "impulse": 0.0, "stiff": False}
+    walk: Job = {"what": "random", "plant": "compliant", "number": 0, "impulse": 0.0}
     walk |= {"duration": s.duration, "seed": s.seed}
     for controller in ("condensed", "wbc"):
         walk["controller"] = controller
         yield from (walk | one for one in grid(what=["course"], plant=s.plants, duration=[s.course]))
         for number in range(s.walks):
             yield walk | {"number": number}
-            pushed = grid(what=["pushed"], number=[number], impulse=s.pushes, stiff=(False, True))
-            yield from (walk | one for one in pushed)
+            yield from (walk | one for one in grid(what=["pushed"], number=[number], impulse=s.pushes))
         yield from (walk | one for one in grid(number=range(s.in_mujoco), plant=["mujoco"]))
         yield from (walk | one for one in grid(what=["slippery"], number=range(s.slippery)))
         yield from (walk | one for one in grid(what=["absurd"], number=range(s.absurd)))
@@ -134,9 +128,9 @@ VIEWS = (
     View(
         name="steering_pushes",
         title="Random commands, pushed",
-        row=lambda row: f"{row['impulse']:g} N·s, {'stiffer body' if row['stiff'] else 'default gains'}, {_who(row)}",
+        row=lambda row: f"{row['impulse']:g} N·s, {_who(row)}",
         columns=COLUMNS,
-        note="One push of 0.1 s in each walk. Stiffer: gains of the body 100 and 20, not 25 and 10.",
+        note="One push of 0.1 s in each walk.",
         only=lambda row: row["what"] == "pushed",
     ),
     View(

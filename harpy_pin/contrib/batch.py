@@ -122,10 +122,10 @@ class CondensedBatch(KeepsViews):
         self.n = n = checks.whole("n", n, low=1)
         checks.one_of("dtype", getattr(dtype, "__name__", str(dtype)), ("float64", "float32"))
         self.dtype = np.dtype(dtype)
-        self.parameters = p = parameters if parameters is not None else WholeBodyParameters()
+        self.parameters = p = parameters if parameters is not None else WholeBodyParameters(estimate_friction=False)
         lags = p.thrust_lag or p.thrust_turning_lag
         if p.estimate_friction or p.estimate_joint_friction or lags:
-            message = "a batch estimates no friction and knows no lag of thrusts"
+            message = "a batch estimates no friction (estimate_friction=False) and knows no lag of thrusts"
             raise InputError(message, name="parameters", value=p)
         gait: FullGait
         if robot.name == "harpy":

@@ -145,19 +145,19 @@ class WholeBodyParameters:
     """
 
     period: float = 1e-3
-    body: tuple[float, float] = (25.0, 10.0)
-    orientation: tuple[float, float] = (400.0, 40.0)
-    swing: tuple[float, float] = (400.0, 40.0)
+    body: tuple[float, float] = (100.0, 40.0)
+    orientation: tuple[float, float] = (210.0, 21.0)
+    swing: tuple[float, float] = (850.0, 85.0)
     posture: tuple[float, float] = (100.0, 20.0)
-    contact_damping: float = 200.0
-    min_normal_force: float = 20.0
+    contact_damping: float = 100.0
+    min_normal_force: float = 11.0
     max_normal_force: float = 200.0
     contact_threshold: float = 1.0
     hold_ticks: int = 20
     formulation: str = "input_space"
     solver: str = "proxqp"
     reuse: bool = True
-    estimate_friction: bool = False
+    estimate_friction: bool = True
     estimate_joint_friction: bool = False
     thrust_lag: float = 0.0
     thrust_turning_lag: float = 0.0

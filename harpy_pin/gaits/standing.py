@@ -27,9 +27,20 @@ MIN_SHARE, SOLE_SHARE = 0.02, 0.1
 """Least normal force of a contact point, and of a corner of a sole, as a share of its load when all are loaded alike. A
 sole whose centre of pressure comes to its edge tips over that edge; so it stays inside by a twentieth of the sole."""
 FORCE_WEIGHT = 2e-4
-"""Weight on contact forces times the squared mass, kg²: that of Harpy."""
+"""Weight on contact forces times the squared mass, kg²."""
 FLAT_FOOT_DAMPING = 20.0
 """Gain of the velocity of a flat foot that is held, 1/s."""
+GAINS: Mapping[str, Any] = {
+    "body": (25.0, 10.0),
+    "orientation": (400.0, 40.0),
+    "swing": (400.0, 40.0),
+    "contact_damping": 200.0,
+    "limits": {"friction_share": 0.75},
+    "estimate_friction": False,
+}
+"""Gains for any robot, and the share of friction. The defaults were found for Harpy, and make Go2 fall."""
+WEIGHTS = {"orientation": 0.1, "swing": 5.0, "thrust": 5e-3}
+"""Weights of the tasks for any robot."""
 LEVEL = 2e-3
 """Largest difference between the heights of the feet, m."""
 SHORTEST = 1e-6
@@ -238,16 +249,17 @@ class Standing(Staying):
     def parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
 
-        The normal force of a contact point is between 2 % of its share of the weight (of a corner of a sole: 10 %) and
-        twice the whole weight. The weight on contact forces is as large beside that on the body's acceleration as with
-        Harpy. For flat feet the formulation is the one that uses the whole sole, and held feet are damped less: on
-        compliant ground a sole rocks, and with a damping from 100 1/s on G1 does not come to rest.
+        The normal force of a contact point is between 2 % of its share of the weight (of a corner of a sole: 10 %)
+        and twice the whole weight. The weight on contact forces falls with the squared mass. For flat feet the
+        formulation is the one that uses the whole sole, and held feet are damped less: on compliant ground a sole
+        rocks, and with a damping from 100 1/s on G1 does not come to rest.
         """
         load, share = self.robot.mass * GRAVITY, SOLE_SHARE if self.robot.flat_feet else MIN_SHARE
         parameters: dict[str, Any] = {
             "min_normal_force": share * load / len(self.robot.feet),
             "max_normal_force": 2.0 * load,
-            "weights": {"force": FORCE_WEIGHT / self.robot.mass**2},
+            "weights": {**WEIGHTS, "force": FORCE_WEIGHT / self.robot.mass**2},
+            **GAINS,
         }
         if self.robot.flat_feet:
             parameters.update(formulation="full", contact_damping=FLAT_FOOT_DAMPING)

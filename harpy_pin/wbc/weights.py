@@ -45,12 +45,12 @@ class WholeBodyWeights:
     """
 
     body: float = 1.0
-    orientation: float = 0.1
-    swing: float = 5.0
+    orientation: float = 0.25
+    swing: float = 12.0
     posture: float = 1e-6
     arms: float = 1.0
-    thrust: float = 5e-3
-    force: float = 1e-5
+    thrust: float = 3.5e-4
+    force: float = 1.9e-5
 
     def __post_init__(self) -> None:
         for entry in fields(self):
@@ -76,7 +76,7 @@ class WholeBodyLimits:
     """
 
     mu: float = 0.25
-    friction_share: float = 0.75
+    friction_share: float = 0.4
     faces: int = 8
     lateral_thrust: float = 0.4
     torque_scale: float = 1.0

@@ -31,7 +31,7 @@ from comparison.campaign.plan import (
 from comparison.campaign.store import Store, read_rows
 from comparison.campaign.summary import exceptions_of, summarise_rows, summary_tables, variants_table
 from comparison.campaign.walks import exceptions_table, scenario, walk_task
-from comparison.contenders import CONTENDERS, ESTIMATES, FORCES, HARSH, PAPER, controller_part, label, short_name
+from comparison.contenders import CONTENDERS, FORCES, HARSH, PAPER, TRUSTING, controller_part, label, short_name
 from harpy_pin import InputError, RunFileError, load_harpy
 from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.gaits import make_gait
@@ -66,7 +66,7 @@ def shares(factor: str) -> dict[float | str, float]:
 def test_every_contender_meets_the_same_balanced_scenarios() -> None:
     tasks = plan(WIDE)
     assert len({t.key("x") for t in tasks}) == len(tasks) == WIDE.walks == 210 * len(WIDE.contenders)
-    assert {task.contender for task in tasks} == {*CONTENDERS, *ESTIMATES}
+    assert {task.contender for task in tasks} == {*CONTENDERS, *TRUSTING}
     first = scenarios_of(WIDE)
     for name in WIDE.contenders:
         assert [replace(task, contender="") for task in tasks if task.contender == name] == first
@@ -112,7 +112,7 @@ def test_factors_do_not_go_together() -> None:
 
 
 def test_every_contender_and_every_level_has_a_name_of_its_own() -> None:
-    names = tuple(dict.fromkeys((*CONTENDERS, FORCES, *ESTIMATES)))
+    names = tuple(dict.fromkeys((*CONTENDERS, FORCES, *TRUSTING)))
     assert len({label(name) for name in names}) == len({short_name(name) for name in names}) == len(names)
     made = [hp.Scenario(controller=controller_part(name)) for name in names]
     assert len({str(scenario.to_dict()) for scenario in made}) == len(names)
@@ -178,10 +178,10 @@ def test_what_is_drawn_reaches_the_walk() -> None:
     assert built.sensors.delay == 2
     assert isinstance(built.controller, WholeBodyController)
     assert built.controller.parameters.formulation == "contact_force"
-    plain = hp.build(scenario(replace(PLAIN, contender="condensed/estimate")))
+    plain = hp.build(scenario(replace(PLAIN, contender="condensed/trusting")))
     assert plain.sensors is None
     assert isinstance(plain.controller, CondensedController)
-    assert plain.controller.parameters.estimate_friction
+    assert not plain.controller.parameters.estimate_friction
 
 
 def test_the_joints_damping_is_that_of_plant_and_controller() -> None:
@@ -319,7 +319,7 @@ def test_exceptions_are_scenarios_that_only_a_whole_body_controller_loses() -> N
         *walks_of(1, none=True, wbc=True, condensed=True),
         *walks_of(2, none=False, wbc=False, condensed=False),
         *walks_of(3, none=False, wbc=True, condensed=False),
-        *walks_of(4, none=True, wbc=True, condensed=False) + walks_of(4, **{"condensed/estimate": False}),
+        *walks_of(4, none=True, wbc=True, condensed=False) + walks_of(4, **{"condensed/trusting": False}),
         *walks_of(5, none=True, wbc=False, condensed=True) + walks_of(5, **{"paper/best": False}),
     ]
     found = exceptions_of(pd.DataFrame(rows))

@@ -356,8 +356,7 @@ class LiveSession:
     def _controller_of(self, settings: LiveSettings, driven: DrivenGait) -> GaitController:
         chosen, gait = CONTROLLERS[settings.controller], OnTerrain(driven, self.plane)
         parameters = {**driven.parameters} if isinstance(driven, WalkingGait) else {}
-        if settings.estimate:
-            parameters["estimate_friction"] = True
+        parameters["estimate_friction"] = settings.estimate
         given = {"mu": settings.mu, "governor": chosen.governor, "period": PERIOD, **parameters}
         return make_controller(chosen.name, gait, **given)
 
