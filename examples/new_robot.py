@@ -11,7 +11,7 @@ POSTURE = [0.0, 0.7, -1.4] * 2 + [0.0, -0.7, 1.4] * 2  # rad, leg by leg
 
 robot = hp.load_robot(URDF, feet=FEET)
 gait = hp.Standing(robot, POSTURE, shift=(0.02, 0.01, 0.0))
-controller = hp.make_controller("wbc", gait, mu=0.5, **gait.parameters)  # they fit the robot's weight
+controller = hp.make_controller("wbc", gait, mu=0.5)  # its settings fit the robot's weight
 simulator = hp.Simulator(robot, hp.Ground(mu_s=0.6))
 simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
 run = simulator.run(controller, 2.0, pushes=[hp.Push(1.0, (0.0, 0.3, 0.0))])

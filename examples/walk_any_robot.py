@@ -27,7 +27,7 @@ def walk(
     gait = hp.WalkingGait(robot, schedule, rows)
     x, y, z = robot.mass * (0.25 if robot.flat_feet else 1.0) * np.array(push)
     scenario = hp.Scenario(
-        controller=hp.Condensed(parameters=gait.parameters),
+        controller=hp.Condensed(),
         ground=hp.Ground(mu_s=mu, stiffness=robot.mass * 9.81 / 2e-3),
         disturbances=hp.Disturbances(pushes=(hp.Push(2.0, (x, y, z)),), delay=delay),
         duration=duration,

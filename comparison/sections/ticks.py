@@ -29,9 +29,7 @@ COLD = 200
 
 def make_all(robot: Robot, friction: float) -> dict[str, Any]:
     """Every controller and governor of the campaign, the QP in contact forces, and QPs that reuse no active set."""
-    made = {
-        name: controller_part(name).make(make_gait(robot), mu=friction, period=1e-3, fitting={}) for name in CONTENDERS
-    }
+    made = {name: controller_part(name).make(make_gait(robot), mu=friction, period=1e-3) for name in CONTENDERS}
     programs: dict[str, dict[str, Any]] = {FORCES: {"formulation": "contact_force"}}
     for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):
         programs[f"wbc/{solver}"] = {"solver": solver, "reuse": False}

@@ -15,19 +15,7 @@ import numpy as np
 
 from comparison.measure.walking import as_far_as_it_goes
 from comparison.study import Job, Study, View, grid, kept, median, share, where
-from harpy_pin import (
-    Condensed,
-    Disturbances,
-    Gait,
-    Ground,
-    Run,
-    Scenario,
-    Walking,
-    WalkingGait,
-    load_harpy,
-    load_robot,
-    make_gait,
-)
+from harpy_pin import Disturbances, Gait, Ground, Run, Scenario, Walking, WalkingGait, load_harpy, load_robot, make_gait
 from harpy_pin.gaits import OnFeltGround, OnTerrain
 from harpy_pin.ground import Plane, Rough, Stairs, Terrain
 from harpy_pin.ground.ground import walking_stiffness
@@ -128,7 +116,6 @@ def _run(one: Crossing, plant: str, seed: int) -> Run:
         gait = make_gait(robot)
     else:
         walking = WalkingGait(robot, velocity=(one.speed, 0.0, 0.0), clearance=BLIND_CLEARANCE)
-        settings["controller"] = Condensed(parameters=walking.parameters)
         gait = OnFeltGround(walking)
     made = build(Scenario(**settings), gait=gait)
     known = OnTerrain(make_gait(robot) if one.robot == "harpy" else WalkingGait(robot), terrain)

@@ -97,7 +97,7 @@ def run_standing(
     mass = robot.mass
     pushes = (hp.Push(PUSH_AT, (mass * push[0], mass * push[1], mass * push[2])),) if any(push) else ()
     scenario = hp.Scenario(
-        controller={"name": controller, "parameters": gait.parameters},
+        controller=controller,
         ground=hp.Ground(mu_s=friction, stiffness=mass * GRAVITY / (len(robot.feet) * SINK)),
         disturbances=hp.Disturbances(pushes=pushes),
         duration=duration,

@@ -237,8 +237,8 @@ class Law:
         torque_driven(model)
         self.robot, self.period, self.gait = robot, float(model.opt.timestep), WalkingGait(robot)
         self._states = Conventions(model, robot)
-        changes = {**self.gait.parameters, "estimate_joint_friction": learning}
-        self._controller = make_controller("condensed", self.gait, mu=mu, period=self.period, **changes)
+        how: dict[str, Any] = {"mu": mu, "period": self.period, "estimate_joint_friction": learning}
+        self._controller = make_controller("condensed", self.gait, **how)
         driven = {model.joint(joint).name: k for k, joint in enumerate(model.actuator_trnid[:, 0])}
         self._actuators = [driven[name] for name in robot.joints]
         self._recent: deque[State] = deque(maxlen=CALLS)

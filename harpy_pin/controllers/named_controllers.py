@@ -13,7 +13,7 @@ from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.gait import Gait, check_gait
+from harpy_pin.gaits.gait import Gait, check_gait, fitting
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
 from harpy_pin.governors.governor import Governor
@@ -101,8 +101,9 @@ def make_controller(
         governor: of the governed controller, one of :data:`GOVERNORS`, ``paper`` by default; the whole-body controllers
             have none.
         period: time between ticks, s.
-        settings: others that differ from their defaults, by the names of :class:`WholeBodyParameters`, or for the
-            governed controller those of :class:`GovernedParameters`, ``evaluate_at`` and ``governor_parameters`` (see
+        settings: others that differ from their defaults, or from the gait's ``controller_parameters``
+            (:class:`~harpy_pin.gaits.gait.Gait`), by the names of :class:`WholeBodyParameters`, or for the governed
+            controller those of :class:`GovernedParameters`, ``evaluate_at`` and ``governor_parameters`` (see
             :func:`make_governor`); those of a record inside as a mapping, such as ``weights={"swing": 0.5}``.
 
     Raises:
@@ -112,6 +113,10 @@ def make_controller(
         checks.one_of("governor", governor, GOVERNORS)
     check_gait(gait)
     of_governor = {key: settings.pop(key) for key in ("evaluate_at", "governor_parameters") if key in settings}
+    if name != "governed":
+        fits = fitting(gait)
+        own = {key: {**fits[key], **settings[key]} for key in settings if isinstance(fits.get(key), Mapping)}
+        settings = {**fits, **settings, **own}
     parameters = make_parameters(name, mu=mu, period=period, changes=settings)
     if isinstance(parameters, WholeBodyParameters):
         if governor not in (None, "none") or of_governor:

@@ -106,12 +106,11 @@ def ready(
         return build(Scenario(controller=part, disturbances=disturbances, duration=duration), gait=gait)
     on_points = robot.corners == (1, 1)
     stays = WalkingGait(robot, "step", (0.0, 0.0, 0.0)) if on_points else Standing(robot, shift=SHIFT)
-    gait, parameters = stays, stays.parameters
-    if single:
-        parameters["weights"] = {**parameters["weights"], "force": SINGLE_FORCE * parameters["weights"]["force"]}
+    gait = stays
     ground = Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
-    if whole_body:
-        part = {"name": controller, "parameters": parameters}
+    if whole_body and single:
+        force = SINGLE_FORCE * stays.controller_parameters["weights"]["force"]
+        part = {"name": controller, "parameters": {"weights": {"force": force}}}
     scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration)
     return build(scenario, gait=gait)
 

@@ -246,8 +246,8 @@ class Standing(Staying):
         super().__init__(robot, q, feet, shift=shift, shift_period=shift_period, penetration_offset=penetration_offset)
 
     @property
-    def parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
+    def controller_parameters(self) -> dict[str, Any]:
+        """Settings of whole-body controllers that fit this robot's weight; ``make_controller`` takes them.
 
         The normal force of a contact point is between 2 % of its share of the weight (of a corner of a sole: 10 %)
         and twice the whole weight. The weight on contact forces falls with the squared mass. For flat feet the
@@ -306,11 +306,15 @@ class Hovering(Staying):
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
 
+    Attributes:
+        controller_parameters: settings of whole-body controllers that fit, see :class:`~harpy_pin.gaits.gait.Gait`.
+
     Raises:
         InputError: values out of their domains, or a robot with feet.
     """
 
     constant = True
+    controller_parameters: Mapping[str, Any] = {**GAINS, "weights": WEIGHTS}
 
     def __init__(
         self,

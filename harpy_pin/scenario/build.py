@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -101,11 +100,9 @@ def build(
     checks.function("controller", controller, 1)
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     disturbances = scenario.disturbances
-    fitting: Mapping[str, Any] = {}
     if gait is None:
         robot = load_harpy(scenario.urdf) if scenario.robot == "harpy" else load_robot(scenario.robot)
         gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
-        fitting = scenario.gait.controller_parameters(gait)
         gait = _on_ground(gait, scenario)
     check_gait(gait)
     if scenario.robot not in ("harpy", gait.robot.name):
@@ -118,7 +115,7 @@ def build(
     if controller is not None:
         chosen = controller(gait)
     else:
-        chosen = scenario.controller.make(gait, mu=scenario.mu, period=scenario.period, fitting=fitting)
+        chosen = scenario.controller.make(gait, mu=scenario.mu, period=scenario.period)
     period = getattr(chosen, "period", scenario.period)
     if period != scenario.period:
         raise InputError(f"the controller's period {period:g} s is not the scenario's {scenario.period:g} s")

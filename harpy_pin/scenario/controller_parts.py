@@ -70,20 +70,15 @@ class ControllerPart(Part):
         make_parameters(self.name, mu=1.0 if self.mu is None else self.mu, changes=changes)
 
     @checked
-    def make(self, gait: Gait, *, mu: float, period: float, fitting: Mapping[str, Any]) -> Controller:
+    def make(self, gait: Gait, *, mu: float, period: float) -> Controller:
         """The controller.
 
         Args:
             gait: that it follows.
             mu: friction coefficient that it assumes.
             period: time between its ticks, s.
-            fitting: parameters that fit the robot; those of the part come first.
         """
-        settings = {**fitting, **self.parameters}
-        for name in fitting.keys() & self.parameters.keys():
-            if isinstance(fitting[name], Mapping):
-                settings[name] = {**fitting[name], **self.parameters[name]}
-        return make_controller(self.name, gait, mu=mu, period=period, **settings, **self._own_settings())
+        return make_controller(self.name, gait, mu=mu, period=period, **self.parameters, **self._own_settings())
 
     def _own_settings(self) -> dict[str, Any]:
         """The part's settings for the controller besides its parameters."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -65,16 +65,6 @@ class GaitPart(Part):
             friction: coefficient that the controller assumes.
         """
         return OnTerrain(gait, terrain, normal_error=normal_error, friction=friction)
-
-    @checked
-    def controller_parameters(self, gait: Gait) -> Mapping[str, Any]:
-        """Settings of a controller that fit the gait and the weight of its robot.
-
-        Args:
-            gait: that the part made.
-        """
-        fitting: Mapping[str, Any] = gait.parameters if isinstance(gait, Standing | WalkingGait) else {}
-        return fitting
 
     @classmethod
     @checked

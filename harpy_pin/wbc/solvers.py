@@ -205,7 +205,8 @@ class OSQPSolver(PackageSolver):
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         try:
-            return self._attempt(program)
+            warm, status = self._started, self._attempt(program)
+            return self._attempt(program) if warm and not self._started else status  # its step size fitted the last one
         except (self.library.OSQPException, ValueError):  # its factorisation refuses NaN
             self._started = False
             return QPStatus.INFEASIBLE

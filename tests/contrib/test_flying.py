@@ -288,7 +288,7 @@ def flown(robot, flight, duration):
     )
 
     def make(gait):
-        return hp.make_controller("condensed", gait, mu=0.6, **gait.parameters)
+        return hp.make_controller("condensed", gait, mu=0.6)
 
     return hp.walk(scenario, gait=gait, controller=make)
 

@@ -192,7 +192,7 @@ def test_harpy_feels_an_unknown_slope(degrees):
 def test_go2_feels_an_unknown_ramp():
     gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0))
     ground = hp.Ground(terrain=hp.ground.Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3)
-    part = hp.Condensed(parameters=gait.parameters)
+    part = hp.Condensed()
     felt = OnFeltGround(gait)
     run = hp.walk(hp.Scenario(robot="go2", controller=part, ground=ground, duration=4.0), gait=felt)
     assert run.ending == "completed"

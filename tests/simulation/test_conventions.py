@@ -98,7 +98,7 @@ def test_a_controller_of_ours_holds_a_robot_in_ones_own_simulation():
     model.opt.timestep = 1e-3
     data = mujoco.MjData(model)
     gait = hp.Standing(robot)
-    controller = hp.make_controller("condensed", gait, mu=0.6, **gait.parameters)
+    controller = hp.make_controller("condensed", gait, mu=0.6)
     q, v = gait.initial_state()
     feet = np.zeros((4, 3))
     Conventions(model, robot).write(hp.State(0.0, q, v, feet, feet.copy(), feet.copy()), data)

@@ -99,7 +99,7 @@ def values() -> dict[str, Any]:
         **{"torque": np.zeros(6), "thrust": feet, "n": 2, "mass": robot.mass, "period": 1e-3, "duration": 0.002},
         **{"foot_position": feet, "foot_velocity": feet, "foot_force": feet, "foot_acceleration": feet},
         **{"x": np.array([*q[:3], *v[:3], *np.zeros(3)]), "x_r": np.zeros(6), "applied": np.zeros(6), "w": np.zeros(6)},
-        **{"path": "/nowhere/run.npz", "folder": "/nowhere", "urdf": robot.urdf, "fitting": {}, "substeps": 2},
+        **{"path": "/nowhere/run.npz", "folder": "/nowhere", "urdf": robot.urdf, "substeps": 2},
         **{"targets": controller.targets, "rotation": np.eye(3), "z": np.zeros(program.shape[0]), "held": np.ones(2)},
         **{"foot": "left_foot", "joints": ("left_knee",), "frame": "left_foot", "name": "wbc", "stiffness": 8000.0},
         **{"rows": rows, "touching": np.ones(2), "runs": [(run, robot)], "target": controller.target},

@@ -12,7 +12,7 @@ def walk(gait, *, mu=0.6, duration=3.0, plant="compliant", terrain=None, pushes=
     mass = gait.robot.mass
     shoves = tuple(hp.Push(t, tuple(mass * np.array(velocity))) for t, velocity in pushes)
     scenario = hp.Scenario(
-        controller=hp.Condensed(parameters=gait.parameters),
+        controller=hp.Condensed(),
         ground=hp.Ground(mu_s=mu, stiffness=mass * 9.81 / 2e-3, terrain=terrain),
         duration=duration,
         plant=plant,

@@ -33,7 +33,7 @@ from harpy_pin.contrib.flight.flights import (
 from harpy_pin.contrib.flight.flyer import LED, Flyer
 from harpy_pin.contrib.flight.standing_feet import LandedGait, StandingFeet
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
+from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, fitting, own_target, refuse_time
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.ground.terrain import Terrain
@@ -157,11 +157,10 @@ class FlyingGait(KeepsViews):
         return FlyingGait(self.gait, self.flights, start=self.start, terrain=terrain, normal_error=normal_error)
 
     @property
-    def parameters(self) -> dict[str, Any]:
+    def controller_parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and the largest force."""
-        own = getattr(self.gait, "parameters", None)
         most = MOST_FORCE * self.robot.mass * GRAVITY / len(self.robot.feet)
-        return {**(own if isinstance(own, dict) else {}), "orientation": ORIENTATION, "max_normal_force": most}
+        return {**fitting(self.gait), "orientation": ORIENTATION, "max_normal_force": most}
 
     def observe(self, state: State) -> None:
         """What was measured, for the next update; a bad sample is ignored.
@@ -342,11 +341,6 @@ class Flying(GaitPart):
     def over(self, gait: Gait, terrain: Terrain, *, normal_error: float, friction: float) -> Gait:
         """See :class:`~harpy_pin.scenario.GaitPart`."""
         return checks.instance("gait", gait, FlyingGait).over(terrain, normal_error=normal_error)
-
-    @checked
-    def controller_parameters(self, gait: Gait) -> Mapping[str, Any]:
-        """See :class:`~harpy_pin.scenario.GaitPart`."""
-        return checks.instance("gait", gait, FlyingGait).parameters
 
 
 GAIT_PARTS[Flying.name] = Flying

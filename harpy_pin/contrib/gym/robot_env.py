@@ -174,8 +174,8 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             self._sensors = Sensors(self.robot, d.noise, delay=self._delay, seed=sensors_seed)
         if self._drives:
             self.gait.command[:] = 0.0
-            s, fitting = self.scenario, self.gait.parameters
-            self._controller = s.controller.make(self._laid, mu=s.mu, period=s.period, fitting=fitting)
+            s = self.scenario
+            self._controller = s.controller.make(self._laid, mu=s.mu, period=s.period)
         return self._observe(self._measured()), {}
 
     def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:

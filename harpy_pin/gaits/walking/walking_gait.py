@@ -210,16 +210,16 @@ class WalkingGait(FollowsVelocity):
         return f"WalkingGait('{self.robot.name}', {self.schedule}, {command})"
 
     @property
-    def parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit this robot's weight, for ``make_controller`` and ``Scenario``.
+    def controller_parameters(self) -> dict[str, Any]:
+        """Settings of whole-body controllers that fit this robot's weight; ``make_controller`` takes them.
 
-        They are those of :attr:`Standing.parameters`, but: a foot, not each of its corners, is loaded with at most
-        twice the weight, because a sole whose corners are loaded fast at touchdown slips; swing feet weigh less; and
-        joints and the turning of the body weigh as the robot's size says, because one sole, or a line between two
-        points, holds little moment, and what is missing must not lift the body. On one point turning weighs less still,
-        and comes back the faster.
+        They are those of :attr:`Standing.controller_parameters`, but: a foot, not each of its corners, is loaded with
+        at most twice the weight, because a sole whose corners are loaded fast at touchdown slips; swing feet weigh
+        less; and joints and the turning of the body weigh as the robot's size says, because one sole, or a line
+        between two points, holds little moment, and what is missing must not lift the body. On one point turning
+        weighs less still, and comes back the faster.
         """
-        parameters, square = self._standing.parameters, self._build.rise**2
+        parameters, square = self._standing.controller_parameters, self._build.rise**2
         parameters["max_normal_force"] /= max(self.robot.corners)
         alone, natural = self.robot.corners == (1, 1), float(np.sqrt(GRAVITY / self._build.leg))
         turn = square * (POINT_TURN_WEIGHT if alone else TURN_WEIGHT)

@@ -355,10 +355,8 @@ class LiveSession:
 
     def _controller_of(self, settings: LiveSettings, driven: DrivenGait) -> GaitController:
         chosen, gait = CONTROLLERS[settings.controller], OnTerrain(driven, self.plane)
-        parameters = {**driven.parameters} if isinstance(driven, WalkingGait) else {}
-        parameters["estimate_friction"] = settings.estimate
-        given = {"mu": settings.mu, "governor": chosen.governor, "period": PERIOD, **parameters}
-        return make_controller(chosen.name, gait, **given)
+        given: dict[str, Any] = {"governor": chosen.governor, "period": PERIOD, "estimate_friction": settings.estimate}
+        return make_controller(chosen.name, gait, mu=settings.mu, **given)
 
     def _warm_up(self, names: Iterable[str]) -> None:
         """Compile or load the code of controllers by a tick of each; all are made before, to compile side by side."""
