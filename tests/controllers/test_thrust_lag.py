@@ -45,16 +45,13 @@ def test_thrusts_are_those_of_the_plant(turning_lag):
     plant.reset(*GAIT.initial_state(penetration=plant.static_penetration))
     for _ in range(300):
         command = controller.step(plant.state)
-        turn = controller.period * (1e-3 + np.linalg.norm(plant.state.v[3:6]))  # of the body, within the tick
         means = []
         for _ in range(2):  # physics steps of a tick
             plant.advance(command)
             means.append(plant.record["thrusters"]["mean_thrust"][0].copy())
         end = plant.record["thrusters"]["direction"][0]
-        turn = max(turn, controller.period * np.linalg.norm(plant.state.v[3:6]))
-        np.testing.assert_allclose(
-            controller._record_["lag"]["direction"][0], end, rtol=0.0, atol=2.0 * turn
-        )  # fan and aim
+        error = np.abs(controller._record_["lag"]["direction"][0] - end).max()
+        assert error < 2e-3  # the body turns in a tick, and with it the aim, which leads far
         had = np.linalg.norm(np.mean(means, axis=0).reshape(2, 3), axis=1)
         fixed = np.linalg.norm(controller.solver.inputs[:6].reshape(2, 3), axis=1)
         np.testing.assert_allclose(had, fixed, rtol=2e-3 if turning_lag else 1e-12, atol=1e-9)

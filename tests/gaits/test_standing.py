@@ -224,7 +224,7 @@ def test_copies_of_controllers_move_too(solo):
 
 @needs_robots
 def test_settings_fit_the_weight(solo):
-    parameters = hp.Standing(solo, SOLO).parameters
+    parameters = hp.Standing(solo, SOLO).controller_parameters
     assert parameters["min_normal_force"] == pytest.approx(0.02 * solo.mass * 9.81 / 4.0)
     assert parameters["max_normal_force"] == pytest.approx(2.0 * solo.mass * 9.81)
     assert "formulation" not in parameters
