@@ -13,7 +13,7 @@ from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.gait import Gait, check_gait, fitting
+from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
 from harpy_pin.governors.governor import Governor
@@ -114,7 +114,7 @@ def make_controller(
     check_gait(gait)
     of_governor = {key: settings.pop(key) for key in ("evaluate_at", "governor_parameters") if key in settings}
     if name != "governed":
-        fits = fitting(gait)
+        fits: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
         own = {key: {**fits[key], **settings[key]} for key in settings if isinstance(fits.get(key), Mapping)}
         settings = {**fits, **settings, **own}
     parameters = make_parameters(name, mu=mu, period=period, changes=settings)

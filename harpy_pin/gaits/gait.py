@@ -17,7 +17,7 @@ from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "calls_of", "check_target", "fitting", "own_target"]
+__all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "calls_of", "check_target", "own_target"]
 
 CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.world_frame_blend` rises."""
@@ -170,7 +170,7 @@ class CompletedGait:
         self.double_support = float(getattr(gait, "double_support", 0.0))
         self.telemetry: Callable[[], Mapping[str, ArrayLike]] = getattr(gait, "telemetry", dict)
         self.observe: Callable[[State], None] | None = getattr(gait, "observe", None)
-        self.controller_parameters = fitting(gait)
+        self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
 
     def describe(self) -> Mapping[str, Any]:
         """The gait's own parameters, or its kind."""
@@ -190,16 +190,6 @@ def check_gait(gait: object) -> None:
             f"a gait needs robot, update(t) and initial_state(); {type(gait).__name__} has no {', '.join(missing)}"
         )
         raise InputError(message, name="gait", value=gait)
-
-
-def fitting(gait: object) -> Mapping[str, Any]:
-    """Settings of whole-body controllers that fit a gait: its ``controller_parameters``, or none.
-
-    Args:
-        gait: any.
-    """
-    own: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
-    return own
 
 
 def calls_of(gait: Gait, state: State) -> Sequence[Call] | None:

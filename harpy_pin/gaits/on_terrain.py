@@ -23,7 +23,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled.calls import Call
 from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, calls_of, fitting, own_target
+from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, calls_of, own_target
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.gaits.straight import StraightGait
 from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over
@@ -107,7 +107,7 @@ class OnTerrain(KeepsViews):
             self._record["landing"][0] = (ahead, aside), (ahead, -aside)
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
-        self.controller_parameters = fitting(gait)
+        self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
         lay_over.prepare(0.0, self._record, self.gait.target.record, self.target.record)
 
     def __repr__(self) -> str:

@@ -33,7 +33,7 @@ from harpy_pin.contrib.flight.flights import (
 from harpy_pin.contrib.flight.flyer import LED, Flyer
 from harpy_pin.contrib.flight.standing_feet import LandedGait, StandingFeet
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, fitting, own_target, refuse_time
+from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.ground.terrain import Terrain
@@ -160,7 +160,7 @@ class FlyingGait(KeepsViews):
     def controller_parameters(self) -> dict[str, Any]:
         """Settings of whole-body controllers that fit: the gait's, gains of the orientation, and the largest force."""
         most = MOST_FORCE * self.robot.mass * GRAVITY / len(self.robot.feet)
-        return {**fitting(self.gait), "orientation": ORIENTATION, "max_normal_force": most}
+        return {**getattr(self.gait, "controller_parameters", {}), "orientation": ORIENTATION, "max_normal_force": most}
 
     def observe(self, state: State) -> None:
         """What was measured, for the next update; a bad sample is ignored.
