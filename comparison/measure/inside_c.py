@@ -34,7 +34,7 @@ class ReplayInsideC(TickReplay):
         parts = np.split(sample, np.cumsum([array.size for array in arrays])[:-1])
         calls = controller.calls(State(0.0, *(p.reshape(a.shape) for p, a in zip(parts, arrays, strict=True))))
         self._links, self._bound = linked(calls)
-        written = (sample, *controller.command)
+        written = (sample, *controller.command[:2])
         self._kept = (sample, *(number for array in written for number in (array.ctypes.data, array.size)))
 
     def time_block(self, begin: int, end: int) -> None:

@@ -123,9 +123,9 @@ class CondensedBatch(KeepsViews):
         checks.one_of("dtype", getattr(dtype, "__name__", str(dtype)), ("float64", "float32"))
         self.dtype = np.dtype(dtype)
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters(estimate_friction=False)
-        lags = p.thrust_lag or p.thrust_turning_lag
-        if p.estimate_friction or p.estimate_joint_friction or lags:
-            message = "a batch estimates no friction (estimate_friction=False) and knows no lag of thrusts"
+        lags, targets = p.thrust_lag or p.thrust_turning_lag, p.joint_stiffness or p.joint_damping
+        if p.estimate_friction or p.estimate_joint_friction or lags or targets:
+            message = "a batch estimates no friction (estimate_friction=False), knows no lag and has no joint targets"
             raise InputError(message, name="parameters", value=p)
         gait: FullGait
         if robot.name == "harpy":

@@ -119,7 +119,7 @@ class ThrustWatch(KeepsViews):
         state = as_state(state, self.robot)
         self._watch(state)
         given = self._inner.step(state)
-        self._command.torque[:] = given.torque
+        self._command.torque[:], self._command.law = given.torque, given.law
         for k, force in enumerate(given.thrust):
             more = force / self.effectiveness[k]
             size = float(np.linalg.norm(more))

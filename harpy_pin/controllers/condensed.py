@@ -6,6 +6,7 @@ from typing import NoReturn
 
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
+from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedTargetsRecord, LaggedTargetsRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step, thrust_lag_record
@@ -41,9 +42,9 @@ class CondensedController(TaskController):
         condensed = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
         lag = thrust_lag_record(self.robot, p)
         if lag is None:
-            self._begin_tasks(CondensedTickRecord, condensed=condensed)
+            self._begin_tasks(CondensedTickRecord, CondensedTargetsRecord, condensed=condensed)
         else:
-            self._begin_tasks(LaggedTickRecord, condensed=condensed, lag=lag)
+            self._begin_tasks(LaggedTickRecord, LaggedTargetsRecord, condensed=condensed, lag=lag)
         self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self._record_["condensed"])
         self._clipped = field(self.solver.record, "clipped")
         status, systems = (field(self.solver.record, "status_and_systems")[k, ...] for k in range(2))
@@ -53,7 +54,10 @@ class CondensedController(TaskController):
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`."""
         super()._make_anew()
-        self._step = lagged_step if "lag" in (self._record_.dtype.names or ()) else condensed_step
+        parts = self._record_.dtype.names or ()
+        self._step = lagged_step if "lag" in parts else condensed_step
+        if "motors" in parts:
+            self._step = WITH_TARGETS["lagged" if "lag" in parts else "condensed"]
 
     def reset(self) -> None:
         """Forget the last command, the active sets and the estimates."""
@@ -61,7 +65,7 @@ class CondensedController(TaskController):
         self.solver.reset()
         for name in ("inputs", "last_inputs", "clipped"):
             self.solver.record[name] = 0
-        if self._step is lagged_step:
+        if "lag" in (self._record_.dtype.names or ()):
             self._record_["lag"]["settled"] = 0
 
     @property

@@ -32,7 +32,7 @@ class GaitController(KeepsViews, ABC):
     gait's target of the body at its time, is beyond ``MAX_SAMPLE`` = 1e6 in SI units, where a measurement is not
     finite, or where the quaternion is not of unit length (0.7 to 1.4). For ``HOLD_TICKS`` = 20 bad samples in a row the
     last good command is held, then it fades by ``FADE`` = 0.9 a tick. Nothing else of the controller moves meanwhile,
-    so the next good sample is answered as if the bad ones had never come.
+    so the next good sample is answered as if the bad ones had never come; only joint targets begin anew.
 
     Args:
         gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
@@ -41,7 +41,8 @@ class GaitController(KeepsViews, ABC):
 
     Attributes:
         target: the gait's targets of the last tick.
-        command: arrays of the torques and thrusts of the last tick, overwritten by the next.
+        command: arrays of the torques and thrusts of the last tick, and of the motors' law where there is one;
+            overwritten by the next.
     """
 
     _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_chain")
@@ -72,7 +73,10 @@ class GaitController(KeepsViews, ABC):
         """
         self._record_ = record
         self._command = Command(field(record, "torque"), field(record, "thrust"))
-        self.command = (self._command.torque, self._command.thrust)
+        self.command: tuple[Vector, ...] = (self._command.torque, self._command.thrust)
+        if "motors" in (record.dtype.names or ()):
+            self._command.law = field(record["motors"], "law")
+            self.command += (self._command.law,)
         self._bad_samples, self._verdict = field(record, "bad_samples"), field(record, "verdict")
         self._signals = {"bad_samples": self._bad_samples}
         q, v = self.gait.initial_state()

@@ -19,6 +19,8 @@ MAX_FORCE = 1e6
 """Largest limit of a normal force, N."""
 MAX_LAG = 1e3
 """Largest lag of thrusts, s."""
+MAX_RATIO = 1e3
+"""Largest stiffness and damping of joints in their units."""
 MAX_HELD = 1000
 """Largest number of ticks for which the last good command is held."""
 
@@ -140,6 +142,11 @@ class WholeBodyParameters:
         thrust_lag: time constant with which thrusts follow their commands, s: the program has them as they
             are in each tick, and legs make up for the rest (:mod:`harpy_pin.controllers.thrust_lag`).
         thrust_turning_lag: time constant with which their directions follow, s.
+        joint_stiffness: of the motors about joint targets, k_p in units of m g l / 4, with m the robot's mass and l the
+            length of its leg (:mod:`harpy_pin.controllers.joint_targets`). 0: motors get torques alone; 1 suits robots
+            whose joints the model does not know well.
+        joint_damping: of the motors, k_d in units of m g l / 4 √(l/g); with a stiffness of 1, 0.3 suits.
+        joint_leak: rate at which the targets are drawn to the measured motion, 1/s.
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -161,6 +168,9 @@ class WholeBodyParameters:
     estimate_joint_friction: bool = False
     thrust_lag: float = 0.0
     thrust_turning_lag: float = 0.0
+    joint_stiffness: float = 0.0
+    joint_damping: float = 0.0
+    joint_leak: float = 40.0
     weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 
@@ -173,6 +183,8 @@ class WholeBodyParameters:
         checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MAX_HELD)
         for name in ("thrust_lag", "thrust_turning_lag"):
             checks.keep(self, **{name: checks.number(name, getattr(self, name), low=0.0, high=MAX_LAG)})
+        checks.numbers(self, "joint_stiffness", "joint_damping", low=0.0, high=MAX_RATIO)
+        checks.numbers(self, "joint_leak", low=0.0, high=MAX_GAIN)
         checks.numbers(self, "min_normal_force", "contact_threshold", low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.controllers.friction import JointFrictionEstimateRecord, forget_friction, friction_record
 from harpy_pin.controllers.gait_controller import GaitController
+from harpy_pin.controllers.joint_targets import joint_targets_record
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord
 from harpy_pin.gaits.gait import FullGait, Gait
@@ -85,8 +86,17 @@ class TaskController(GaitController):
         if expect_lag is not None:  # a gait that flies
             expect_lag(p.thrust_lag)
 
-    def _begin_tasks(self, kind: type[TasksRecord], **parts: ArrayLike) -> None:
-        """Make the record of the controller, and take it up; see :func:`tasks_record`."""
+    def _begin_tasks(self, kind: type[TasksRecord], with_targets: type[TasksRecord], **parts: ArrayLike) -> None:
+        """Make the record of the controller, and take it up; see :func:`tasks_record`.
+
+        Args:
+            kind: class of the record.
+            with_targets: that with joint targets.
+            parts: further parts, by name.
+        """
+        motors = joint_targets_record(self.robot, self.parameters, self.gait.initial_state()[0])
+        if motors is not None:
+            kind, parts = with_targets, {**parts, "motors": motors}
         record: Any = tasks_record(self.gait, self.parameters, kind, **parts)
         self.dynamics = Dynamics(self.robot, record=record["dynamics"])
         self.targets = WholeBodyTargets(self.robot, record=record["targets"])
@@ -101,6 +111,8 @@ class TaskController(GaitController):
     def reset(self) -> None:
         """Forget the last command, and the estimates of friction."""
         super().reset()
+        if self._command.law is not None:
+            self._command.law[:] = self._record_["motors"]["follows"] = 0
         for name in ("known", "inputs", "sums", "viscous", "coulomb"):
             self._record_["joint_friction"][name] = 0
         friction: Any = self._record_["friction"]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.controllers.joint_targets import keep_targets
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import (
@@ -24,7 +25,7 @@ from harpy_pin.controllers.thrust_lag import (
     thrust_lag_record,
 )
 from harpy_pin.controllers.tick import BAD_SAMPLE
-from harpy_pin.controllers.whole_body_tick import QP_TICKS, WholeBodyTickRecord, begin_tick
+from harpy_pin.controllers.whole_body_tick import QP_TICKS, WholeBodyTargetsRecord, WholeBodyTickRecord, begin_tick
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.ground.contact_frame import turn_feet
@@ -95,6 +96,7 @@ class WholeBodyController(TaskController):
         size = self.problem.program.shape[0]
         self._begin_tasks(
             WholeBodyTickRecord,
+            WholeBodyTargetsRecord,
             **{name: np.zeros(size) for name in ("z", "found", "kept")},
             posture=self.gait.initial_state()[0][7:],
             torque_limit=self.robot.torque_limit,
@@ -146,7 +148,8 @@ class WholeBodyController(TaskController):
         solver, problem = getattr(self, "_solver", None), self.problem
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
         self._in_python = type(solver) is not WarmStartedActiveSet or self.added is not None or self._lag is not None
-        self._step = self._kernels_of_tick.step
+        ticks, with_targets = self._kernels_of_tick, self._command.law is not None
+        self._step = ticks.step_with_targets if with_targets else ticks.step
         self._parts_of_program = (problem._record_, problem._terms_, problem.program._record_)
         if type(solver) is WarmStartedActiveSet:
             self._parts = (*self._parts_of_program, solver._record_, solver.dual._record_)
@@ -217,6 +220,8 @@ class WholeBodyController(TaskController):
         if lag is not None:
             advance_thrusts(lag)
         if begin_tick(self._record_, target, *self._measured(state)) != GOOD:
+            if self._command.law is not None:
+                keep_targets(self._record_, self._record_["motors"])
             return BAD_SAMPLE
         if lag is not None:
             gives_way = self._choose_thrusts(lag, state)
@@ -335,5 +340,8 @@ class WholeBodyController(TaskController):
                 add_kept(self._lag, self._inputs)
             if self.added is not None:
                 self.added.read(solution.z)
-        self._kernels_of_tick.finish(self._record_, *self._parts_of_program, solution.usable, state.q, state.v)
+        kernels, parts, measured = self._kernels_of_tick, self._parts_of_program, (state.q, state.v)
+        kernels.finish(self._record_, *parts, solution.usable, *measured)
+        if self._command.law is not None:
+            kernels.targets(self._record_, parts[1], solution.usable, *measured)
         return self._command

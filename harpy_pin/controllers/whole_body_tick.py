@@ -15,6 +15,7 @@ import numpy as np
 
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.friction import note_inputs
+from harpy_pin.controllers.joint_targets import JointTargetsRecord, keep_targets, move_targets
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TickRecord, write_inputs
 from harpy_pin.model.entry import GOOD
@@ -60,6 +61,12 @@ class WholeBodyTickRecord(TasksRecord, TickRecord):
     held_for: int = ZERO  # ticks in a row in which there was no solution
     failures: int = ZERO  # ticks in which there was none, since the last reset
     lagging: int = ZERO  # 1 where thrusts lag, so that the command's are not those of the inputs
+
+
+class WholeBodyTargetsRecord(WholeBodyTickRecord):
+    """The whole-body QP, with joint targets."""
+
+    motors: JointTargetsRecord  # of them
 
 
 class ProgramTickRecord(RecordOf):
@@ -129,6 +136,9 @@ class TickKernels:
         give_way: after that was solved, puts the limits in again; whether tasks gave way, so that one more follows.
         settle: takes that one's solution or, without one, what :func:`relax` kept; whether the tick has a solution.
         finish: forces and command of the solution, or the fallback; the status of the tick.
+        targets: joint targets of the solution, after :attr:`finish`.
+        step_with_targets: :attr:`step`, and these.
+        step_of_one_with_targets: :attr:`step_of_one`, and these.
     """
 
     step: Kernel[int]
@@ -137,13 +147,16 @@ class TickKernels:
     give_way: Kernel[bool]
     settle: Kernel[bool]
     finish: Kernel[int]
+    targets: Kernel[None]
+    step_with_targets: Kernel[int]
+    step_of_one_with_targets: Kernel[int]
 
 
 def _tick_of(name: str) -> TickKernels:
     """The tick in a formulation."""
     kernels = FORMULATIONS[name].kernels
     build, read, read_force = kernels.build, kernels.inputs, kernels.force
-    limit, let_give_way = kernels.limit, kernels.give_way
+    limit, let_give_way, read_acceleration = kernels.limit, kernels.give_way, kernels.acceleration
 
     @kernel
     def relax(
@@ -229,7 +242,40 @@ def _tick_of(name: str) -> TickKernels:
         """A tick of the whole-body QP on one record; returns its status."""
         return qp_step(r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual)
 
-    return TickKernels(qp_step, qp_step_of_one, relax, give_way, settle, finish)
+    @kernel
+    def targets(r: WholeBodyTargetsRecord, m: ContactMapRecord, usable: bool, q: Vector, v: Vector) -> None:
+        if usable:
+            read_acceleration(m, r.z, r.motors.acceleration)
+        move_targets(r.motors, r.motors.acceleration, usable, q, v)
+
+    @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
+    def step_with_targets(
+        r: WholeBodyTargetsRecord,
+        target: GaitTargetRecord,
+        q: Vector,
+        v: Vector,
+        foot_force: Vector,
+        problem: FormulationRecord,
+        terms: ContactMapRecord,
+        program: ProgramRecord,
+        search: ActiveSetRecord,
+        dual: DualRecord,
+    ) -> int:
+        status = qp_step(r, target, q, v, foot_force, problem, terms, program, search, dual)
+        if r.verdict == GOOD:
+            targets(r, terms, status == 0, q, v)
+        else:
+            keep_targets(r, r.motors)
+        return status
+
+    @kernel
+    def step_of_one_with_targets(
+        r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+    ) -> int:
+        return step_with_targets(r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual)
+
+    phases = (relax, give_way, settle, finish, targets)
+    return TickKernels(qp_step, qp_step_of_one, *phases, step_with_targets, step_of_one_with_targets)
 
 
 QP_TICKS: dict[str, TickKernels] = {name: _tick_of(name) for name in FORMULATIONS}

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.compiled.types import REAL, Array, Struct
 from harpy_pin.compiled.unit import Unit
-from harpy_pin.export.exported_controllers import Exportable
+from harpy_pin.export.exported_controllers import LAW, Exportable
 from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.model.record import Record
 
@@ -30,7 +30,14 @@ INPUTS = {
     "foot_position": "of each foot, world axes, m",
     "foot_force": "of the ground on each foot, world axes, N, as measured",
 }
-OUTPUTS = {"torque": "of the joints, N m", "thrust": "of each thruster, world axes, N"}
+OUTPUTS = {
+    "torque": "of the joints, N m",
+    "thrust": "of each thruster, world axes, N",
+    "joint_position": "q* of the motors' law torque + k_p (q* - q) + k_d (v* - v), rad",
+    "joint_velocity": "v* of that law, rad/s",
+    "joint_stiffness": "k_p of that law, N m/rad",
+    "joint_damping": "k_d of that law, N m s/rad",
+}
 
 
 def shipped(file: str, **texts: object) -> str:
@@ -96,7 +103,7 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
         "structs": re.sub(r"^    real ", f"    {real} ", structs, flags=re.M),
         "statuses": "\n".join(f"    {name.upper()}_{status} = {value}," for status, value in what.statuses.items()),
         "arguments": ", ".join(f"(real *){own}" if own in given else "NULL" for own in what.inputs),
-        "copies": "\n    ".join(f"memcpy({own}, {command}{own}, sizeof {command}{own});" for own in made),
+        "copies": "\n    ".join(_copy(own, n, command) for own, n in made.items()),
         "members": "\n".join(f"        std::array<{real}, {n}> {own}{{}};" for own, n in made.items()),
         "arrays": "".join(f", const std::array<{real}, {n}> &{own}" for own, n in given.items()),
         "pointers": "".join(f", {own}.data()" for own in (*given, *(f"command.{own}" for own in made))),
@@ -105,6 +112,13 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
     source = shipped("controller.c", **texts, parameters=parameters("real"))
     ram = _entries(what.record.dtype) * (4 if single else 8)
     return Code(name, header, source, shipped("controller.hpp", **texts), real, ram)
+
+
+def _copy(own: str, count: int, command: str) -> str:
+    """The statement that copies an output from the record."""
+    if own in LAW:
+        return f"memcpy({own}, {command}motors.law + {LAW.index(own) * count}, {count} * sizeof(real));"
+    return f"memcpy({own}, {command}{own}, sizeof {command}{own});"
 
 
 def lengths(arrays: Mapping[str, tuple[int, ...]]) -> dict[str, int]:

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from harpy_pin.controllers.condensed import CondensedController
-from harpy_pin.controllers.condensed_tick import condensed_step
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -28,6 +30,8 @@ __all__ = ["Exportable", "ProgramStatus", "exportable"]
 
 MEASURED = ("q", "v", "foot_position", "foot_force")
 """What a controller may take of a state."""
+LAW = ("joint_position", "joint_velocity", "joint_stiffness", "joint_damping")
+"""Rows of the motors' law, see :class:`harpy_pin.model.state.Command`."""
 
 
 class ProgramStatus(IntFlag):
@@ -72,8 +76,20 @@ class Exportable:
 
     @property
     def outputs(self) -> dict[str, tuple[int, ...]]:
-        """Names and shapes of the command's parts."""
-        return {"torque": (len(self.robot.joints),), "thrust": (len(self.robot.thrusters), 3)}
+        """Names and shapes of the command's parts; those of the motors' law are there where they have one."""
+        joints = (len(self.robot.joints),)
+        law = dict.fromkeys(LAW, joints) if "motors" in (self.command_of(self.record).dtype.names or ()) else {}
+        return {"torque": joints, "thrust": (len(self.robot.thrusters), 3), **law}
+
+    def command_of(self, record: Record) -> Record:
+        """The part of a record that has the command."""
+        return record[self.control] if self.control else record
+
+    def outcome(self, record: Record) -> NDArray[np.float64]:
+        """The numbers of the last command, in the order of :attr:`outputs`."""
+        command = self.command_of(record)[0]
+        law = command["motors"]["law"] if "joint_position" in self.outputs else np.zeros(0)
+        return np.concatenate([np.ravel(part) for part in (command["torque"], command["thrust"], law)])
 
     @property
     def target(self) -> Record:
@@ -103,7 +119,7 @@ def _condensed(controller: CondensedController) -> Exportable:
     _refuse_lags(controller.parameters)
     controller.reset()
     title, record = "condensed whole-body controller", controller._record_.copy()
-    return _exportable("condensed", title, controller.robot, record, condensed_step, CondensedStatus)
+    return _exportable("condensed", title, controller.robot, record, controller._step, CondensedStatus)
 
 
 def _refuse_lags(p: WholeBodyParameters) -> None:
@@ -129,7 +145,9 @@ def _program(controller: WholeBodyController) -> Exportable:
         dual=dual.record,
     )
     title = f"whole-body QP, formulation '{p.formulation}'"
-    return _exportable("wbc", title, controller.robot, record, QP_TICKS[p.formulation].step_of_one, ProgramStatus)
+    ticks = QP_TICKS[p.formulation]
+    step = ticks.step_of_one if controller._command.law is None else ticks.step_of_one_with_targets
+    return _exportable("wbc", title, controller.robot, record, step, ProgramStatus)
 
 
 def _governed(controller: GovernedController) -> Exportable:

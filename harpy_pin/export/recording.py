@@ -170,7 +170,6 @@ def answers(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any
 
 def _from_kernels(what: Exportable, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
     state, target = what.record.copy(), what.target
-    command = state[what.control][0] if what.control else state[0]
     commands, statuses = [], []
     for n in range(len(given)):
         begin = 0
@@ -180,7 +179,7 @@ def _from_kernels(what: Exportable, given: Recording) -> tuple[NDArray[Any], NDA
             begin += size
         inputs = [given.inputs[name][n].reshape(shape) for name, shape in what.inputs.items()]
         statuses.append(what.step(state, target, *inputs))
-        commands.append(np.concatenate([command[name].ravel() for name in what.outputs]))
+        commands.append(what.outcome(state))
     return np.array(commands), np.array(statuses, dtype=np.int32)
 
 

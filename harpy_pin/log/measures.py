@@ -201,7 +201,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         tracking_rms_mm=_tracking(run),
         thrust_rms_n=float(np.sqrt(np.sum(thrust.sum(axis=1) ** 2) / len(run))),
         thrust_max_n=float(np.max(thrust, initial=0.0)),
-        torque_max_nm=float(np.max(np.abs(run["torque"]), initial=0.0)),
+        torque_max_nm=float(np.max(np.abs(optional.given_torque(run)), initial=0.0)),
         roll_max_rad=roll,
         pitch_max_rad=pitch,
         yaw_max_rad=yaw,

@@ -16,6 +16,7 @@ from harpy_pin.log.run_file import MAX_STEP, MAX_TIME
 __all__ = [
     "control_period",
     "given_thrust",
+    "given_torque",
     "has_target",
     "last_count",
     "optional_signal",
@@ -28,6 +29,7 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "slip_path": ("foot_force",),
     "slip_net": ("foot_force",),
     "applied_thrust": ("thrust", 3),
+    "motor_torque": ("torque",),
     "qp_status": (),
     "bad_samples": (),
     "battery_energy": (7,),
@@ -55,6 +57,12 @@ def given_thrust(run: Run) -> NDArray[Any]:
     """(n, thrusters, 3) The thrusts that there were, N: of thrusters that lag, not those commanded."""
     given = optional_signal(run, "applied_thrust")
     return run["thrust"] if given is None else given
+
+
+def given_torque(run: Run) -> NDArray[Any]:
+    """(n, joints) The torques at the end of each tick, N·m: of motors with a law of their own, not those commanded."""
+    given = optional_signal(run, "motor_torque")
+    return run["torque"] if given is None else np.concatenate((given[1:], given[-1:]))
 
 
 def has_target(run: Run) -> bool:

@@ -140,7 +140,7 @@ def power(run: Run, *, motors: Motors, propulsion: Propulsion | None = None) -> 
     else:
         electrical = propulsion.electrical(thrust).sum(axis=1)
         shaft = propulsion.efficiency * electrical
-    torque = run["torque"]
+    torque = optional.given_torque(run)
     mechanical = torque * run["v"][:, run["v"].shape[1] - torque.shape[1] :]
     lost = (1.0 - motors.recovered) * np.maximum(-mechanical, 0.0)
     heat = ((torque / motors.constant) ** 2 + lost).sum(axis=1)

@@ -38,8 +38,9 @@ def walk_measures(run: Run, *, period: float, step_duration: float) -> dict[str,
     q, v = run["q"], run["v"]
     mass = run.metadata.get("mass", math.nan)
     weight = GRAVITY * float(mass) if isinstance(mass, int | float) and 0.0 < mass < HEAVIEST else math.nan
-    joints = min(run["torque"].shape[1], v.shape[1] - 6)
-    work = float(np.maximum(run["torque"][:, :joints] * v[:, 6 : 6 + joints], 0.0).sum()) * period
+    torque = optional.given_torque(run)
+    joints = min(torque.shape[1], v.shape[1] - 6)
+    work = float(np.maximum(torque[:, :joints] * v[:, 6 : 6 + joints], 0.0).sum()) * period
     thrust = np.linalg.norm(optional.given_thrust(run), axis=2)
     thrust_energy = float(PRESETS["fan"].electrical(thrust).sum()) * period
     path = float(np.linalg.norm(np.diff(q[:, :2], axis=0), axis=1).sum())

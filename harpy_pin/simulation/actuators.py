@@ -131,6 +131,21 @@ def motors_record(
 
 
 @kernel
+def take_law(m: MotorsRecord, law: Vector) -> bool:
+    """Give the motors a law (4, joints) from now on; whether it is one: of finite numbers, and of that shape."""
+    if law.shape != m.law.shape:
+        return False
+    bad = 0
+    for i in range(4):
+        for j in range(law.shape[1]):
+            bad += not abs(law[i, j]) < np.inf
+    if bad == 0:
+        m.law[:] = law
+        m.has_law = 1
+    return bad == 0
+
+
+@kernel
 def drive_motors(m: MotorsRecord, command: Vector, q: Vector, v: Vector, dt: float) -> None:
     """Torques of a step dt, s, under a constant command (joints,), N·m, at a state q (nq,), v (6 + joints,).
 

@@ -27,13 +27,13 @@ from harpy_pin.log.run import Run
 from harpy_pin.log.run_file import FORMAT, MAX_STEP
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.entry import all_finite, all_finite_rows, as_command
+from harpy_pin.model.entry import all_finite, all_finite_rows, as_array, as_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.model.terms import write_thrusts
-from harpy_pin.simulation.actuators import Actuators, motors_of
+from harpy_pin.simulation.actuators import Actuators, motors_of, take_law
 from harpy_pin.simulation.loop import ClosedLoop, Controller, keep_run, run_metadata
 from harpy_pin.simulation.push import Push, check_pushes
 from harpy_pin.simulation.sensors import Sensors
@@ -132,8 +132,9 @@ class Plant(KeepsViews, ABC):
         self.t = 0.0
         self._applied = np.zeros(self._shapes[1])
         self._noted_torque, self._noted_thrust = np.zeros(self._shapes[0]), np.zeros(self._shapes[1])
-        motors = (field(record["motors"], name) for name in ("law", "has_law", "mean_torque"))
-        self._law, self._has_law, self._motor_torque = motors
+        self._law, self._has_law = (field(record["motors"], name) for name in ("law", "has_law"))
+        # logged of commands with a law: it, and the torque of the motors in the last physics step
+        self._law_signals = {"motor_law": self._law, "motor_torque": field(record["motors"], "mean_torque")}
         self._clock, self._tick_ns = np.zeros(()), np.zeros((), np.int64)
         self._prepare()
         self.dynamics.update(self.q, self.v)
@@ -261,8 +262,8 @@ class Plant(KeepsViews, ABC):
     def _take_law(self, command: Command) -> None:
         """Give the motors the command's own law, or none."""
         law = getattr(command, "law", None)
-        if law is not None:
-            self._law[:] = checks.vector("command.law", law, self._law.shape)
+        if law is not None and not take_law(self.record["motors"], as_array("command.law", law, self._law.shape)):
+            checks.vector("command.law", law, self._law.shape)
         self._has_law[...] = law is not None
 
     @abstractmethod
@@ -284,7 +285,7 @@ class Plant(KeepsViews, ABC):
 
         Args:
             controller: may have ``calls(state)``, the :class:`~harpy_pin.compiled.calls.Call` of a tick at the state in
-                these arrays, or None; ``command``, the arrays of its torques and thrusts; and lasting signals.
+                these arrays, or None; ``command``, arrays of torques, thrusts and any motors' law; lasting signals.
             recorder: of the log; has its first row.
             rules: see :class:`harpy_pin.simulation.ticks.CompiledLoop`.
         """
@@ -401,10 +402,9 @@ class Plant(KeepsViews, ABC):
         for call in self.log_calls:
             call.kernel(*call.arguments)
         own = self.signals
-        # of commands with a law also the law, and the torque of the motors in the last physics step
         if "motor_law" in recorder.layout.shapes or (len(recorder) == 0 and getattr(command, "law", None) is not None):
             self._take_law(command)
-            own = {**own, "motor_law": self._law, "motor_torque": self._motor_torque}
+            own = own | self._law_signals
         row: Mapping[str, ArrayLike] = own
         if telemetry is not None:
             signals = telemetry()

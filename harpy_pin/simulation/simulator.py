@@ -21,7 +21,7 @@ from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.memory import read_only
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State
-from harpy_pin.simulation.actuators import motors_of
+from harpy_pin.simulation.actuators import motors_of, take_law
 from harpy_pin.simulation.plant import GRAVITY, Plant
 from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import MISFIT_COMMAND, StepRecord, physics_steps, step_record
@@ -116,8 +116,12 @@ class Simulator(Plant):
         calls: Sequence[Call] | None = controller.calls(state)
         if calls is None:
             return None
-        torque, thrust = controller.command
-        signals, again = ({**self.signals, "torque": torque, "thrust": thrust, **controller.telemetry()} for _ in "12")
+        torque, thrust, *law = controller.command
+        logged, before_row = {**self.signals, "torque": torque, "thrust": thrust}, self.log_calls
+        if law:
+            logged |= self._law_signals
+            before_row = (Call(take_law, self.record["motors"], *law, expected=True), *before_row)
+        signals, again = ({**logged, **controller.telemetry()} for _ in "12")
         if not lasting_signals(signals, again, recorder):
             return None
-        return CompiledLoop(self, calls, (torque, thrust), signals, recorder, **rules)
+        return CompiledLoop(self, calls, before_row, (torque, thrust), signals, recorder, **rules)

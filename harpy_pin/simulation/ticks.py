@@ -58,6 +58,7 @@ class CompiledLoop:
     Args:
         simulator: the library's own.
         calls: of a tick of the controller, those of its gait included.
+        before_row: calls after them, before a row is logged.
         command: (torque, thrust) that the controller writes.
         signals: of the log, by name: arrays that stay where they are.
         recorder: of the log; has its first row, with these signals.
@@ -71,6 +72,7 @@ class CompiledLoop:
         self,
         simulator: Simulator,
         calls: Sequence[Call],
+        before_row: Sequence[Call],
         command: tuple[Any, Any],
         signals: Mapping[str, NDArray[Any]],
         recorder: Recorder,
@@ -81,7 +83,7 @@ class CompiledLoop:
         fall_height: float,
     ) -> None:
         self._simulator, self._recorder, self._substeps = simulator, recorder, substeps
-        links, bound = linked((*calls, *simulator.log_calls))
+        links, bound = linked((*calls, *before_row))
         push, state = np.zeros((substeps, 3)), (simulator.q, simulator.v)
         plant = (simulator.dynamics.record, simulator._ground, simulator.record)
         physics = physics_steps.bind(*plant, *state, *command, push)

@@ -192,4 +192,11 @@ def _give_way(
     """Nothing: the motion of swing feet is a function of the forces."""
 
 
-ContactForceProblem.kernels = FormulationKernels(_build, _inputs, _force, _limit, _give_way)
+@kernel
+def _acceleration(m: ContactForceRecord, z: Vector, out: Vector) -> None:
+    """Generalised acceleration that follows from contact forces."""
+    recover(m.root, z)
+    out[:] = m.root.acceleration
+
+
+ContactForceProblem.kernels = FormulationKernels(_build, _inputs, _force, _acceleration, _limit, _give_way)

@@ -279,4 +279,12 @@ def _torque_rows(
         m.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
 
 
-FullProblem.kernels = FormulationKernels(_build, _inputs, _force, _limit, _give_way)
+@kernel
+def _acceleration(m: FullRecord, z: Vector, out: Vector) -> None:
+    """Generalised acceleration of a solution: variables themselves."""
+    first = z.shape[0] - out.shape[0]
+    for i in range(out.shape[0]):
+        out[i] = z[first + i]
+
+
+FullProblem.kernels = FormulationKernels(_build, _inputs, _force, _acceleration, _limit, _give_way)

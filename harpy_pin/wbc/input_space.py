@@ -254,4 +254,14 @@ def _force(p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, z: Vect
         out[m.rows[a]] = s
 
 
-InputSpaceProblem.kernels = FormulationKernels(build_inputs, _inputs, _force, _limit, _give_way)
+@kernel
+def _acceleration(m: ContactMapRecord, z: Vector, out: Vector) -> None:
+    """Generalised acceleration a₀ + R y of a solution y."""
+    for i in range(out.shape[0]):
+        s = m.drive[i]
+        for c in range(z.shape[0]):
+            s += m.response[i, c] * z[c]
+        out[i] = s
+
+
+InputSpaceProblem.kernels = FormulationKernels(build_inputs, _inputs, _force, _acceleration, _limit, _give_way)

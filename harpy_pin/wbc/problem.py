@@ -78,6 +78,7 @@ class FormulationKernels:
         build: fills in the program: (d, t, p, m, qp, v, rotation).
         inputs: reads [u; τ] off a solution: (m, qp, z, out).
         force: reads the contact forces off it: (p, m, qp, z, out).
+        acceleration: reads the generalised acceleration off it: (m, z, out).
         limit: puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on).
         give_way: lets tasks give way to a solution without these limits: (d, t, p, m, qp, z).
     """
@@ -85,6 +86,7 @@ class FormulationKernels:
     build: Kernel[None]
     inputs: Kernel[None]
     force: Kernel[None]
+    acceleration: Kernel[None]
     limit: Kernel[None]
     give_way: Kernel[None]
 

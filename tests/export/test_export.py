@@ -14,7 +14,7 @@ from long import long_but
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
 from harpy_pin.compiled.compiler import EXACT, compiler
-from harpy_pin.export import export
+from harpy_pin.export import export, write_folder
 from harpy_pin.export.board import CHIPS, build, measure, missing_tools, run
 from harpy_pin.export.code import controller_code
 from harpy_pin.export.exported_controllers import exportable
@@ -116,6 +116,23 @@ def test_a_tick_is_the_controllers(controller):
     joints = run["torque"].shape[1]
     np.testing.assert_array_equal(commands[: len(run), :joints], run["torque"][: len(commands)])
     np.testing.assert_array_equal(commands[: len(run), joints:], run["thrust"][: len(commands)].reshape(-1, 6))
+
+
+@needs_compiler
+@pytest.mark.parametrize(("controller", "single"), [("condensed", False), ("wbc", False), ("condensed", True)])
+def test_joint_targets_are_exported(controller, single, tmp_path):
+    """Four more arrays; in double precision with the digits of the walk."""
+    motors = {"joint_stiffness": 1.0, "joint_damping": 0.3}
+    scenario = hp.Scenario(controller={"name": controller, **motors}, duration=0.1, ground=hp.Ground(mu_s=0.2))
+    motion, run = hp.build(scenario), hp.build(scenario).run()
+    what = exportable(motion.controller)
+    given = record(motion, what)
+    done = write_folder(what, given, tmp_path, name="motors", single=single, readme=False)
+    assert compile_and_run(done, "-O2").stdout == f"all equal: 100 ticks of motors, {done.code.real}\n"
+    assert f"{done.code.real} thrust[6], {done.code.real} joint_position[6]" in done.code.header
+    rows = [run[name].reshape(100, -1) for name in ("torque", "thrust", "motor_law")]
+    if not single:
+        np.testing.assert_array_equal(answers(what, done.code, given)[0], np.hstack(rows))
 
 
 @needs_compiler

@@ -31,6 +31,7 @@ BAD = {
         **{"solver": ("gurobi",), "formulation": ("sparse",), "swing": ((1e7, 1.0),), "contact_damping": (1e7,)},
         **{"min_normal_force": (1e7,), "max_normal_force": (1e7, 10.0), "contact_threshold": (1e7,)},
         **{"hold_ticks": (10_000,), "body": ((1.0, -2.0),)},
+        **dict.fromkeys(("joint_stiffness", "joint_damping", "joint_leak"), (math.nan, math.inf, -1.0, "stiff", 1e9)),
     },
 }
 """By class and argument, values that each of them refuses."""

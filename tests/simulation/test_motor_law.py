@@ -49,6 +49,7 @@ def test_plants_evaluate_the_law_in_every_step(plant):
     assert law.ending == torques.ending == "completed"
     np.testing.assert_array_equal(law["q"], torques["q"])
     np.testing.assert_array_equal(law["motor_torque"][1:], torques["torque"][:-1])
+    assert hp.measure(law).joint_power_w == pytest.approx(hp.measure(torques).joint_power_w, rel=1e-2)
     assert np.ptp(law["q"][:, 1]) > 1e-3  # it was pushed
     assert law["motor_law"].shape == (len(law["t"]), 4, 12)
     assert (law["motor_law"][:, 2] == STIFFNESS).all()

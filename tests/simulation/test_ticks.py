@@ -9,12 +9,13 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
-from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario, Straight, build
+from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario, Straight, WholeBody, build
 from harpy_pin.simulation.ticks import CompiledLoop
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compiled loops are C")
 PUSH = (hp.Push(time=0.35, impulse=(0.0, 4.0, 0.0)), hp.Push(time=0.8, impulse=(2.0, 0.0, 0.0)))
 COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.4005, 0.1, 0.05, 0.4), (0.9, 0.0, 0.0, 0.0))
+MOTORS = {"joint_stiffness": 1.0, "joint_damping": 0.3}
 WALKS = {
     "straight": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), disturbances=Disturbances(pushes=PUSH)),
     "standing": Scenario(controller="condensed", gait=Straight(speed=0.0), disturbances=Disturbances(pushes=PUSH[:1])),
@@ -23,6 +24,8 @@ WALKS = {
     "paper": Scenario(controller=Governed(limits=True), ground=hp.Ground(mu_s=0.25)),
     "filter": Scenario(controller=Governed(governor="filter"), ground=hp.Ground(mu_s=0.15)),
     "no governor": Scenario(controller=Governed(governor="none")),
+    "motors": Scenario(controller=Condensed(parameters=MOTORS), disturbances=Disturbances(pushes=PUSH)),
+    "motors of the QP": Scenario(controller=WholeBody(parameters=MOTORS), disturbances=Disturbances(pushes=PUSH)),
     "clipped": Scenario(
         controller="condensed", disturbances=Disturbances(pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),))
     ),
@@ -57,6 +60,7 @@ def test_every_digit_is_that_of_the_loop_in_python(name, ticks_in_c, tmp_path):
     made = len(ticks_in_c)
     python = build(scenario).run(on_tick=lambda state: None)
     assert len(ticks_in_c) == made
+    assert ("motor_law" in compiled.signals) == name.startswith("motors")
     assert compiled.ending == python.ending == ("fell" if name == "fell" else "completed")
     assert compiled.signals.keys() == python.signals.keys()
     for signal in python.signals.keys() - {"tick_ns"}:

@@ -88,6 +88,19 @@ SCENES["condensed"] = partial(walk, controller="condensed")
 
 
 @scene
+def joint_targets() -> None:
+    """Motors' laws of all whole-body controllers, where a sample is bad, and where thrusts lag."""
+    motors = {"joint_stiffness": 1.0, "joint_damping": 0.3}
+    parts = [hp.WholeBody(parameters=motors | {"formulation": name}) for name in FORMULATIONS]
+    for part in (*parts, hp.Condensed(parameters=motors), hp.Condensed(parameters=motors | {"thrust_lag": 0.02})):
+        motion = hp.build(hp.Scenario(controller=part, duration=0.01))
+        motion.run()
+        motion.controller.step(hp.State(np.nan, *motion.controller._sample))
+    for part in parts:
+        _tick_alone(hp.build(hp.Scenario(controller=part, duration=0.01)))
+
+
+@scene
 def commanded() -> None:
     """A commanded walk that turns, by condensed controller and QP, with estimated friction and noise."""
     for controller in ("condensed", "wbc"):

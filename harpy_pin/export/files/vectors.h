@@ -8,7 +8,7 @@
 #define ${NAME}_TICKS $ticks
 #define ${NAME}_OUTPUTS $outputs
 
-/* Torques, then thrusts. */
+/* Torques, thrusts, and the rest of what ${name}_step gives. */
 extern const $real ${name}_commands[$ticks][$outputs];
 extern const int ${name}_statuses[$ticks];
 

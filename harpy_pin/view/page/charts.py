@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin.log.optional import control_period, given_thrust, optional_signal, tick_times
+from harpy_pin.log.optional import control_period, given_thrust, given_torque, optional_signal, tick_times
 from harpy_pin.log.power import PRESETS
 from harpy_pin.model.state import Vector
 from harpy_pin.view.page.shown import Shown
@@ -175,7 +175,7 @@ class _Charts:
             power = np.gradient(energy, control_period(run), axis=0)
             taken = np.stack((power[:, 3:5].sum(axis=1), power[:, 5:7].sum(axis=1)), axis=1)
             return [self.line("battery", DARK, power[:, 0]), *self.lines(TAKERS, taken)]
-        torque, thrust = run["torque"], given_thrust(run)
+        torque, thrust = given_torque(run), given_thrust(run)
         joints = (torque * run["v"][:, run["v"].shape[1] - torque.shape[1] :]).sum(axis=1)
         lines = [self.line("joints", FEET[1], joints)]
         if thrust.shape[1]:

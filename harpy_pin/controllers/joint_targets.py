@@ -1,0 +1,164 @@
+"""Joint targets for motors that close a loop of their own, from the accelerations of the optimum.
+
+A motor adds k_p (q* − q) + k_d (q̇* − q̇) to the torque that it is given, much faster than a controller ticks
+(:class:`harpy_pin.model.state.Command`). The targets are the motion that the optimum intends. Its joint accelerations a
+are integrated over ticks of length h, with a leak λ towards what is measured,
+
+    q* ← q* + h q̇* + ½ h² a + ρ (q − q*),    q̇* ← q̇* + h a + ρ (q̇ − q̇*),    ρ = 1 − e^(−λ h).
+
+These are the targets at the beginning of a tick. A motor holds what it is given until the next one, so the command has
+them half a tick later, q* + ½ h q̇* + ⅛ h² a and q̇* + ½ h a. Where the robot moves as intended, motors add next to
+nothing: q* − q comes from the change of accelerations within a tick alone. Where it does not, the difference is what it
+lags behind the intended motion over some 1/λ: the leak keeps targets from drifting away.
+
+At the first tick, and after one without a solution or with a bad sample, targets start at the measured state. In a tick
+without a solution they are the measured motion; with bad samples they stay, and the gains fade as the torques do.
+
+Gains are the same for all joints: stiffness in units of m g l / 4, with the robot's mass m and the length l of its leg,
+damping in the same times √(l/g). A light joint, such as a wrist, has smaller ones, by which its damping alone would
+stop it at a rate of :data:`MAX_RATE`; it could not be faster than some physics steps anyway.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin.compiled import Kernel, kernel
+from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
+from harpy_pin.controllers.parameters import WholeBodyParameters
+from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step
+from harpy_pin.controllers.tick import TickRecord
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.gaits.walking.build import build_of
+from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
+from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.solve import TORQUE_CLIPPED
+
+__all__: list[str] = []
+
+GRAVITY = 9.81
+"""m/s²."""
+MAX_RATE = 500.0
+"""Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s."""
+
+
+class JointTargetsRecord(RecordOf):
+    """Targets of the joints."""
+
+    period: float  # h, s
+    share: float  # ρ
+    lead: float  # from the beginning of a tick to where the command has the targets, s
+    gains: Vector  # (2, joints) stiffness, N·m/rad, and damping, N·m·s/rad
+    follows: int = ZERO  # whether the targets are those that the last tick led to
+    target: Vector = sized(2, "joints")  # q* and q̇* at the beginning of the tick, rad and rad/s
+    law: Vector = sized(4, "joints")  # of the command: see :class:`harpy_pin.model.state.Command`
+    acceleration: Vector = sized("nv")  # that a solution of the whole-body QP brings about
+
+
+def joint_targets_record(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Records[JointTargetsRecord] | None:
+    """What the motors of a robot are to be given; None where they are to have no law.
+
+    Args:
+        robot: with legs.
+        p: of its controller.
+        posture: (nq,) configuration in which it stands.
+
+    Raises:
+        InputError: it has no legs, whose length gives the gains their unit.
+    """
+    if p.joint_stiffness == p.joint_damping == 0.0:
+        return None
+    return make_record(
+        JointTargetsRecord,
+        robot.sizes,
+        period=p.period,
+        share=-np.expm1(-p.joint_leak * p.period),
+        lead=0.5 * p.period,
+        gains=joint_gains(robot, p, posture),
+    )
+
+
+def joint_gains(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Vector:
+    """Stiffness and damping of each joint (2, joints); arguments and errors as of :func:`joint_targets_record`."""
+    model = robot.model
+    if not robot.feet or any(model.frames[robot.frame_id(foot)].parentJoint < 2 for foot in robot.feet):
+        message = f"joint_stiffness and joint_damping are in units of a leg's length, and '{robot.name}' has no legs"
+        raise InputError(message, name="joint_stiffness", value=p.joint_stiffness)
+    leg = build_of(robot, posture).leg
+    stiffness = 0.25 * robot.mass * GRAVITY * leg
+    damping = stiffness * np.sqrt(leg / GRAVITY)
+    inertia = 1.0 / np.diag(pin.computeMinverse(model, model.createData(), posture))[6:]
+    share = np.minimum(1.0, MAX_RATE * inertia / max(p.joint_damping * damping, 1e-12))
+    return np.array((p.joint_stiffness * stiffness * share, p.joint_damping * damping * share))
+
+
+@kernel
+def move_targets(m: JointTargetsRecord, acceleration: Vector, usable: bool, q: Vector, v: Vector) -> None:
+    """The law of this tick, and the targets at the beginning of the next.
+
+    Args:
+        m: element of the record.
+        acceleration: (nv,) of the optimum.
+        usable: whether there is one.
+        q: (nq,) as measured.
+        v: (nv,) as measured.
+    """
+    h, s = m.period, m.lead
+    fresh = m.follows == 0 or not usable
+    for j in range(m.gains.shape[1]):
+        angle, speed = q[7 + j], v[6 + j]
+        x, w = (angle if fresh else m.target[0, j]), (speed if fresh else m.target[1, j])
+        a = acceleration[6 + j] if usable else 0.0
+        m.law[0, j] = x + s * (w + 0.5 * s * a)
+        m.law[1, j] = w + s * a
+        m.law[2, j], m.law[3, j] = m.gains[0, j], m.gains[1, j]
+        m.target[0, j] = x + h * (w + 0.5 * h * a) + m.share * (angle - x)
+        m.target[1, j] = w + h * a + m.share * (speed - w)
+    m.follows = 1 if usable else 0
+
+
+@kernel
+def keep_targets(r: TickRecord, m: JointTargetsRecord) -> None:
+    """The law after a bad sample: that of the last tick, which fades as the torques do."""
+    factor = FADE if r.bad_in_a_row > HOLD_TICKS else 1.0
+    for j in range(m.gains.shape[1]):
+        m.law[2, j] *= factor
+        m.law[3, j] *= factor
+    m.follows = 0
+
+
+class CondensedTargetsRecord(CondensedTickRecord):
+    """The condensed whole-body controller, with joint targets."""
+
+    motors: JointTargetsRecord  # of them
+
+
+class LaggedTargetsRecord(LaggedTickRecord):
+    """The same where thrusts lag."""
+
+    motors: JointTargetsRecord  # of them
+
+
+def _with_targets(step: Kernel[int]) -> Kernel[int]:
+    """A tick of the condensed controller, and the joint targets after it."""
+
+    @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
+    def step_with_targets(
+        r: CondensedTargetsRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+    ) -> int:
+        status = step(r, target, q, v, foot_force)
+        if r.verdict == GOOD:
+            move_targets(r.motors, r.condensed.root.acceleration, status & TORQUE_CLIPPED == 0, q, v)
+        else:
+            keep_targets(r, r.motors)
+        return status
+
+    return step_with_targets
+
+
+WITH_TARGETS = {"condensed": _with_targets(condensed_step), "lagged": _with_targets(lagged_step)}
+"""Ticks of the condensed controller with joint targets."""
