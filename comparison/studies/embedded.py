@@ -34,6 +34,7 @@ from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, r
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.active_set import EXCHANGES
 from harpy_pin.wbc.input_space import build_inputs
 
 LABELS = {
@@ -165,6 +166,7 @@ def _bound(kind: str, what: Exportable, walks: tuple[Recording, ...], folder: Pa
         for name in ("torque_limit", "input_lower", "input_upper"):
             record["condensed"][name][..., -len(what.robot.joints) :] *= WEAK
     places = [record["condensed"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
+    systems = int(record["condensed"]["systems"][0]) if kind == "condensed" else 2 * EXCHANGES
     search = "exchange" if kind == "condensed" else "search"
     folders = [folder] if kind == SAME else [folder, folder.with_name(f"{folder.name}_same")]
     for place, states in zip(folders, walks, strict=False):
@@ -174,7 +176,7 @@ def _bound(kind: str, what: Exportable, walks: tuple[Recording, ...], folder: Pa
         rest = max(int(measure(f, "weak", CHIPS[chip], flags=[level]).instructions.max()) for f in folders)
         for part in places:
             records = [np.array([part[name]], part[name].dtype) for name in ("program", search, "dual")]
-            rest += search_bound(tuple(records), folder, chip, single=single, level=level, again=kind == "wbc")
+            rest += search_bound(tuple(records), folder, chip, single=single, level=level, systems=systems)
         return rest
 
     return bound

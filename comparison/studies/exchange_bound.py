@@ -1,6 +1,6 @@
 """An upper end of a tick on a microcontroller: the bound on exchanges times the dearest exchange.
 
-A search ends after ``EXCHANGES`` systems of the reused active set, or after four exchanges for each row of the dual
+A search ends after so many systems of the reused active set, or after four exchanges for each row of the dual
 method (:mod:`harpy_pin.wbc.condensed.active_set`), and the whole-body QP asks the reused
 set once more with what the dual method found. A system is dearest with as many active rows as unknowns and without a
 zero; an exchange of the dual method is dearest at one of its sizes, and either adds a row or drops the first. These are
@@ -27,7 +27,6 @@ from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES_PER_ROW
 from harpy_pin.wbc.condensed.active_set import (
-    EXCHANGES,
     SearchRecord,
     _bring_in,
     _choose,
@@ -108,7 +107,7 @@ def _system(r: BoundRecord) -> None:
     """One round of the reused active set."""
     count = _choose(r.exchange)
     _solve_active(r.program, r.exchange, count, r.z)
-    _correct(r.program, r.exchange, count, r.z, True)
+    _correct(r.program, r.exchange, count, r.z, True, False)
 
 
 @kernel
@@ -138,13 +137,12 @@ def _exchange(r: BoundRecord, size: int, drops: int, sign: float) -> int:
 
 
 def search_bound(
-    records: tuple[Record, ...], folder: Path, chip: str, *, single: bool, level: str, again: bool = False
+    records: tuple[Record, ...], folder: Path, chip: str, *, single: bool, level: str, systems: int
 ) -> int:
     """Most instructions of one search.
 
     The records are those of the program, of the reused active set and of the dual method; the folder is that of an
-    exported controller, whose board is used; ``again`` says whether the reused active set is asked once more after the
-    dual method.
+    exported controller, whose board is used; ``systems`` says how many of the reused active set there may be.
 
     Raises:
         HarpyError: it does not compile, or the program failed.
@@ -167,7 +165,7 @@ def search_bound(
     text = "\n\n".join([unit.header(), "#include <stdio.h>", unit.types(), unit.code(), table, main])
     found = _run(text, folder, CHIPS[chip], level)
     limit = EXCHANGES_PER_ROW * rows
-    return int(found["frame"] + (1 + again) * EXCHANGES * found["system"] + limit * found["exchange"])
+    return int(found["frame"] + systems * found["system"] + limit * found["exchange"])
 
 
 def _run(text: str, folder: Path, chip: Chip, level: str) -> dict[str, float]:

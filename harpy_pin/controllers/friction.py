@@ -212,14 +212,7 @@ def note_inputs(f: JointFrictionEstimateRecord, inputs: Vector) -> None:
 
 @kernel
 def add_joint_friction(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector) -> None:
-    """Update the estimate, and add it to the bias forces.
-
-    Args:
-        f: element of the record.
-        d: of the dynamics' record, at this tick's state.
-        v: (nv,) generalised velocity.
-        foot_force: (feet, 3) as measured, N.
-    """
+    """Update the estimate with measured forces (feet, 3), N, and add it to the bias forces of the present state."""
     calm = f.known != 0
     for k in range(foot_force.shape[0]):
         for i in range(3):

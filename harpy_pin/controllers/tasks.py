@@ -288,12 +288,7 @@ def target_tilt(up: Vector, x: float, y: float, z: float, w: float) -> tuple[flo
 
 @kernel
 def limit_push(gravity: Vector, body: Vector) -> None:
-    """Limit the thrust per mass s = a_d − g that an acceleration needs.
-
-    Args:
-        gravity: (3,) world axes, m/s²; nothing is limited without.
-        body: (3,) a_d in and out, world axes, m/s².
-    """
+    """Limit the thrust per mass s = a_d − g that ``body``, a_d in and out, needs: world axes, m/s²; with gravity."""
     weight = np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
     if weight == 0.0:
         return

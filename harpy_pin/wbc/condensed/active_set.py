@@ -5,7 +5,8 @@ constraints guessed, the optimum solves H z + g = Wᵀλ, W z = w. The guess is 
 violated and every multiplier has its sign. If not, the wrong constraints are exchanged, a few times all at once and
 then one by one, the last first (block principal pivoting; with single exchanges in a fixed order it ends for any
 strictly convex program whose active constraints are independent). Exchanges all at once may add constraints that depend
-on each other, as the faces of one pyramid do: then it starts over without any, one by one.
+on each other, as the faces of one pyramid do: then it starts over without any, one by one. Where a few systems have to
+do, one constraint changes at a time: the wrong multiplier that is largest, or else the largest violation.
 
 **Dual method** of Goldfarb and Idnani (1983). It starts from the optimum without constraints and adds the most violated
 one, with a step along which active constraints stay active and multipliers keep their signs; a constraint whose
@@ -136,11 +137,12 @@ def equality_residual(qp: ProgramRecord, z: Vector) -> float:
 def exchange(qp: ProgramRecord, w: ActiveSetRecord, z: Vector, most: int) -> tuple[int, float]:
     """Systems solved until the guess was right, at most ``most``, and the violation of z.
 
+    With fewer than ``EXCHANGES``, but more than one, the largest error is put right after each of them.
     The number is ``EXCHANGES`` + 1 where the guess never was right.
     """
     n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
     factorise(qp.hessian, w.factor)
-    singly = False
+    singly, largest = False, 1 < most < EXCHANGES
     for attempt in range(1, most + 1):
         count = _choose(w)
         # Too many constraints, or ones that depend on each other: start over with none, one by one.
@@ -150,7 +152,8 @@ def exchange(qp: ProgramRecord, w: ActiveSetRecord, z: Vector, most: int) -> tup
                 break
             singly = True
             continue
-        wrong, worst = _correct(qp, w, count, z, attempt <= BLOCKS and not singly)
+        block = attempt <= BLOCKS and not singly and not largest
+        wrong, worst = _correct(qp, w, count, z, block, largest)
         worst = max(worst, equality_residual(qp, z))
         if worst == np.inf:
             w.active[:] = 0
@@ -215,22 +218,27 @@ def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) 
 
 
 @kernel
-def _correct(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block: bool) -> tuple[int, float]:
-    """Drop rows with multipliers of the wrong sign, add violated ones: all of them (``block``) or the last.
+def _correct(
+    qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block: bool, largest: bool
+) -> tuple[int, float]:
+    """Drop rows with multipliers of the wrong sign, add violated ones: all (``block``), the ``largest``, or the last.
 
     Returns:
         How many rows were wrong, and the largest violation; inf where a bound or row is NaN.
     """
     n_eq, active = qp.equality_value.shape[0], w.active
     wrong, worst = 0, 0.0
-    last, change = 0, 0
+    last, change, size = 0, 0, 0.0
     for c in range(count):
         r = w.chosen[c]
-        if active[r] * w.multiplier[n_eq + c] > PULL:
+        pull = active[r] * w.multiplier[n_eq + c]
+        if pull > PULL:
             wrong += 1
-            last, change = r, -active[r]
+            if pull > size or not largest:
+                last, change, size = r, -active[r], pull
             if block:
                 active[r] = 0
+    drops = wrong > 0 and largest
     for r in range(active.shape[0]):
         s = row_value(qp, r, z)
         below, above = qp.lower[r] - s, s - qp.upper[r]
@@ -240,8 +248,8 @@ def _correct(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector, block
         if active[r] == 0 and (below > TOLERANCE or above > TOLERANCE):
             wrong += 1
             side = -1 if below > above else 1
-            if r >= last:
-                last, change = r, side
+            if not drops and (max(below, above) > size if largest else r >= last):
+                last, change, size = r, side, max(below, above)
             if block:
                 active[r] = side
     if wrong > 0 and not block:

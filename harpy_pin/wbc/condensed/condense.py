@@ -259,7 +259,9 @@ def recover(e: CondensationRecord, f: Vector) -> None:
             s += e.mass[i, j] * e.multiplier[i]
         a[j] = e.desired[j] - e.inverse_body_weight[j] * s
     if e.centred:
-        root_of_centre(e)
+        root_of_centre(
+            e, a.reshape((a.shape[0], 1)), e.free_acceleration.reshape((e.inverse_weight.shape[0], 1)), 1, 1.0
+        )
     limbs, joints, rows = e.inverse.shape
     for k in range(limbs):
         for x in range(joints):
@@ -371,27 +373,12 @@ def _invert(e: CondensationRecord) -> bool:
 
 
 @kernel
-def root_of_centre(e: CondensationRecord) -> None:
-    """The root's acceleration from z, in the first six entries of ``e.acceleration``."""
-    a, x = e.acceleration, np.empty(6)
-    for j in range(6):
-        x[j] = a[j] - (e.centre_bias[j] if j < 3 else 0.0)
-    for k in range(2):
-        for c in range(e.free_acceleration.shape[0]):
-            x[k] -= e.centre_free[k, c] * e.free_acceleration[c]
-    for i in range(6):
-        a[i] = 0.0
-        for j in range(6):
-            a[i] += e.root_per_centre[i, j] * x[j]
-
-
-@kernel
-def root_per_unit(e: CondensationRecord, n: int) -> None:
-    """The motion per unit of each of n variables, in the first six rows of ``e.motion_per_unit``."""
-    motion, free, x = e.motion_per_unit, e.free_per_unit, np.empty(6)
+def root_of_centre(e: CondensationRecord, motion: Vector, free: Vector, n: int, bias: float) -> None:
+    """The root's acceleration from z, in the first six rows of ``motion`` (≥ 6, ≥ n); ``bias`` says how much of c."""
+    x = np.empty(6)
     for a in range(n):
         for j in range(6):
-            x[j] = motion[j, a]
+            x[j] = motion[j, a] - (bias * e.centre_bias[j] if j < 3 else 0.0)
         for k in range(2):
             for c in range(e.free_acceleration.shape[0]):
                 x[k] -= e.centre_free[k, c] * free[c, a]

@@ -31,7 +31,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.condense import CondensationRecord, joint_torques, recover, root_factor, root_per_unit
+from harpy_pin.wbc.condensed.condense import CondensationRecord, joint_torques, recover, root_factor, root_of_centre
 from harpy_pin.wbc.condensed.force_program import force_bounds, root_cost
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def _motion_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, 
             for a in range(n):
                 motion[j, a] += x * response[i, a]
     if e.centred:
-        root_per_unit(e, n)
+        root_of_centre(e, motion, free, n, 0.0)
     others = e.others.shape[0]
     first = thrusts + others
     for c in range(others):
@@ -254,10 +254,7 @@ def share_of_swing(d: EquationsRecord, torque: Vector, limit: Vector, give_way: 
 
 @kernel
 def share_of_least_force(d: EquationsRecord, torque: Vector, limit: Vector, k: int) -> float:
-    """ρ of a contact point.
-
-    The torques are τ° and the limits τ_max, N·m.
-    """
+    """ρ of a contact point; the torques are τ° and the limits τ_max, N·m."""
     share = 1.0
     for j in range(limit.shape[0]):
         moves = 0.0

@@ -2,8 +2,8 @@
 
 A tick eliminates the limbs (:mod:`harpy_pin.wbc.condensed.condense`), fills in the program in the contact forces
 (:mod:`harpy_pin.wbc.condensed.force_program`), finds its optimum, and recovers thrusts and torques.
-The last tick's active set is tried, then exchanged; then follows the dual
-active-set method. At the end every force is put into its pyramid.
+The last tick's active set is tried, then exchanged; then follows the dual active-set method. At the end every force is
+put into its pyramid.
 
 Where thrusts or torques of that optimum exceed their limits, which is rare, the program is solved again with thrusts
 and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so that the result is the whole-body optimum
@@ -70,6 +70,7 @@ class CondensedRecord(ProblemRecord):
     at_rest: Vector = sized("thrusts + joints")  # [u; τ] where the unknowns are zero
     # status of the last tick, and systems that were solved in it
     status_and_systems: NDArray[np.int64] = sized(2, whole=True)
+    systems: int  # that a search solves before the dual method
     hold_ticks: int  # ticks in a row for which the last inputs are held in the place of clipped ones
     clipped: NDArray[np.int64] = sized(2, whole=True)  # ticks with clipped torques: all, and in a row
 
@@ -79,8 +80,7 @@ def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
     """One tick, on elements of the records; see :class:`~harpy_pin.wbc.condensed.CondensedSolver`."""
     e, qp = p.root, p.free.program
     p.status_and_systems[:] = 0
-    for c in range(p.inputs.shape[0]):
-        p.last_inputs[c] = p.inputs[c]
+    p.last_inputs[:] = p.inputs
     root_acceleration(v, rotation, t, e.desired)
     eliminate_limbs(d, t, p, e, v)
     root_factor(e)
@@ -98,16 +98,20 @@ def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
     beyond = outside(torque, p.input_lower[thrusts:], p.input_upper[thrusts:])
     if beyond or outside(thrust, p.input_lower, p.input_upper):
         _within_limits(d, t, p, v, beyond)
-    for c in range(thrusts):
-        p.inputs[c] = thrust[c]
+    elif p.systems < EXCHANGES:  # where limits are reached next, their search begins with the rows of the pyramids
+        first = p.limited.program.bounded
+        p.limited.exchange.active[:] = 0
+        for r in range(p.free.exchange.active.shape[0]):
+            p.limited.exchange.active[first + r] = p.free.exchange.active[r]
+    p.inputs[:thrusts] = thrust
 
 
 @kernel
 def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
     """The optimum, by the last active set, its exchange, or the dual method; the status says whether one was found."""
     w, dual = search.exchange, search.dual
-    systems, _ = exchange(search.program, w, z, EXCHANGES)
-    p.status_and_systems[1] += systems
+    systems, _ = exchange(search.program, w, z, p.systems)
+    p.status_and_systems[1] += min(systems, p.systems + 1)
     if systems <= EXCHANGES:
         return
     outcome, exchanges = dual_active_set(search.program, dual, z)
@@ -140,8 +144,7 @@ def _within_limits(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: V
         y[c] = min(max(y[c], qp.lower[c]), qp.upper[c])
         if y[c] <= p.input_lower[c] or y[c] >= p.input_upper[c]:
             p.status_and_systems[0] |= THRUST_LIMITED
-    for c in range(p.force.shape[0]):
-        p.force[c] = y[first + c]
+    p.force[:] = y[first:]
     into_cones(t, p)
     for c in range(y.shape[0]):
         if c < first or t.held[(c - first) // 3] == 0.0:
