@@ -29,6 +29,7 @@ from .scenario import (
 )
 from .simulation.actuators import Actuators
 from .simulation.loop import Controller
+from .simulation.mujoco import MujocoBridge
 from .simulation.push import Push
 from .simulation.sensors import Noise
 from .simulation.simulator import Simulator
@@ -66,6 +67,7 @@ __all__ = [
     "JointTask",
     "LegGeometry",
     "Mujoco",
+    "MujocoBridge",
     "Noise",
     "OnTerrain",
     "Push",

@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 from comparison.walkers.policy import PERIOD, Policy, package_in
-from harpy_pin import Robot, State, WalkingGait, make_controller
+from harpy_pin import MujocoBridge, Robot, State, WalkingGait, make_controller
 from harpy_pin.errors import ControlError
 from harpy_pin.model.state import Vector
-from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco
+from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
 SCENE = Path("_src", "locomotion", "go1", "xmls", "scene_mjx_feetonly_flat_terrain.xml")
 FEET = ("FR", "FL", "RR", "RL")
@@ -63,7 +63,7 @@ def robot_of(spec: Any) -> Robot:
     limit = np.array(read.effortLimit)
     limit[6:] = [model.actuator_forcerange[driven[name], 1] for name in list(read.names)[2:]]
     read.effortLimit = limit
-    return Robot(read, file, FEET, (), np.inf, posture=np.array(model.key_qpos[0, 7:]))
+    return Robot(read, file, FEET, (), np.inf, posture=np.array(model.key_qpos[0, 7:])).with_joints(friction=0.0)
 
 
 def torque_driven(model: Any) -> None:
@@ -236,7 +236,7 @@ class Law:
     def __init__(self, robot: Robot, model: Any, mu: float, *, learning: bool) -> None:
         torque_driven(model)
         self.robot, self.period, self.gait = robot, float(model.opt.timestep), WalkingGait(robot)
-        self._states = Conventions(model, robot)
+        self._states = MujocoBridge(model, robot)
         how: dict[str, Any] = {"mu": mu, "period": self.period, "estimate_joint_friction": learning}
         self._controller = make_controller("condensed", self.gait, **how)
         driven = {model.joint(joint).name: k for k, joint in enumerate(model.actuator_trnid[:, 0])}

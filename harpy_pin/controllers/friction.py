@@ -38,7 +38,8 @@ leave it over,
 from the last command, the measured contact forces and two measured velocities. For every joint, least squares with
 exponential forgetting fit φ = b v + c tanh(v / ``KNEE``) with b, c ≥ 0: viscous and Coulomb friction. The fit is drawn
 to zero where a joint has hardly moved. The controllers' bias forces then contain it. Ticks in which a contact force
-changes by more than ``IMPACT`` are left out.
+changes by more than ``IMPACT`` are left out. Dry friction c that the model has is in the bias forces beforehand, as
+c tanh(v / ``KNOWN_KNEE``): along the motion and below c, so that it moves no joint on its own.
 """
 
 from __future__ import annotations
@@ -76,6 +77,8 @@ JOINT_MEMORY = 0.5
 """Time constant of the forgetting, s."""
 KNEE = 0.05
 """Velocity at which Coulomb friction is mostly there, rad/s."""
+KNOWN_KNEE = 0.3
+"""The same for the dry friction of the model, rad/s."""
 RIDGE = 1.0
 """Sum of squares of a regressor, (rad/s)² or 1, that draws the fit half-way to zero."""
 IMPACT = 20.0
@@ -188,7 +191,7 @@ def _conclude(p: FrictionRecord, k: int) -> None:
 
 
 class JointFrictionEstimateRecord(RecordOf):
-    """The estimate of friction in the joints."""
+    """Dry friction of the joints as the model has it, and the estimate of what it does not have."""
 
     on: int  # 1 where there is an estimate
     period: float  # between ticks, s
@@ -200,6 +203,7 @@ class JointFrictionEstimateRecord(RecordOf):
     sums: Vector = sized("joints", 5)
     viscous: Vector = sized("joints")  # (joints,) b, N·m·s/rad
     coulomb: Vector = sized("joints")  # (joints,) c, N·m
+    dry: Vector  # (joints,) dry friction that the model has, N·m; (0,) where it has none
 
 
 @kernel

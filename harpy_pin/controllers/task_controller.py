@@ -59,7 +59,11 @@ def tasks_record(
         targets=targets_record(robot),
         friction=friction_record(assumed=p.limits.mu, feet=feet, period=p.period, on=p.estimate_friction),
         joint_friction=make_record(
-            JointFrictionEstimateRecord, robot.sizes, on=np.int64(p.estimate_joint_friction), period=p.period
+            JointFrictionEstimateRecord,
+            robot.sizes,
+            on=np.int64(p.estimate_joint_friction),
+            period=p.period,
+            dry=robot.dry_friction if robot.dry_friction.any() else np.zeros(0),
         ),
         **parts,
     )

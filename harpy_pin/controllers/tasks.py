@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.friction import (
+    KNOWN_KNEE,
     FrictionRecord,
     JointFrictionEstimateRecord,
     add_joint_friction,
@@ -80,7 +81,7 @@ class TasksRecord(RecordOf):
     tasks: TaskSettingsRecord  # gains and ranges
     targets: TargetsRecord  # tasks of the last state
     friction: FrictionRecord  # the estimate of the friction
-    joint_friction: JointFrictionEstimateRecord  # the estimate of the joints' friction
+    joint_friction: JointFrictionEstimateRecord  # friction in the joints
 
 
 @kernel
@@ -107,6 +108,8 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         return verdict
     if not all_possible_rows(foot_force):
         return BAD
+    for j in range(r.joint_friction.dry.shape[0]):
+        d.bias[6 + j] += r.joint_friction.dry[j] * np.tanh(v[6 + j] / KNOWN_KNEE)
     if r.joint_friction.on:
         add_joint_friction(r.joint_friction, d, v, foot_force)
     if not (all_possible(g.body) and all_possible(g.heading)):
@@ -213,8 +216,7 @@ def _body_targets(
 
 @kernel
 def share_of_load(g: GaitTargetRecord, k: int, double_support: float) -> float:
-    """Share of the load on a stance foot: it grows over the double support that begins a stance, and falls over the one
-    that ends it."""
+    """Share of the load on a stance foot: it grows over the double support that begins a stance, falls at its end."""
     if g.stance[k] == 0.0:
         return 0.1
     if double_support <= 0.0:

@@ -4,6 +4,8 @@ Postures are the reference configurations ``standing`` or ``half_sitting`` of ea
 iCub's knees are bent further, and its soles level: in its SRDF's posture the knees are nearly straight, and the centre
 of mass is 36 mm from the front edge of soles 150 mm long.
 
+Dry friction in the joints is left out: the files of Go1, Talos and hextilt have one round number for many joints.
+
 Humanoids stand on flat feet, rectangles inside the soles of their collision geometry:
 
 - Talos: the lowest 3 mm of the mesh of ``leg_left_6_link`` reach from x = −0.110 to 0.099 m and y = ±0.062 m of the

@@ -7,18 +7,21 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, catalogue_robot, installed_data, known_name
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
+from harpy_pin.model.mjcf import build_any_model, find_joints, free_joint, known_joints, peak_torques
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
-from harpy_pin.model.urdf import build_model, check_file
+from harpy_pin.model.urdf import check_file
 
 __all__ = [
     "HARPY_FEET",
@@ -101,6 +104,11 @@ class Robot:
         return np.array(self.model.effortLimit[self.model.joints[1].nv :])
 
     @property
+    def dry_friction(self) -> Vector:
+        """(joints,) dry friction of each joint, N·m."""
+        return np.array(self.model.upperDryFrictionLimit[self.model.joints[1].nv :])
+
+    @property
     def n_thrust(self) -> int:
         """Number of thrust variables: three for each free thruster, one for each rotor."""
         return 3 * (len(self.thrusters) - len(self.rotors)) + len(self.rotors)
@@ -142,6 +150,51 @@ class Robot:
     def joint_upper(self) -> Vector:
         """(joints,) upper position limits, rad."""
         return np.array(self.model.upperPositionLimit[self.model.joints[1].nq :])
+
+    @checked
+    def with_joints(
+        self, *, armature: ArrayLike | None = None, damping: ArrayLike | None = None, friction: ArrayLike | None = None
+    ) -> Robot:
+        """The robot with what is known of its joints; each a number, or one for each joint. None: as in the model.
+
+        Plants have these joints, and the whole-body controllers take them into account.
+
+        Args:
+            armature: inertia of the motors' rotors at the joints, kg·m².
+            damping: viscous friction, N·m·s/rad.
+            friction: dry friction, N·m.
+
+        Raises:
+            InputError: another length, or numbers that are not finite or negative.
+        """
+        model, base = self.model.copy(), self.model.joints[1].nv
+        for name, given in {"armature": armature, "damping": damping, "friction": friction}.items():
+            if given is not None:
+                field = "upperDryFrictionLimit" if name == "friction" else name
+                values = checks.gains(name, given, len(self.joints))
+                setattr(model, field, np.concatenate((getattr(model, field)[:base], values)))
+        model.lowerDryFrictionLimit = -model.upperDryFrictionLimit
+        return replace(self, model=model)
+
+    def with_mujoco(self, model: Any) -> Robot:
+        """The robot with armature, damping and dry friction of a MuJoCo model's joints, see :meth:`with_joints`.
+
+        The armature of the free joint, and largest torques of joints that have none here, are taken, too. Joints are
+        found by name; a prefix that ends in ``:`` or ``/`` does not count.
+
+        Args:
+            model: ``mujoco.MjModel`` of the robot.
+
+        Raises:
+            InputError: the model has no free joint, or lacks a joint.
+        """
+        joints, base = find_joints(model, self.joints), self.model.joints[1].nv
+        first = model.jnt_dofadr[free_joint(model, joints)]
+        robot, limit = self.with_joints(**known_joints(model, joints)), np.array(self.model.effortLimit)
+        robot.model.armature = np.concatenate((model.dof_armature[first : first + base], robot.model.armature[base:]))
+        limit[base:] = np.where(np.isinf(limit[base:]), peak_torques(model, joints), limit[base:])
+        robot.model.effortLimit = limit
+        return robot
 
     def frame_id(self, name: str) -> int:
         """Pinocchio's index of a frame.
@@ -195,7 +248,8 @@ def load_robot(
     """Any floating-base robot, with point feet, flat ones or none, and with thrusters or rotors.
 
     Args:
-        urdf: path of the URDF; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
+        urdf: path of the URDF, or of an MJCF file (:mod:`harpy_pin.model.mjcf`), whose keyframe ``home`` is the
+            standing posture; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
             ``"solo12"``, whose files are the extra ``robots``. Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet; () for none.
         flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
@@ -233,9 +287,10 @@ def load_robot(
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
     path = source if known is None else known.path()
-    model = build_model(path)
+    model, posture = build_any_model(path)
     if known is not None:
         known.add_frames(model)
+        model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         for name in names:
             if not model.existFrame(name):
@@ -245,7 +300,7 @@ def load_robot(
                 where = shown(str(path), 300)
                 raise RobotError(f"{where} has no {kind} frame {shown(name)}; its links: {found}", path=path)
     points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
-    posture = None if known is None else known.posture(model)
+    posture = posture if known is None else known.posture(model)
     robot = Robot(
         model,
         path,

@@ -16,7 +16,7 @@ import pinocchio as pin
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError, shown
 
-__all__ = ["build_model", "check_file"]
+__all__ = ["build_model", "check_bodies", "check_file", "number_in", "read_xml"]
 
 _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
@@ -65,7 +65,9 @@ def build_model(path: Path) -> pin.Model:
         RobotError: the file is missing, too large, malformed, or describes what no body can be; always one line.
     """
     try:
-        root = _parse(path)
+        root = read_xml(path)
+        if root.tag != "robot" or root.find("link") is None:
+            raise RobotError(f"{_shown(path)} is not a URDF: it has no <robot> with links", path=path)
         links, joints = root.findall("link"), root.findall("joint")
         _check_names([root], "robot")
         _check_names(links, "link")
@@ -93,7 +95,7 @@ def build_model(path: Path) -> pin.Model:
             model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = -np.inf, np.inf
             if not limited:
                 model.effortLimit[joint.idx_v] = model.velocityLimit[joint.idx_v] = np.inf
-        _check_bodies(model)
+        check_bodies(model)
     except InputError as error:
         raise RobotError(f"{_shown(path)}: {error}", path=path) from error
     except OSError as error:
@@ -116,8 +118,8 @@ def _shown(path: Path) -> str:
     return shown(str(path), 300)
 
 
-def _parse(path: Path) -> ElementTree.Element:
-    """Root of the XML."""
+def read_xml(path: Path) -> ElementTree.Element:
+    """Root of the XML of a robot's file; errors are those of :func:`build_model`, ``InputError`` and ``OSError``."""
     check_file(path)
     with path.open("rb") as file:
         data = file.read(_MAX_BYTES + 1)
@@ -129,8 +131,6 @@ def _parse(path: Path) -> ElementTree.Element:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise RobotError(f"{_shown(path)} is not well-formed XML: {error}", path=path) from error
-    if root.tag != "robot" or root.find("link") is None:
-        raise RobotError(f"{_shown(path)} is not a URDF: it has no <robot> with links", path=path)
     level = [root]
     for _ in range(_MAX_DEPTH):
         level = [inner for element in level for inner in element]
@@ -230,11 +230,11 @@ def _check_numbers(owner: ElementTree.Element) -> None:
             for part in parts:
                 if "_" in part or not part.isascii():  # numbers to Python alone
                     raise InputError(f"{what} must be a number, got {ascii(part)[:60]}")
-                checks.number(what, _number(part), low=low, high=high)
+                checks.number(what, number_in(part), low=low, high=high)
             element.set(name, " ".join(parts))
 
 
-def _number(text: str) -> float | str:
+def number_in(text: str) -> float | str:
     """The number that a text is; the text itself where it is none."""
     try:
         return float(text)
@@ -260,7 +260,7 @@ def _check_joint(joint: ElementTree.Element) -> None:
     checks.number(f"upper limit of joint '{name}'", upper, low=lower)
 
 
-def _check_bodies(model: pin.Model) -> None:
+def check_bodies(model: pin.Model) -> None:
     """What moves together is a body that can exist, and every joint moves something.
 
     The links that a fixed joint holds together are one body: files of real robots have links of no use on their own.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,8 @@ class Actuators:
         torque_share: largest torque, as a share of the model's peak torque; the plant clips what is beyond. None: the
             plant clips nothing, as controllers have limits of their own.
         viscous_friction: of every joint, N·m·s/rad, besides the model's damping.
-        coulomb_friction: of every joint, N·m: a joint at rest stays at rest under smaller torques.
+        coulomb_friction: of every joint, N·m, besides the model's dry friction: a joint at rest stays at rest under
+            smaller torques.
         thrusters: lag and limits of the thrusts, also as a mapping.
         no_load_speed: at which a motor under full voltage has no torque left, at the joint, rad/s: the torque is at
             most stall (1 − ω/ω₀) along the speed ω, and stall (1 + ω/ω₀) against it. None: torques know no speed.
@@ -80,11 +81,16 @@ class Actuators:
         """
         if self.viscous_friction == 0.0:
             return robot
-        model = robot.model.copy()
-        damping = np.array(model.damping)
-        damping[6:] += self.viscous_friction
-        model.damping = damping
-        return replace(robot, model=model)
+        return robot.with_joints(damping=robot.model.damping[6:] + self.viscous_friction)
+
+    @checked
+    def coulomb(self, robot: Robot) -> Vector:
+        """(joints,) Coulomb friction of each joint, with that of the model, N·m.
+
+        Args:
+            robot: whose joints.
+        """
+        return self.coulomb_friction + robot.dry_friction
 
 
 class MotorsRecord(RecordOf):

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
@@ -37,12 +35,10 @@ class JointFrictionRecord(RecordOf):
     free: Vector = sized("3 feet")  # (3 feet,) velocities of the feet under that friction without contact forces, m/s
 
 
-def joint_friction_record(*, nv: int, feet: int, coulomb: float) -> Records[JointFrictionRecord]:
-    """A new :class:`JointFrictionRecord`, with the same Coulomb friction in every joint, N·m."""
-    joints = nv - 6 if coulomb > 0.0 else 0
-    return make_record(
-        JointFrictionRecord, {"nv": nv, "feet": feet, "joints": joints}, limit=np.full(joints, float(coulomb))
-    )
+def joint_friction_record(*, nv: int, feet: int, limit: Vector) -> Records[JointFrictionRecord]:
+    """A new :class:`JointFrictionRecord`, with the Coulomb friction ``limit`` (joints,), N·m, in the joints."""
+    joints = len(limit) if limit.any() else 0
+    return make_record(JointFrictionRecord, {"nv": nv, "feet": feet, "joints": joints}, limit=limit[:joints])
 
 
 @kernel
@@ -85,7 +81,8 @@ def step_with_friction(s: StepRecord, ground: GroundRecord, v: Vector, tolerance
             for i in range(nv):
                 columns[i, nc] += dt * own[i, j] * more
             f.torque[j] = torque
-            change = max(change, abs(more) / f.limit[j])
+            if f.limit[j] > 0.0:
+                change = max(change, abs(more) / f.limit[j])
         if change <= TOLERANCE:
             return used
     return sweeps + 1

@@ -56,7 +56,8 @@ class Simulator(Plant):
     sweeps = 0
 
     def _make_record(self) -> Records[StepRecord]:
-        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, motors=motors_of(self.robot))
+        motors, friction = motors_of(self.robot), self.actuators.coulomb(self.robot)
+        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, motors=motors, friction=friction)
 
     def _prepare(self) -> None:
         arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)

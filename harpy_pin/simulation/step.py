@@ -113,11 +113,20 @@ def plant_record(
 
 
 def step_record(
-    sizes: Mapping[str, int], *, dt: float, actuators: Actuators | None = None, motors: Mapping[str, Any] | None = None
+    sizes: Mapping[str, int],
+    *,
+    dt: float,
+    actuators: Actuators | None = None,
+    motors: Mapping[str, Any] | None = None,
+    friction: Vector | None = None,
 ) -> Records[StepRecord]:
-    """A new :class:`StepRecord`, see :func:`plant_record`; by default of a model without motors and thrusters."""
+    """A new :class:`StepRecord`, see :func:`plant_record`; by default of a model without motors and thrusters.
+
+    ``friction`` (joints,) is the Coulomb friction of each joint, N·m.
+    """
     sizes, actuators = {"thrusts": 0, "thrusters": 0, **sizes}, Actuators() if actuators is None else actuators
-    joints = joint_friction_record(nv=sizes["nv"], feet=sizes["feet"], coulomb=actuators.coulomb_friction)
+    limit = np.zeros(0) if friction is None else friction
+    joints = joint_friction_record(nv=sizes["nv"], feet=sizes["feet"], limit=limit)
     motors = {"peak": np.zeros(0)} if motors is None else motors
     return plant_record(StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints)
 

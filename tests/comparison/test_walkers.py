@@ -14,7 +14,7 @@ from comparison.studies.walkers import RANGE, STUDY
 from comparison.walkers.policy import WEIGHTS, Policy, observation
 from comparison.walkers.walk import FEET, LAW, NETWORK, Law, Watch, followed, robot_of, sliding, walked
 from harpy_pin import InputError
-from harpy_pin.simulation.mujoco import Conventions
+from harpy_pin.simulation.mujoco import MujocoBridge
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
 
@@ -80,7 +80,7 @@ def test_our_robot_is_the_one_of_mujoco():
     spec = dog()
     model, robot = spec.compile(), robot_of(spec)
     data = moved(model, 1)
-    state, ours = Conventions(model, robot).read(data), robot.model.createData()
+    state, ours = MujocoBridge(model, robot).read(data), robot.model.createData()
     np.testing.assert_allclose(state.foot_position, [data.site(foot).xpos for foot in FEET], atol=1e-9)
     momentum = np.zeros(model.nv)
     mujoco.mj_mulM(model, data, momentum, data.qvel)

@@ -186,6 +186,7 @@ MADE_BY_THE_LIBRARY = (
     *("governors.GovernorStatus", "governors.ShieldAnswer", "model.IKResult", "Robot"),
     *("wbc.QPSolution", "scenario.Walk", "Interrupted"),
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions", "wbc.BuiltInTask"),
+    "MujocoBridge",
 )
 """Classes whose objects users get and do not make."""
 BASES = (

@@ -4,6 +4,7 @@
 MuJoCo itself is imported when the first model is made.
 """
 
+from harpy_pin.simulation.mujoco.bridge import MujocoBridge
 from harpy_pin.simulation.mujoco.conventions import Conventions, installed_version
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.mujoco_plant import MujocoPlant
@@ -13,6 +14,7 @@ __all__ = [
     "CONTACTS",
     "PRESETS",
     "Conventions",
+    "MujocoBridge",
     "MujocoModel",
     "MujocoPlant",
     "SoftContact",

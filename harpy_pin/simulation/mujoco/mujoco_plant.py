@@ -118,7 +118,7 @@ class MujocoPlant(Plant):
             own_planes=not self._flat,
         )
         self.model, self.data = inside.model, inside.data
-        self.model.dof_frictionloss[inside.joint_places] = self.actuators.coulomb_friction
+        self.model.dof_frictionloss[inside.joint_places] = self.actuators.coulomb(self.robot)
         self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
         self._planes = np.zeros((feet, 7))
         self.model.geom_sameframe[inside.planes] = 0  # they are where the plant puts them

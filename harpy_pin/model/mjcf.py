@@ -1,0 +1,140 @@
+"""Robots in MuJoCo's format: files, by Pinocchio's own reader, and what a compiled model knows of joints.
+
+Pinocchio reads bodies, joints with ``armature``, ``damping`` and ``frictionloss``, sites and keyframes. It ignores
+equality constraints, actuators, and the inertia of meshes: files that need these are refused, and torques are limited
+by a joint's ``actuatorfrcrange`` alone.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from harpy_pin import checks
+from harpy_pin.errors import InputError, RobotError, shown
+from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import tree_record
+from harpy_pin.model.urdf import build_model, check_bodies, number_in, read_xml
+
+__all__ = ["FREE", "build_any_model", "find_joints", "free_joint", "known_joints", "peak_torques", "plain_name"]
+
+FREE = 0
+"""``mujoco.mjtJoint.mjJNT_FREE``."""
+
+
+def build_any_model(path: Path) -> tuple[pin.Model, Vector | None]:
+    """Pinocchio's model of a URDF or of an MJCF file, and the standing posture (joints,) where the file has one.
+
+    Raises:
+        RobotError: as :func:`harpy_pin.model.urdf.build_model`.
+    """
+    where = shown(str(path), 300)
+    try:
+        root = read_xml(path)
+        if root.tag != "mujoco":
+            return build_model(path), None
+        _check_elements(root)
+        model = pin.buildModelFromMJCF(str(path))
+        if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer":
+            raise InputError("its first body has no free joint")
+        tree_record(model)
+        check_bodies(model)
+    except InputError as error:
+        raise RobotError(f"{where}: {error}", path=path) from error
+    except OSError as error:
+        raise RobotError(f"cannot read {where}: {error.strerror or error}", path=path) from error
+    except (RuntimeError, ValueError, IndexError) as error:
+        reason = " ".join(str(error).split())
+        raise RobotError(f"{where} is not an MJCF file that Pinocchio can read: {reason}", path=path) from error
+    keys = {entry.key(): np.array(entry.data()) for entry in model.referenceConfigurations}
+    return model, keys["home"][7:] if "home" in keys else None
+
+
+def _check_elements(root: ElementTree.Element) -> None:
+    """Refuse what Pinocchio's reader would leave out or misread."""
+    for kind in ("connect", "weld", "joint"):
+        if any(equality.find(kind) is not None for equality in root.findall("equality")):
+            raise InputError(f"it has the equality constraint <{kind}>: closed loops and couplings are not supported")
+    for body in root.iter("body"):
+        if body.find("inertial") is None and any("mesh" in geom.attrib for geom in body.findall("geom")):
+            raise InputError(f"the inertia of body '{body.get('name')}' is that of a mesh, which is not read")
+    for element in root.iter():
+        for name in ("mass", "armature", "damping", "frictionloss"):
+            text = element.get(name)
+            for part in (text or "").split() if element.tag in ("inertial", "geom", "joint") else ():
+                checks.number(f"{name} in <{element.tag}>", number_in(part), low=0.0)
+        if element.tag == "joint" and not element.get("axis", "0 0 1").strip(" 0.-"):
+            raise InputError(f"axis of joint '{element.get('name')}' is zero")
+
+
+def plain_name(name: str) -> str:
+    """A name without the prefix of an attached model."""
+    return re.split(r"[:/]", name)[-1]
+
+
+def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
+    """Numbers of joints in a ``mujoco.MjModel``, by their names without prefix.
+
+    Raises:
+        InputError: it is no such model, has no free joint, a joint is absent, or there are two of that name.
+    """
+    if not hasattr(model, "jnt_type"):
+        raise InputError(f"model must be a mujoco.MjModel, got {shown(model)}", name="model", value=model)
+    if FREE not in model.jnt_type:
+        raise InputError("the MuJoCo model has no free joint: its base is fixed", name="model")
+    found: dict[str, list[int]] = {}
+    for number in range(model.njnt):
+        if model.jnt_type[number] != FREE:
+            name = str(model.joint(number).name)
+            for short in {name, plain_name(name), name.removeprefix("joint:")}:
+                found.setdefault(short, []).append(number)
+    for name in names:
+        checks.one_of("joint of the MuJoCo model", name, found)
+        if len(found[name]) > 1:
+            raise InputError(f"the MuJoCo model has {len(found[name])} joints '{name}'", name="model")
+    return np.array([found[name][0] for name in names], dtype=np.int64)
+
+
+def free_joint(model: Any, joints: NDArray[np.int64]) -> int:
+    """Number of the free joint that moves the base of a robot with these joints.
+
+    Raises:
+        InputError: there is none.
+    """
+    free = [number for number in range(model.njnt) if model.jnt_type[number] == FREE]
+    if len(joints):
+        root = model.body_rootid[model.jnt_bodyid[joints[0]]]
+        free = [number for number in free if model.jnt_bodyid[number] == root]
+    if not free:
+        raise InputError("the MuJoCo model has no free joint above the robot's joints", name="model")
+    return free[0]
+
+
+def known_joints(model: Any, joints: NDArray[np.int64]) -> dict[str, Vector]:
+    """Armature, kg·m², damping, N·m·s/rad, and dry friction, N·m, each (joints,), of joints of a MuJoCo model."""
+    place = model.jnt_dofadr[joints]
+    arrays = {"armature": model.dof_armature, "damping": model.dof_damping, "friction": model.dof_frictionloss}
+    return {name: array[place] for name, array in arrays.items()}
+
+
+def peak_torques(model: Any, joints: NDArray[np.int64]) -> Vector:
+    """(joints,) largest torques of joints, N·m: of their ranges and of their actuators; infinite without limits."""
+    peak = np.full(len(joints), np.inf)
+    for k, joint in enumerate(joints):
+        if model.jnt_actfrclimited[joint]:
+            peak[k] = abs(model.jnt_actfrcrange[joint]).max()
+        for number in np.flatnonzero((model.actuator_trntype <= 1) & (model.actuator_trnid[:, 0] == joint)):
+            limits = [np.inf]
+            if model.actuator_forcelimited[number]:
+                limits.append(abs(model.actuator_forcerange[number]).max())
+            if model.actuator_ctrllimited[number] and model.actuator_biastype[number] == 0:
+                limits.append(abs(model.actuator_ctrlrange[number] * model.actuator_gainprm[number, 0]).max())
+            peak[k] = min(peak[k], abs(model.actuator_gear[number, 0]) * min(limits))
+    return peak

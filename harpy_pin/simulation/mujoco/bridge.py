@@ -1,0 +1,308 @@
+"""A controller of this library in a MuJoCo simulation of one's own: its state in, a command out."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.arguments import checked
+from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError, shown
+from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
+from harpy_pin.model.entry import as_command
+from harpy_pin.model.mjcf import plain_name
+from harpy_pin.model.record import RecordOf, make_record, sized
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Command, State, Vector
+from harpy_pin.model.terms import all_finite, place_bodies, point_terms
+from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_of, motors_record
+from harpy_pin.simulation.mujoco.conventions import Conventions, ConventionsRecord, from_mujoco, import_mujoco
+from harpy_pin.simulation.mujoco.differences import AtZero, differences
+
+__all__ = ["MujocoBridge"]
+
+HINGE, SLIDE = 3, 2
+"""``mujoco.mjtJoint``."""
+CLOSING = {0: "connect", 1: "weld", 2: "joint"}
+"""Equality constraints that hold bodies or joints together, ``mujoco.mjtEq``."""
+
+
+class BridgeRecord(RecordOf):
+    """What reading and writing need, and work space."""
+
+    conventions: ConventionsRecord
+    dynamics: DynamicsRecord
+    motors: MotorsRecord
+    q: Vector
+    v: Vector
+    qpos: Vector  # of MuJoCo's data, with a unit quaternion
+    link: NDArray[np.int64]  # (geoms, feet) 1 where a geom is on the link of a foot
+    reach: Vector  # (feet,) distance from a foot's point within which contacts are its, m
+    entry: NDArray[np.int64]  # (joints,) of each joint's actuator in ``ctrl``, or of the joint in ``qfrc_applied``
+    gear: Vector  # (joints,) torque per force of the actuator
+    gain: Vector  # (joints,) force per control
+    bias: Vector = sized("joints", 3)  # force at no control, N; per length, and per velocity of the actuator
+
+
+class MujocoBridge(Conventions):
+    """Reads states from a MuJoCo simulation of a robot, and writes commands into it; made once for a model.
+
+    Joints are found by name, as :class:`~harpy_pin.simulation.mujoco.Conventions` says. Contacts on a link count for
+    its nearest foot. Where a point foot has geometry of its own (a sphere around its point, or what has its name), only
+    those within twice its size do, so that a knee is no foot.
+
+    A joint's actuator takes torques (``motor``) or positions or velocities (a fixed gain, an affine bias); in a model
+    without actuators torques are written into ``qfrc_applied``.
+
+    Args:
+        model: ``mujoco.MjModel`` of the robot.
+        robot: as the controller knows it.
+
+    Attributes:
+        foot_radius: (feet,) of the spheres around the feet's points, m; 0 where there is none.
+
+    Raises:
+        InputError: MuJoCo is not installed, or the model is that of another robot: without a free joint, with joints
+            that are absent or too many, of another kind, without an actuator or with one that is not supported, or with
+            closed loops.
+    """
+
+    @checked
+    def __init__(self, model: Any, robot: Robot) -> None:
+        self._mujoco = import_mujoco()
+        super().__init__(model, robot)
+        self.model, self.robot = model, robot
+        self._check_joints()
+        self._check_loops()
+        self._at_zero = AtZero(self._mujoco, model, robot, self.joints, self.free)
+        nq, nv, self.foot_radius = robot.model.nq, robot.model.nv, np.zeros(len(robot.feet))
+        self._record = make_record(
+            BridgeRecord,
+            robot.sizes,
+            conventions=self.record,
+            dynamics=dynamics_record(robot),
+            motors=motors_record(Actuators(), **motors_of(robot)),
+            q=np.zeros(nq),
+            v=np.zeros(nv),
+            qpos=np.zeros(model.nq),
+            **self._find_feet(),
+            **self._find_actuators(),
+        )
+        self._shapes = (nq, nv, (len(robot.feet), 3))
+        self._no_law = np.zeros((4, len(robot.joints)))
+        self._make_room(16)
+
+    @cached_property
+    def differences(self) -> str:
+        """In which numbers model and robot differ, one line each; empty where they agree.
+
+        Compared are masses, centres and inertias of the links, places and axes of the joints with all angles at zero,
+        armature, damping, dry friction, and largest torques.
+        """
+        return differences(self._at_zero)
+
+    def read(self, data: Any) -> State:
+        """The state of MuJoCo's data.
+
+        Feet are placed by the robot's kinematics. Forces are those of the last ``mj_step`` or ``mj_forward``.
+
+        Args:
+            data: ``mujoco.MjData`` of the model.
+        """
+        nq, nv, feet = self._shapes
+        q, v, position, velocity, force = np.empty(nq), np.empty(nv), np.empty(feet), np.empty(feet), np.zeros(feet)
+        try:
+            count = data.ncon
+            read_state(self._record, data.qpos, data.qvel, q, v, position, velocity)
+        except AttributeError:
+            raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data) from None
+        if count:
+            if count > len(self._rows):
+                self._make_room(2 * count)
+            model, contact_force, rows = self.model, self._mujoco.mj_contactForce, self._rows
+            for number in range(count):
+                contact_force(model, data, number, rows[number])
+            contact = data.contact
+            geoms, frames, places = contact.geom.astype(np.int64), contact.frame.copy(), contact.pos.copy()
+            read_contacts(self._record, geoms, frames, places, self._wrench, position, force)
+        return State(data.time, q, v, position, velocity, force)
+
+    def write(self, command: Command, data: Any) -> None:
+        """Write a command into the controls of MuJoCo's data.
+
+        The motors' law is evaluated at the data's present state, within the robot's peak torques: with one, call this
+        in every physics step. What is beyond the range of a control is cut off by MuJoCo.
+
+        Args:
+            command: torques, and the motors' law if there is one; thrusts are not written.
+            data: ``mujoco.MjData`` of the model.
+
+        Raises:
+            InputError: a command of another robot, with thrusts, or that is not finite.
+        """
+        command = as_command(command, self.robot)
+        law = self._no_law if command.law is None else command.law
+        try:
+            out = data.ctrl if self._driven else data.qfrc_applied
+            state = data.qpos, data.qvel
+        except AttributeError:
+            raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data) from None
+        if not write_controls(self._record, command.torque, law, command.law is not None, *state, out):
+            raise InputError("the command is not finite", name="command", value=command)
+        if len(command.thrust) and np.any(command.thrust):
+            raise InputError("thrusts are not written into MuJoCo's data", name="command", value=command)
+
+    def _make_room(self, contacts: int) -> None:
+        """Have room for the wrenches of contacts."""
+        self._wrench = np.zeros((contacts, 6))
+        self._rows = list(self._wrench)
+
+    def _check_joints(self) -> None:
+        """The robot's joints are all joints of its tree, and turn or slide as they should."""
+        model, bodies = self.model, self.model.jnt_bodyid
+        of_tree = np.flatnonzero(model.body_rootid[bodies] == model.body_rootid[bodies[self.free]])
+        more = [model.joint(number).name for number in np.setdiff1d(of_tree, [self.free, *self.joints])]
+        if more:
+            raise InputError(f"the MuJoCo model has joints that the robot has not: {', '.join(more)}", name="model")
+        for joint, name, ours in zip(self.joints, self.robot.joints, list(self.robot.model.joints)[2:], strict=True):
+            kind = SLIDE if "JointModelP" in ours.shortname() else HINGE
+            if model.jnt_type[joint] != kind:
+                desired = "turn about one axis" if kind == HINGE else "slide"
+                raise InputError(f"joint '{name}' of the MuJoCo model does not {desired}, as the robot's", name="model")
+
+    def _check_loops(self) -> None:
+        """No equality constraint closes a loop of the robot's bodies, or couples its joints."""
+        model, of_site = self.model, int(self._mujoco.mjtObj.mjOBJ_SITE)
+        root = model.body_rootid[model.jnt_bodyid[self.free]]
+        for number in np.flatnonzero(model.eq_active0):
+            kind, pair = CLOSING.get(int(model.eq_type[number])), (model.eq_obj1id[number], model.eq_obj2id[number])
+            objects = [item for item in pair if item >= 0]
+            if model.eq_objtype[number] == of_site:
+                objects = model.site_bodyid[objects]
+            bodies = model.jnt_bodyid[objects] if kind == "joint" else objects
+            if kind is not None and root in model.body_rootid[bodies]:
+                message = f"the MuJoCo model has the equality constraint '{kind}' on the robot"
+                raise InputError(f"{message}: closed loops and couplings are not supported", name="model")
+
+    def _find_actuators(self) -> dict[str, NDArray[Any]]:
+        """Entry, gear, gain and bias of each joint's actuator."""
+        model, size = self.model, len(self.joints)
+        on_joint = model.actuator_trntype <= 1
+        found = [np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint)) for joint in self.joints]
+        self._driven = any(len(numbers) for numbers in found)
+        if not self._driven:
+            if model.nu and size:
+                raise InputError("no actuator of the MuJoCo model drives a joint of the robot", name="model")
+            return {"entry": self.velocity, "gear": np.ones(size), "gain": np.ones(size)}
+        for name, numbers in zip(self.robot.joints, found, strict=True):
+            if len(numbers) != 1:
+                message = f"joint '{name}' has {len(numbers) or 'no'} actuators in the MuJoCo model; it needs one"
+                raise InputError(message, name="model")
+        entry = np.concatenate(found).astype(np.int64)
+        gear, gain, kind = (
+            model.actuator_gear[entry, 0],
+            model.actuator_gainprm[entry, 0],
+            model.actuator_biastype[entry],
+        )
+        other = (model.actuator_dyntype[entry] != 0) | (model.actuator_gaintype[entry] != 0) | (kind > 1)
+        for number in entry[other | (gear * gain == 0.0)]:
+            message = f"actuator '{model.actuator(number).name}' of the MuJoCo model is neither motor nor servo"
+            raise InputError(f"{message}: with a fixed gain, a constant or affine bias, no state", name="model")
+        bias = np.where(kind[:, None] == 1, model.actuator_biasprm[entry, :3], 0.0)
+        return {"entry": entry, "gear": gear, "gain": gain, "bias": bias}
+
+    def _find_feet(self) -> dict[str, NDArray[Any]]:
+        """Radii of the feet's spheres, reach of each foot, and which geoms are on its link."""
+        model, robot, here = self.model, self.robot, self._at_zero
+        moved = [robot.model.frames[robot.frame_id(name)].parentJoint for name in robot.feet]
+        link, reach = np.zeros((model.ngeom, len(moved)), np.int64), np.zeros(len(moved))
+        touching = (model.geom_contype | model.geom_conaffinity) != 0
+        touching[[*model.pair_geom1, *model.pair_geom2]] = True
+        spheres = touching & (model.geom_type == int(self._mujoco.mjtGeom.mjGEOM_SPHERE))
+        for k, name in enumerate(robot.feet):
+            for geom in np.flatnonzero(here.link[model.geom_bodyid] == moved[k]).tolist():
+                link[geom, k] = 1
+                names = {plain_name(item.name) for item in (model.geom(geom), model.body(model.geom_bodyid[geom]))}
+                size, apart = model.geom_rbound[geom], np.linalg.norm(here.data.geom_xpos[geom] - here.foot[k])
+                if spheres[geom] and apart <= size:
+                    self.foot_radius[k] = max(self.foot_radius[k], size)
+                    names.add(name)
+                if name in names:
+                    reach[k] = max(reach[k], 2.0 * (apart + size))
+            if reach[k] == 0.0 or moved.count(moved[k]) > 1:
+                reach[k] = np.inf
+        return {"link": link, "reach": reach}
+
+
+@kernel
+def read_state(
+    r: BridgeRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector, position: Vector, velocity: Vector
+) -> None:
+    """The state q, v of MuJoCo's arrays, and places and velocities of the feet (feet, 3)."""
+    c, first, length = r.conventions, r.conventions.base_position + 3, 0.0
+    r.qpos[:] = qpos
+    for i in range(4):
+        length += qpos[first + i] * qpos[first + i]
+    for i in range(4):
+        r.qpos[first + i] /= np.sqrt(length)
+    from_mujoco(c, r.qpos, qvel, q, v)
+    place_bodies(r.dynamics.tree, q, v)
+    point_terms(r.dynamics, q)
+    for k in range(position.shape[0]):
+        for i in range(3):
+            position[k, i] = r.dynamics.foot_position[k, i]
+            velocity[k, i] = r.dynamics.foot_velocity[k, i]
+
+
+@kernel
+def read_contacts(
+    r: BridgeRecord,
+    geoms: NDArray[np.int64],
+    frames: Vector,
+    places: Vector,
+    wrench: Vector,
+    position: Vector,
+    force: Vector,
+) -> None:
+    """Add to forces on the feet (feet, 3), N, those of contacts: their two geoms (contacts, 2), −1 for none, axes
+    (contacts, 9) with the normal first, places (contacts, 3), and wrenches (contacts or more, 6) on the second geom."""
+    for n in range(geoms.shape[0]):
+        for side in range(2):
+            nearest, least = -1, np.inf
+            if geoms[n, side] >= 0:
+                for k in range(position.shape[0]):
+                    apart = 0.0
+                    for i in range(3):
+                        apart += (position[k, i] - places[n, i]) ** 2
+                    if r.link[geoms[n, side], k] != 0 and apart < least and apart <= r.reach[k] * r.reach[k]:
+                        nearest, least = k, apart
+            if nearest >= 0:
+                for i in range(3):
+                    for axis in range(3):
+                        part = frames[n, 3 * axis + i] * wrench[n, axis]
+                        force[nearest, i] += part if side == 1 else -part
+
+
+@kernel
+def write_controls(
+    r: BridgeRecord, torque: Vector, law: Vector, has_law: bool, qpos: Vector, qvel: Vector, out: Vector
+) -> bool:
+    """Controls that bring about torques (joints,), N·m, and a law (4, joints); whether these are finite."""
+    c, m = r.conventions, r.motors
+    m.has_law = has_law
+    if has_law:
+        for row in range(4):
+            for j in range(torque.shape[0]):
+                m.law[row, j] = law[row, j]
+        from_mujoco(c, qpos, qvel, r.q, r.v)
+    drive_motors(m, torque, r.q, r.v, 1.0)
+    if not all_finite(m.mean_torque):
+        return False
+    for j in range(torque.shape[0]):
+        length, speed = r.gear[j] * qpos[c.position[j]], r.gear[j] * qvel[c.velocity[j]]
+        bias = r.bias[j, 0] + r.bias[j, 1] * length + r.bias[j, 2] * speed
+        out[r.entry[j]] = (m.mean_torque[j] / r.gear[j] - bias) / r.gain[j]
+    return True

@@ -1,0 +1,277 @@
+"""The bridge into a MuJoCo simulation of one's own: forces, torques, laws, differences, and other robots' models."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
+
+from needs import needs_robots  # noqa: E402
+from own_models import described, own_model  # noqa: E402
+
+import harpy_pin as hp  # noqa: E402
+from harpy_pin import InputError, MujocoBridge, RobotError  # noqa: E402
+
+pytestmark = needs_robots
+FEET = np.zeros((4, 3))
+JOINTS = {"armature": 0.02, "damping": [0.3, 0.0, 0.0], "frictionloss": 0.4}
+BOX, SPHERE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
+
+
+@pytest.fixture(scope="module")
+def go2():
+    return hp.load_robot("go2")
+
+
+def moving(bridge, data, *, height=0.0, seed=0):
+    """Put the robot near standing, its joints moving."""
+    q, v = hp.Standing(bridge.robot).initial_state(penetration=-height)
+    v[6:] = np.random.default_rng(seed).normal(size=len(v) - 6)
+    bridge.place(hp.State(0.2, q, v, FEET, FEET, FEET), data)
+    mujoco.mj_forward(bridge.model, data)
+
+
+def random_state(robot, seed):
+    rng = np.random.default_rng(seed)
+    q = pin.integrate(robot.model, pin.neutral(robot.model), rng.normal(size=robot.model.nv))
+    return hp.State(0.7, q, rng.normal(size=robot.model.nv), FEET, FEET, FEET)
+
+
+@pytest.mark.parametrize("cone", [mujoco.mjtCone.mjCONE_PYRAMIDAL, mujoco.mjtCone.mjCONE_ELLIPTIC])
+def test_at_rest_the_feet_carry_the_weight(go2, cone):
+    spec = described(go2, actuators="motor")
+    spec.option.cone = cone
+    bridge = MujocoBridge(spec.compile(), go2)
+    data, gait = mujoco.MjData(bridge.model), hp.Standing(go2)
+    controller = hp.make_controller("condensed", gait, mu=0.6, period=0.002)
+    bridge.place(hp.State(0.0, *gait.initial_state(), FEET, FEET, FEET), data)
+    for _ in range(500):
+        mujoco.mj_step1(bridge.model, data)
+        bridge.write(controller.step(bridge.read(data)), data)
+        mujoco.mj_step2(bridge.model, data)
+    state = bridge.read(data)
+    np.testing.assert_allclose(bridge.foot_radius, 0.02)
+    np.testing.assert_allclose(state.foot_force.sum(axis=0), data.qfrc_constraint[:3], atol=1e-9)
+    np.testing.assert_allclose(state.foot_force.sum(axis=0), [0.0, 0.0, 9.81 * go2.mass], atol=1.5)
+    assert state.foot_force[:, 2].min() > 0.15 * 9.81 * go2.mass
+
+
+def test_a_shank_near_the_foot_is_the_foot_and_a_knee_is_not(go2):
+    spec = described(go2, actuators="motor")
+    for leg in ("FL", "FR", "RL", "RR"):  # a second contact under each foot
+        spec.body(f"{leg}_calf").add_geom(type=SPHERE, size=(0.0199, 0, 0), pos=(0, 0, -0.213))
+    spec.body("FL_calf").add_geom(name="knee", type=SPHERE, size=(0.03, 0, 0))
+    spec.worldbody.add_geom(name="ledge", type=BOX, size=(0.05, 0.05, 0.01), pos=(5, 0, 2))
+    model = spec.compile()
+    bridge, data = MujocoBridge(model, go2), mujoco.MjData(model)
+    moving(bridge, data, height=-0.005)
+    assert data.ncon == 8
+    np.testing.assert_allclose(bridge.read(data).foot_force.sum(axis=0), data.qfrc_constraint[:3], atol=1e-9)
+    moving(bridge, data, height=0.5)
+    data.qpos[:3] += [5.0, 0.0, 2.035] - data.geom("knee").xpos
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 1
+    assert data.qfrc_constraint[2] > 10.0
+    np.testing.assert_array_equal(bridge.read(data).foot_force, 0.0)
+
+
+@pytest.mark.parametrize("name", ["go2", "solo12"])
+def test_feet_are_where_mujoco_has_them(name):
+    robot = hp.load_robot(name)
+    model = own_model(robot)
+    data = mujoco.MjData(model)
+    state = random_state(robot, 0)
+    MujocoBridge(model, robot).place(state, data)
+    mujoco.mj_forward(model, data)
+    back = MujocoBridge(model, robot).read(data)
+    assert back.t == 0.7
+    np.testing.assert_allclose(back.q[:3], state.q[:3])
+    sign = np.sign(back.q[3:7] @ state.q[3:7])
+    np.testing.assert_allclose(sign * back.q[3:7], state.q[3:7], atol=1e-12)
+    np.testing.assert_allclose(back.q[7:], state.q[7:])
+    np.testing.assert_allclose(back.v, state.v, atol=1e-12)
+    velocity = np.zeros(6)
+    for k, foot in enumerate(robot.feet):
+        body = model.body(foot).id
+        np.testing.assert_allclose(back.foot_position[k], data.xpos[body], atol=1e-6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, body, velocity, 0)
+        np.testing.assert_allclose(back.foot_velocity[k], velocity[3:], atol=1e-6)
+
+
+def test_prefixes_do_not_count_and_what_is_missing_is_said():
+    robot, other = hp.load_robot("go2"), hp.load_robot("solo12")
+    model = own_model(robot, prefix="dog/")
+    data = mujoco.MjData(model)
+    state = random_state(robot, 0)
+    MujocoBridge(model, robot).place(state, data)
+    np.testing.assert_allclose(MujocoBridge(model, robot).read(data).q[7:], state.q[7:])
+    with pytest.raises(hp.InputError, match="joint of the MuJoCo model"):
+        MujocoBridge(model, other).read(data)
+
+
+@pytest.mark.parametrize("actuators", ["motor", "position", "velocity", ""])
+@pytest.mark.parametrize("law", [False, True])
+def test_joints_accelerate_as_under_the_torques(go2, actuators, law):
+    model = described(go2, actuators=actuators, joints=JOINTS).compile()
+    bridge = MujocoBridge(model, go2)
+    data, other = mujoco.MjData(model), mujoco.MjData(model)
+    rng = np.random.default_rng(2)
+    torque, given = rng.normal(size=12) * 5.0, {}
+    if law:
+        given = {"q": rng.normal(size=12), "v": rng.normal(size=12), "k_p": 20.0, "k_d": rng.uniform(0.5, 2.0, 12)}
+    command = hp.Command(torque, **given)
+    for one in (data, other):
+        moving(bridge, one, height=1.0)
+    state = bridge.read(data)
+    if law:
+        torque = torque + 20.0 * (given["q"] - state.q[7:]) + given["k_d"] * (given["v"] - state.v[6:])
+        torque = np.clip(torque, -go2.torque_limit, go2.torque_limit)
+        assert (abs(torque) == go2.torque_limit).any()
+    bridge.write(command, data)
+    mujoco.mj_forward(model, data)
+    for number, name in enumerate(go2.joints):
+        other.qfrc_applied[model.joint(name).dofadr[0]] = torque[number]
+    if actuators:  # servos push where their control is zero
+        model.actuator_gainprm[:, 0] = model.actuator_biasprm[:, :3] = 0.0
+    mujoco.mj_forward(model, other)
+    np.testing.assert_allclose(data.qacc, other.qacc, rtol=1e-9, atol=1e-7)
+
+
+def test_commands_that_do_not_fit_are_refused(go2):
+    bridge = MujocoBridge(described(go2, actuators="motor").compile(), go2)
+    data = mujoco.MjData(bridge.model)
+    for bad in (hp.Command(np.zeros(6)), hp.Command(np.full(12, np.nan)), hp.Command(np.zeros(12), FEET[:2] + 1), None):
+        with pytest.raises(InputError):
+            bridge.write(bad, data)
+    for bad in (None, "data", bridge.model):
+        with pytest.raises(InputError, match="MjData"):
+            bridge.read(bad)
+        with pytest.raises(InputError, match="MjData"):
+            bridge.write(hp.Command(np.zeros(12)), bad)
+
+
+def test_a_file_of_mujoco_is_that_robot(go2, tmp_path):
+    spec = described(go2, actuators="motor", joints=JOINTS)
+    for actuator in spec.actuators:
+        actuator.forcerange, actuator.forcelimited = (-8.0, 8.0), True
+    model = spec.compile()
+    file = tmp_path / "go2.xml"
+    home = (0, 0, 0.3, 1, 0, 0, 0, *go2.posture)
+    spec.add_key(name="home", qpos=home)
+    file.write_text(spec.to_xml())
+    robot = hp.load_robot(file, feet=go2.feet)
+    assert robot.joints == go2.joints
+    np.testing.assert_allclose(robot.posture, go2.posture)
+    for read in (robot, go2.with_mujoco(model)):
+        np.testing.assert_allclose(read.model.armature, [*[0.0] * 6, *[0.02] * 12])
+        np.testing.assert_allclose(read.model.damping[6:], 0.3)
+        np.testing.assert_allclose(read.dry_friction, 0.4)
+    robot = robot.with_mujoco(model)
+    np.testing.assert_allclose(robot.torque_limit, go2.torque_limit)
+    bridge, data, full = MujocoBridge(model, robot), mujoco.MjData(model), np.zeros((18, 18))
+    calf = "largest torque of FL_calf_joint: 24 N·m in the model, 45.43 in the robot; and 3 more"
+    assert bridge.differences == calf
+    moving(bridge, data)
+    mujoco.mj_fullM(model, data, full)
+    dynamics, state = hp.Dynamics(robot), bridge.read(data)
+    dynamics.update(state.q, state.v)
+    order = [*range(6), *bridge.velocity]
+    base, joints = full[np.ix_(order, order)][3:, 3:], dynamics.mass_matrix[3:, 3:]
+    np.testing.assert_allclose(base, joints, atol=1e-6)  # files have six digits
+
+
+def test_differences_are_said(go2):
+    spec = described(go2, actuators="motor", joints=JOINTS)
+    spec.body("base").mass += 1.0
+    spec.joint("FL_calf_joint").axis = -np.array(spec.joint("FL_calf_joint").axis)
+    spec.body("RR_thigh").pos[1] += 0.01
+    said = MujocoBridge(spec.compile(), go2).differences
+    lines = said.splitlines()
+    assert any(
+        line.startswith("mass of the base: ") and "8.277 kg in the model, 7.277 in the robot" in line for line in lines
+    )
+    assert any(line.startswith("axis of joint of FL_calf_joint: [") for line in lines)
+    assert any(line.startswith("place of joint of RR_thigh_joint: ") and line.endswith("and 1 more") for line in lines)
+    assert "armature of FL_hip_joint: 0.02 kg·m² in the model, 0 in the robot; and 11 more" in lines
+    assert any("damping" in line for line in lines)
+    assert any("friction" in line for line in lines)
+
+
+def rename(spec):
+    spec.joint("FL_calf_joint").name = spec.actuators[2].target = "other"
+
+
+def give(thing, **values):
+    for name, value in values.items():
+        setattr(thing, name, value)
+
+
+def drive_a_foot(spec):
+    for actuator in list(spec.actuators):
+        spec.delete(actuator)
+    spec.add_actuator(target="FL_foot", trntype=mujoco.mjtTrn.mjTRN_BODY)
+
+
+def tie(spec, kind, *names):
+    objects = mujoco.mjtObj.mjOBJ_JOINT if kind == mujoco.mjtEq.mjEQ_JOINT else mujoco.mjtObj.mjOBJ_BODY
+    spec.add_equality(type=kind, name1=names[0], name2=names[1], objtype=objects)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda spec: spec.delete(spec.joints[0]), "no free joint"),
+        (rename, "joint of the MuJoCo model 'FL_calf_joint'"),
+        (lambda spec: spec.body("FL_foot").add_joint(name="toe"), "joints that the robot has not: toe"),
+        (lambda spec: give(spec.joint("FL_calf_joint"), type=2), "calf_joint' of .* not turn"),
+        (lambda spec: spec.delete(spec.actuators[3]), "'FR_hip_joint' has no actuators"),
+        (lambda spec: spec.add_actuator(target="FL_calf_joint", trntype=0), "'FL_calf_joint' has 2 actuators"),
+        (lambda spec: give(spec.actuators[3], gaintype=mujoco.mjtGain.mjGAIN_AFFINE), "neither motor nor servo"),
+        (lambda spec: give(spec.actuators[3], dyntype=mujoco.mjtDyn.mjDYN_FILTER), "neither motor nor servo"),
+        (drive_a_foot, "no actuator of the MuJoCo model drives"),
+        (lambda spec: tie(spec, mujoco.mjtEq.mjEQ_CONNECT, "FL_foot", "FR_foot"), "'connect' on the robot: closed"),
+        (lambda spec: tie(spec, mujoco.mjtEq.mjEQ_JOINT, "FL_calf_joint", "FR_calf_joint"), "'joint' on the robot"),
+    ],
+)
+def test_models_of_something_else_are_refused(go2, change, words):
+    spec = described(go2, actuators="motor")
+    change(spec)
+    model = spec.compile()
+    with pytest.raises(InputError, match=words):
+        MujocoBridge(model, go2)
+
+
+def test_what_is_no_model_is_refused(go2):
+    for bad in (None, "go2.xml", go2.model):
+        for function in (go2.with_mujoco, lambda model: MujocoBridge(model, go2)):
+            with pytest.raises(InputError, match="MjModel"):
+                function(bad)
+    with pytest.raises(InputError, match="robot"):
+        MujocoBridge(described(go2).compile(), "go2")
+
+
+BODY = '<body name="b"><freejoint/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/>{}</body>'
+LEG = '<body name="l"><joint name="j" axis="0 1 0"{}/><inertial pos="0 0 -1" mass="1" diaginertia="1 1 1"/></body>'
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        (BODY.format(LEG.format("")).replace("<freejoint/>", ""), "no free joint"),
+        (BODY.format(LEG.format(' type="ball"')), "not supported"),
+        (BODY.format(LEG.format(' armature="-1"')), "armature in <joint>"),
+        (BODY.format(LEG.format("")).replace("0 1 0", "0 0 0"), "axis of joint 'j' is zero"),
+        (BODY.format(LEG.format("")).replace('mass="2"', 'mass="nan"'), "mass in <inertial>"),
+        (BODY.format(LEG.format("")).replace('mass="2"', 'mass="heavy"'), "mass in <inertial>"),
+        (BODY.format('<body name="m"><geom type="mesh" mesh="x"/></body>'), "that of a mesh"),
+        ("", "not an MJCF file"),
+        (BODY.format("") + '</worldbody><equality><weld body1="b"/></equality><worldbody>', "closed loops"),
+    ],
+)
+def test_files_that_would_be_misread_are_refused(tmp_path, inside, words):
+    file = tmp_path / "robot.xml"
+    file.write_text(f'<mujoco model="r"><worldbody>{inside}</worldbody></mujoco>')
+    with pytest.raises(RobotError, match=words):
+        hp.load_robot(file, feet=())
