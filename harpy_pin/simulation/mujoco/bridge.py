@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError, shown
+from harpy_pin.errors import HarpyError, InputError, shown
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.mjcf import plain_name
@@ -54,8 +54,7 @@ class MujocoBridge(Conventions):
     its nearest foot. Where a point foot has geometry of its own (a sphere around its point, or what has its name), only
     those within twice its size do, so that a knee is no foot.
 
-    A joint's actuator takes torques (``motor``) or positions or velocities (a fixed gain, an affine bias); in a model
-    without actuators torques are written into ``qfrc_applied``.
+    Actuators are motors or servos of position or velocity; without any, torques are written into ``qfrc_applied``.
 
     Args:
         model: ``mujoco.MjModel`` of the robot.
@@ -65,9 +64,8 @@ class MujocoBridge(Conventions):
         foot_radius: (feet,) of the spheres around the feet's points, m; 0 where there is none.
 
     Raises:
-        InputError: MuJoCo is not installed, or the model is that of another robot: without a free joint, with joints
-            that are absent or too many, of another kind, without an actuator or with one that is not supported, or with
-            closed loops.
+        InputError: MuJoCo is not installed, or the model is another robot's: without its joints, with closed loops, or
+            with actuators that are missing or not supported.
     """
 
     @checked
@@ -143,17 +141,20 @@ class MujocoBridge(Conventions):
         Raises:
             InputError: a command of another robot, with thrusts, or that is not finite.
         """
-        command = as_command(command, self.robot)
-        law = self._no_law if command.law is None else command.law
         try:
-            out = data.ctrl if self._driven else data.qfrc_applied
-            state = data.qpos, data.qvel
-        except AttributeError:
-            raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data) from None
-        if not write_controls(self._record, command.torque, law, command.law is not None, *state, out):
+            law, out = command.law, data.ctrl if self._driven else data.qfrc_applied
+            given = (command.torque, self._no_law if law is None else law, law is not None)
+            fits = write_controls(self._record, *given, data.qpos, data.qvel, out)
+        except (AttributeError, TypeError, HarpyError):
+            fit = as_command(command, self.robot)
+            if fit is command:
+                raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data) from None
+            return self.write(fit, data)
+        if not fits:
             raise InputError("the command is not finite", name="command", value=command)
         if len(command.thrust) and np.any(command.thrust):
             raise InputError("thrusts are not written into MuJoCo's data", name="command", value=command)
+        return None
 
     def _make_room(self, contacts: int) -> None:
         """Have room for the wrenches of contacts."""
@@ -286,7 +287,7 @@ def read_contacts(
                         force[nearest, i] += part if side == 1 else -part
 
 
-@kernel
+@kernel(torque="r.gear", law="r.motors.law")
 def write_controls(
     r: BridgeRecord, torque: Vector, law: Vector, has_law: bool, qpos: Vector, qvel: Vector, out: Vector
 ) -> bool:
