@@ -101,6 +101,15 @@ def joint_targets() -> None:
 
 
 @scene
+def bridged() -> None:
+    """A state from MuJoCo, and a command into it."""
+    plant = hp.build(hp.Scenario(plant="mujoco")).simulator
+    bridge = hp.MujocoBridge(plant.model, plant.robot)
+    bridge.read(plant.data)
+    bridge.write(hp.Command(np.zeros(6)), plant.data)
+
+
+@scene
 def commanded() -> None:
     """A commanded walk that turns, by condensed controller and QP, with estimated friction and noise."""
     for controller in ("condensed", "wbc"):
