@@ -53,7 +53,7 @@ SENTENCES = {
         f"variant, none with tuned gains and no governor. Feet slip {{harsh/variants|{LAW}|median slip|2}}, "
         f"{{harsh/variants|whole-body QP|median slip|2}}, {{harsh/variants|{FOUND}|median slip|2}} and "
         f"{{harsh/variants|{PID}|median slip|2}} mm per step.",
-        "slips {variants/variants|contact-force filter, PID, tuned|median slip|2} mm in the wide campaign",
+        "it slips {variants/variants|contact-force filter, PID, tuned|median slip|2} mm in the wide campaign",
         f"With 30 ms of delay it slides {{{DELAYED}|{LAW}|30 ms, mm}} mm per step",
         f"in all walks the condensed WBC falls in {{damped/variants|{LAW}|fell}} of 48.",
         "feet slip {comparison/campaign|no governor|slip per step, mm|1} mm per step. The paper's governor makes that "
