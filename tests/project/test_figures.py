@@ -53,9 +53,10 @@ SENTENCES = {
         f"variant, none with tuned gains and no governor. Feet slip {{harsh/variants|{LAW}|median slip|2}}, "
         f"{{harsh/variants|whole-body QP|median slip|2}}, {{harsh/variants|{FOUND}|median slip|2}} and "
         f"{{harsh/variants|{PID}|median slip|2}} mm per step.",
-        "it slips {variants/variants|contact-force filter, PID, tuned|median slip|2} mm in the wide campaign",
-        f"With 30 ms of delay it slides {{{DELAYED}|{LAW}|30 ms, mm}} mm per step",
-        f"in all walks the condensed WBC falls in {{damped/variants|{LAW}|fell}} of 48.",
+        "the filter falls in {variants/variants|contact-force filter, PID, tuned|fell of 210} walks of the wide "
+        "campaign, and "
+        "slips {variants/variants|contact-force filter, PID, tuned|median slip|2} mm.",
+        f"With 30 ms of delay the condensed WBC slides {{{DELAYED}|{LAW}|30 ms, mm}} mm per step",
         "feet slip {comparison/campaign|no governor|slip per step, mm|1} mm per step. The paper's governor makes that "
         "{comparison/campaign|paper's governor|slip per step, mm|1} mm, and lets 28 % of the walks fall; the condensed "
         f"WBC makes it {{comparison/campaign|{LAW}|slip per step, mm|1}} mm",

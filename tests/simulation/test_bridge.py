@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import needs_robots
+from own_models import described, mujoco, own_model
 
-mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
-
-from needs import needs_robots  # noqa: E402
-from own_models import described, own_model  # noqa: E402
-
-import harpy_pin as hp  # noqa: E402
-from harpy_pin import InputError, MujocoBridge, RobotError  # noqa: E402
+import harpy_pin as hp
+from harpy_pin import InputError, MujocoBridge, RobotError
 
 pytestmark = needs_robots
 FEET = np.zeros((4, 3))

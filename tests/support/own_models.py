@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 
-import mujoco
+import pytest
+
+mujoco = pytest.importorskip("mujoco", reason="MuJoCo is an extra")
 
 
 def described(robot, *, foot_radius=0.02, actuators="", joints=None):
