@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import json
 import math
 import os
+import re
 import secrets
 import signal
 import stat
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
@@ -20,11 +22,13 @@ from typing import IO, Any, ClassVar
 from harpy_pin.errors import InputError, RunFileError, shown
 
 __all__ = [
+    "OwnFolder",
     "Shield",
     "check_outputs",
     "check_writable",
     "finite",
     "journal_path",
+    "json_text",
     "replaceable",
     "replacing",
     "without_interrupts",
@@ -181,14 +185,111 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def json_text(data: Mapping[str, Any]) -> str:
+    """JSON that every reader accepts: a number that is not finite becomes null."""
+    return json.dumps(finite(data), indent=2, default=str) + "\n"
+
+
 def write_json(path: str | Path, data: Mapping[str, Any]) -> None:
-    """Write JSON that every reader accepts: a number that is not finite becomes null.
+    """Write :func:`json_text`.
 
     Raises:
         RunFileError: the file cannot be written.
     """
     with replacing(path) as file:
-        file.write((json.dumps(finite(data), indent=2, default=str) + "\n").encode())
+        file.write(json_text(data).encode())
+
+
+def _checksum(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _list(files: Iterable[tuple[str, str]]) -> bytes:
+    return "".join(f"{checksum}  {name}\n" for checksum, name in sorted(files)).encode()
+
+
+class OwnFolder:
+    """A folder for files of this library, in which nobody else's are touched.
+
+    It is new or empty, or has the file :data:`LIST`, which lists what was written there with its checksum, so that
+    ``sha256sum -c`` reads it. Only what is as it was written is replaced. Links in it are not followed.
+
+    Args:
+        path: made if it is not there.
+        force: take a folder with other files, too, and replace those of the same names.
+
+    Raises:
+        InputError: it is not the name of a folder.
+        RunFileError: it has other files, or cannot be written.
+    """
+
+    LIST = ".harpy_pin"
+
+    def __init__(self, path: str | Path, *, force: bool = False) -> None:
+        text = str(path)
+        if text in ("", "-") or not text.isprintable():
+            raise InputError(f"a folder needs a name of printable characters, got {shown(text)}", value=path)
+        self.path, self.force = Path(path), force
+        with self._explained():
+            if os.path.lexists(path) and not self.path.is_dir():
+                raise NotADirectoryError(errno.ENOTDIR, "it is no folder")
+            self.path.mkdir(parents=True, exist_ok=True)
+            names = {entry.name for entry in self.path.iterdir() if not re.fullmatch(r"\.harpy-\w+\.part", entry.name)}
+        if names and self.LIST not in names and not force:
+            message = f"'{path}' has files that were not written here: give another folder, or --force"
+            raise RunFileError(message, path=path)
+        self.write({})
+
+    def place(self, name: str) -> Path:
+        """Where a file is, which is not a link, nor in a folder that is one.
+
+        Raises:
+            RunFileError: something else has its name.
+        """
+        path = self.path / name
+        with self._explained():
+            for one, regular in ((path.parent, stat.S_ISDIR), (path, stat.S_ISREG)):
+                if os.path.lexists(one) and one != self.path and not regular(one.lstat().st_mode):
+                    raise OSError(errno.EEXIST, f"'{one}' is a link, or of another kind")
+        return path
+
+    def write(self, files: Mapping[str, str | bytes]) -> None:
+        """Write files, each whole or not at all; none where one of them cannot be.
+
+        Args:
+            files: contents by names, which may have one folder before them.
+
+        Raises:
+            RunFileError: a file of this name was not written here, was changed, or cannot be written.
+        """
+        listed: set[tuple[str, str]] = set()
+        if (listing := self.place(self.LIST)).exists():
+            with self._explained():
+                data = listing.read_bytes()
+            listed = set(re.findall(r"^([0-9a-f]{64})  (.+)$", data.decode(errors="replace"), re.M))
+            if data != _list(listed) and not self.force:
+                raise RunFileError(f"'{listing}' was not written here: see --force", path=listing)
+        contents = {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}
+        for name in contents:
+            path = self.place(name)
+            with self._explained():
+                if path.exists() and not self.force and (_checksum(path.read_bytes()), name) not in listed:
+                    raise OSError(errno.EEXIST, f"'{path}' has changed, or was not written here: see --force")
+        made = {(_checksum(data), name) for name, data in contents.items()}
+        before = {(checksum, name) for checksum, name in listed if name not in contents}
+        order = [(self.LIST, _list(listed | made)), *contents.items(), (self.LIST, _list(before | made))]
+        for name, data in order:
+            with self._explained():
+                self.place(name).parent.mkdir(exist_ok=True)
+            with replacing(self.path / name) as file:
+                file.write(data)
+
+    @contextmanager
+    def _explained(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise RunFileError(f"cannot write into '{self.path}': {_reason(error)}", path=self.path) from error
 
 
 class Shield:

@@ -14,10 +14,10 @@ from rich.table import Table
 
 from harpy_pin import checks
 from harpy_pin.cli.ending import one_line_errors, say, stopping
-from harpy_pin.cli.output import BAD_INPUT, INTERRUPTED, console, stderr, values_table
+from harpy_pin.cli.output import BAD_INPUT, INTERRUPTED, Force, console, stderr, values_table
 from harpy_pin.cli.walk_options import JsonOption
 from harpy_pin.errors import InputError
-from harpy_pin.files import check_outputs, check_writable, write_json
+from harpy_pin.files import OwnFolder, check_outputs, check_writable, write_json
 
 if TYPE_CHECKING:
     from harpy_pin.model.robot import Robot
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 
 def paper(
-    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for the report; made if it is not there.")],
+    out: Annotated[str, typer.Option(metavar="DIR", help="Folder for the report: new, empty, or one of a report.")],
     duration: Annotated[float, typer.Option(help="Length of each 3D walk, s.")] = 10.0,
+    force: Force = False,
 ) -> None:
     """Reproduce the paper: both simulations, every claim with a verdict and a number, and the figures.
 
@@ -36,9 +37,9 @@ def paper(
     """
     checks.ticks(checks.number("duration", duration, low=0.1), 1e-3)
     from harpy_pin.model.robot import load_harpy
-    from reproduction.report import prepare_folder, reproduce, write_report
+    from reproduction.report import reproduce, write_report
 
-    prepare_folder(out)
+    folder = OwnFolder(out, force=force)
     with stderr.status("preparing") as status:
         result = reproduce(load_harpy(), duration=duration, on_stage=lambda stage: status.update(f"{stage} …"))
     table = Table("", "gait", "verdict", "number", title="Claims of the paper")
@@ -46,7 +47,7 @@ def paper(
         table.add_row(finding.claim.key, finding.setting, str(finding.verdict), finding.number)
     console.print(table)
     try:
-        page = write_report(result, out)
+        page = write_report(result, folder)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted; what '{out}' holds may be of two runs") from None
     console.print(f"report: {page}", markup=False, highlight=False)

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from harpy_pin.errors import RunFileError
-from harpy_pin.files import check_writable, replacing, write_json
+from harpy_pin.files import OwnFolder, json_text
 from harpy_pin.log.measures import Chattering, Measures
 from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import Robot
@@ -71,12 +70,12 @@ def reproduce(
     return Reproduction(vlip, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)
 
 
-def write_report(result: Reproduction, folder: Path) -> Path:
+def write_report(result: Reproduction, folder: OwnFolder) -> Path:
     """Write ``report.html``, ``numbers.json`` and ``figures/*.pdf``.
 
     Args:
         result: of :func:`reproduce`.
-        folder: made if it is not there.
+        folder: where to.
 
     Returns:
         Path of the page.
@@ -84,40 +83,16 @@ def write_report(result: Reproduction, folder: Path) -> Path:
     Raises:
         RunFileError: the folder cannot be written.
     """
-    plates = prepare_folder(folder)
-    parts = []
+    parts, files = [], {}
     for name, caption, figure in _plates(result):
-        with replacing(plates / f"{name}.pdf") as file:
-            figure.savefig(file, format="pdf", metadata={"CreationDate": None})
-        picture = io.BytesIO()
+        plate, picture = io.BytesIO(), io.BytesIO()
+        figure.savefig(plate, format="pdf", metadata={"CreationDate": None})
+        files[f"figures/{name}.pdf"] = plate.getvalue()
         figure.savefig(picture, format="png", dpi=170, metadata={"Software": None})
         source = f"data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}"
         parts.append({"name": name, "caption": caption, "source": source})
-    page = _page(result, parts)
-    target = folder / "report.html"
-    with replacing(target) as file:
-        file.write(page.encode())
-    write_json(folder / "numbers.json", _numbers(result))
-    return target
-
-
-def prepare_folder(folder: Path) -> Path:
-    """Make the report's folders, before the work that fills them.
-
-    Returns:
-        The folder of the figures.
-
-    Raises:
-        RunFileError: they cannot be made or written.
-    """
-    plates = folder / "figures"
-    try:
-        plates.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFileError(f"cannot write '{folder}': {error.strerror or error}", path=folder) from error
-    check_writable(folder / "report.html")
-    check_writable(plates / "any.pdf")
-    return plates
+    folder.write({**files, "report.html": _page(result, parts), "numbers.json": json_text(_numbers(result))})
+    return folder.path / "report.html"
 
 
 def _plates(result: Reproduction) -> Iterator[tuple[str, str, Figure]]:

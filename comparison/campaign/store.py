@@ -20,7 +20,7 @@ _Job = TypeVar("_Job")
 class Store:
     """The file of a campaign, locked while the campaign writes to it.
 
-    It is made if there is none; a half-written last line is cut off.
+    It is made if there is none; a last row that is half written is cut off.
 
     Attributes:
         rows: all rows in it, by key.
@@ -95,7 +95,7 @@ def read_rows(path: Path) -> tuple[dict[str, dict[str, Any]], int]:
     """Rows by key, and how many bytes of the file are whole lines; a last line that is not whole is left out.
 
     Raises:
-        RunFileError: the file cannot be read, or a line before the last is not a row.
+        RunFileError: the file cannot be read, or has something else than rows.
     """
     try:
         data = path.read_bytes()
@@ -110,6 +110,8 @@ def read_rows(path: Path) -> tuple[dict[str, dict[str, Any]], int]:
         except (ValueError, AttributeError, KeyError, TypeError):
             raise RunFileError(f"line {number} of '{path}' is not a row of a campaign", path=path) from None
         rows.setdefault(str(key), row)
+    if not b'{"'.startswith(lines[-1][:2]):
+        raise RunFileError(f"the end of '{path}' is not a row of a campaign", path=path)
     return rows, len(data) - len(lines[-1])
 
 

@@ -19,12 +19,12 @@ from comparison.peers.environment import PEERS, PLAYGROUND, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.public.study import measure_public, public_tables
 from comparison.report.answer import answer_of, passed
-from comparison.report.html import figures_of, tables_of, write_report
+from comparison.report.html import figures_of, picture_of, tables_of, write_report
 from comparison.tuning.tune import TuneSettings, tuning_tables
 from comparison.tuning.tune import tune as search_settings
 from harpy_pin import checks
-from harpy_pin.errors import RunFileError
-from harpy_pin.files import check_writable, write_json
+from harpy_pin.cli.output import Force
+from harpy_pin.files import OwnFolder, check_writable, write_json
 
 
 def whole(
@@ -33,12 +33,12 @@ def whole(
         bool, typer.Option("--quick", help="Shorter walks and fewer repetitions: a look in under two minutes.")
     ] = False,
     out: Annotated[
-        Path,
-        typer.Option("--out", metavar="DIR", help="Folder for report.html, results.json and .csv, campaign.jsonl."),
-    ] = Path("out/comparison"),
+        str, typer.Option("--out", metavar="DIR", help="Folder for report.html, results.json and .csv, campaign.jsonl.")
+    ] = "out/comparison",
+    force: Force = False,
     json: NumbersFile = None,
     figures: Annotated[
-        Path | None, typer.Option("--figures", metavar="DIR", help="Also save the figures there (pareto.png, ...).")
+        str | None, typer.Option("--figures", metavar="DIR", help="Also save the figures there (pareto.png, ...).")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the pushes and of the order in which controllers are timed.")] = 0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the walks whose states are timed.")] = 0.25,
@@ -66,30 +66,20 @@ def whole(
     if duration is not None:
         given["duration"] = duration
     settings = Settings.quick(**given) if quick else Settings(**given)
-    for folder in (out, figures):
-        if folder is not None:
-            _make_folder(folder)
+    folder = OwnFolder(out, force=force)
+    plates = None if figures is None else OwnFolder(figures, force=force)
     with stages() as progress:
-        document = compare(settings, progress, rows=out / "campaign.jsonl")
+        document = compare(settings, progress, rows=folder.place("campaign.jsonl"))
     if json is not None:
         write_json(json, document)
-    write_report(out, document)
-    if figures is not None:
-        for name, figure in figures_of({table.name: table for table in tables_of(document)}).items():
-            figure.savefig(figures / f"{name}.png")
-    typer.echo(answer_of(document).to_string(out / "report.html"))
+    write_report(folder, document)
+    if plates is not None:
+        drawn = figures_of({table.name: table for table in tables_of(document)})
+        plates.write({f"{name}.png": picture_of(figure) for name, figure in drawn.items()})
+    typer.echo(answer_of(document).to_string(folder.path / "report.html"))
     if not passed(document):
         typer.echo("error: a timed command was not what it should be; do not use these times", err=True)
         raise typer.Exit(1)
-
-
-def _make_folder(folder: Path) -> None:
-    """Make a folder, and find out now whether it can be written to."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFileError(f"cannot make the folder '{folder}': {error.strerror or error}", path=folder) from error
-    check_writable(folder / "report.html")
 
 
 def campaign(

@@ -187,7 +187,10 @@ def results(
     sources = sources_of(text)
     for source in sources:
         checks.one_of("source of a table", source, SOURCES)
-    data.mkdir(parents=True, exist_ok=True)
+    try:
+        data.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFileError(f"cannot make the folder '{data}': {error.strerror}", path=data) from error
     failed = [source for source in sources if not _measured(source, data)]
 
     @cache

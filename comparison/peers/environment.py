@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from venv import EnvBuilder
 
+from harpy_pin.files import OwnFolder
+
 PLACO_VERSION = "0.10.2"
 TSID_VERSION = "1.10.0"
 """The newest. Its C++ library runs; its Python bindings end with ``MemoryError`` (pin 4.1) or abort with ``corrupted
@@ -85,10 +87,14 @@ def install(folder: Path, name: str) -> str:
         Why it could not be installed; nothing if it was.
     """
     peer, target = {**PEERS, PLAYGROUND.name: PLAYGROUND}[name], folder / name.lower()
-    if target.exists() and not (target / "pyvenv.cfg").is_file() and any(target.iterdir()):
-        return f"'{target}' holds something that is no virtual environment"
+    mark = target / OwnFolder.LIST
+    ours = mark.is_file() or (folder == default_folder() and (target / "pyvenv.cfg").is_file())
+    if target.is_symlink() or (target.exists() and not ours and any(target.iterdir())):
+        return f"'{target}' was not made by this command"
     try:
+        target.mkdir(parents=True, exist_ok=True)
         EnvBuilder(clear=True, with_pip=True).create(target)
+        mark.touch()
         python = str(interpreter(folder, name))
         pip = [python, "-m", "pip", "install", "--only-binary=:all:"]
         _run([*pip, *peer.requirements])

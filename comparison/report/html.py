@@ -19,7 +19,7 @@ from comparison.sections.growth import growth_tables
 from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
 from comparison.sections.timing import timing_tables
 from comparison.tables import Cell, Table, to_csv, with_interval
-from harpy_pin.files import replacing, write_json
+from harpy_pin.files import OwnFolder, json_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,16 +120,14 @@ def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
     return {"pareto": pareto_figure(tables["pareto"]), "growth": growth_figure(tables)}
 
 
-def write_report(folder: Path, document: Mapping[str, Any]) -> None:
+def write_report(folder: OwnFolder, document: Mapping[str, Any]) -> None:
     """Write ``report.html``, ``results.json`` and ``results.csv``; the CSV holds every number of the page.
 
     Raises:
         RunFileError: one of them cannot be written.
     """
-    write_json(folder / "results.json", document)
-    for name, text in (("results.csv", to_csv(tables_of(document))), ("report.html", render(document))):
-        with replacing(folder / name) as file:
-            file.write(text.encode())
+    tables = to_csv(tables_of(document))
+    folder.write({"results.json": json_text(document), "results.csv": tables, "report.html": render(document)})
 
 
 def render(document: Mapping[str, Any]) -> str:
@@ -166,7 +164,12 @@ def _belongs(name: str, prefixes: tuple[str, ...]) -> bool:
     return any(name == prefix or name.startswith(f"{prefix}_") for prefix in prefixes)
 
 
-def _image(figure: Figure, caption: str) -> dict[str, str]:
+def picture_of(figure: Figure) -> bytes:
+    """A figure as PNG."""
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=160)
-    return {"caption": caption, "source": f"data:image/png;base64,{base64.b64encode(out.getvalue()).decode()}"}
+    return out.getvalue()
+
+
+def _image(figure: Figure, caption: str) -> dict[str, str]:
+    return {"caption": caption, "source": f"data:image/png;base64,{base64.b64encode(picture_of(figure)).decode()}"}

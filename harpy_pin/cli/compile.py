@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import logging
 import os
+import shlex
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from harpy_pin.cli.output import console
+from harpy_pin.cli.output import Force, console
 from harpy_pin.errors import HarpyError
 
 if TYPE_CHECKING:
@@ -100,11 +100,12 @@ def _scenarios(robots: Sequence[str]) -> Iterator[tuple[str, Scenario]]:
 
 def export(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help="harpy, or a name that `harpy robots` lists.")],
-    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="Output folder; created if missing.")],
+    to: Annotated[str, typer.Option("--to", metavar="DIR", help="Output folder: new, empty, or an exported one.")],
     controller: Annotated[
         str, typer.Option("--controller", metavar="NAME", help="condensed, wbc, paper or filter.")
     ] = "condensed",
     precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
+    force: Force = False,
 ) -> None:
     """Write a controller as C99 for a microcontroller.
 
@@ -116,8 +117,9 @@ def export(
     """
     from harpy_pin.export import export as write
 
-    done = write(robot, to, controller=controller, precision=precision)
+    done = write(robot, to, controller=controller, precision=precision, force=force)
     name, folder = done.code.name, done.folder
     console.print(f"{folder}/{name}.h, {name}.c, {name}.hpp: {done.what.title}, in {precision}", soft_wrap=True)
     console.print(f"{done.code.ram} bytes of RAM; {done.ticks} recorded ticks; README.md says more", soft_wrap=True)
-    console.print(f"cmake -S {folder} -B {folder}/b && cmake --build {folder}/b && {folder}/b/check", soft_wrap=True)
+    source, build, check = (shlex.quote(os.path.join(".", folder, own)) for own in ("", "b", "b/check"))
+    print(f"cmake -S {source} -B {build} && cmake --build {build} && {check}")

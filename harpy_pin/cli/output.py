@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from rich.console import Console
 from rich.table import Table
 
-__all__ = ["BAD_INPUT", "FELL", "INTERRUPTED", "TERMINATED", "console", "stderr", "values_table", "walking_bar"]
+__all__ = [
+    *("BAD_INPUT", "FELL", "Force", "INTERRUPTED", "TERMINATED", "console", "stderr", "values_table", "walking_bar")
+]
 
 FELL, BAD_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 """Exit codes: the robot fell or stumbled; an error of ours; Ctrl-C; SIGTERM."""
 console = Console(markup=False, highlight=False)  # names and messages may hold brackets
 stderr = Console(stderr=True, markup=False, highlight=False)
+Force = Annotated[
+    bool, typer.Option("--force", help="Also take a folder with other files; those of the same names are replaced.")
+]
 
 
 def values_table(title: str, values: dict[str, Any]) -> Table:

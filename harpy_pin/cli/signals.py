@@ -11,6 +11,8 @@ from typing import Any
 __all__ = ["Interruptible", "leave_at_signals"]
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
+ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT") if hasattr(signal, name))
+"""Signals after which no compiler is left running."""
 COMPILER = "harpy_pin.compiled.compiler"
 """The module whose compilers and folders a process does not leave behind, once it has been imported."""
 
@@ -21,7 +23,7 @@ def leave_at_signals() -> None:
     For the time in which nothing is at stake: while modules are imported, and once everything is written. A signal that
     the process was started to ignore stays ignored.
     """
-    for number in SIGNALS:
+    for number in ENDING:
         if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
             signal.signal(number, _leave)
 

@@ -200,7 +200,7 @@ def _make(path: Path, source: str) -> Path:
     """Compile; the file takes its place whole. Returns where it is, another folder where it cannot be kept."""
     say("compiling kernels for this robot, for some seconds; the result is kept on disk")
     try:
-        with _work_folder() as work:
+        with work_folder() as work:
             file, made = Path(work) / f"{path.name.partition('-')[0]}.c", Path(work) / "made.so"
             file.write_text(source, encoding="utf-8")
             flags = [flag for flag in FLAGS if flag != VECTORS or "ziglang" not in (compiler() or ())]  # it refuses it
@@ -230,7 +230,7 @@ def _make(path: Path, source: str) -> Path:
 
 
 @contextmanager
-def _work_folder() -> Iterator[str]:
+def work_folder() -> Iterator[str]:
     """A folder that is gone after the block, and where the process ends meanwhile (:func:`ending`)."""
     path = os.path.join(tempfile.gettempdir(), f"harpy_pin_{secrets.token_hex(8)}")
     with _STARTING:
@@ -245,10 +245,19 @@ def _work_folder() -> Iterator[str]:
         _WORK.discard(path)
 
 
-def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
-    """Run the C compiler.
+def run_program(command: list[str], *, temporary: str | None = None, timeout: float | None = None) -> tuple[str, int]:
+    """Run a compiler, or what it made, which ends with this process; returns what it said, and its exit code.
 
     It has a process group of its own: Ctrl-C in a terminal ends what this process decides, not the compilers first.
+    """
+    known = os.environ if temporary is None else {**os.environ, "TMPDIR": temporary}
+    with _started(command, known) as process:
+        said = process.communicate(timeout=timeout)[0]
+    return said, process.returncode
+
+
+def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
+    """Run the C compiler.
 
     Args:
         arguments: besides the command.
@@ -260,11 +269,9 @@ def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
     command = compiler()
     if command is None:
         raise KernelError("there is no C compiler: install gcc or clang, or the extra 'cc'")
-    known = os.environ if temporary is None else {**os.environ, "TMPDIR": temporary}
-    with _started([*command, *arguments], known) as process:
-        said = process.communicate()[0]
-    if process.returncode != 0:
-        why = "was ended" if process.returncode < 0 else f"failed:\n{said[:4000]}"
+    said, code = run_program([*command, *arguments], temporary=temporary)
+    if code != 0:
+        why = "was ended" if code < 0 else f"failed:\n{said[:4000]}"
         raise KernelError(f"{' '.join(command)} {why}")
 
 

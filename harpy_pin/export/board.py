@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.compiled.compiler import run_program, work_folder
 from harpy_pin.errors import HarpyError
 from harpy_pin.export.code import shipped
 
@@ -121,8 +120,7 @@ def run(program: Path, chip: Chip) -> tuple[str, int]:
     """
     machine = [EMULATOR, "-machine", chip.machine, "-nographic", "-monitor", "none", "-serial", "none"]
     target = ["-semihosting-config", "enable=on,target=native", "-icount", ICOUNT, "-kernel", str(program)]
-    done = subprocess.run([*machine, *target], capture_output=True, text=True, timeout=MOST, stdin=subprocess.DEVNULL)
-    return done.stdout, done.returncode
+    return run_program([*machine, *target], timeout=MOST)
 
 
 def measure(
@@ -146,7 +144,7 @@ def measure(
         HarpyError: it does not compile, or the program failed.
     """
     folder = folder.resolve()  # sources are named from it
-    with tempfile.TemporaryDirectory() as work:
+    with work_folder() as work:
         place = Path(work)
         controller = _object(folder, f"{name}.c", chip, place / "controller.o", flags)
         vectors = folder / "board" / f"vectors-{chip.cpu}.o"  # large, and the same for all flags
@@ -188,7 +186,7 @@ def _object(folder: Path, source: str, chip: Chip, made: Path, flags: Sequence[s
 
 
 def _call(command: Sequence[str]) -> str:
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        raise HarpyError(f"{command[0]} failed: {done.stderr[-2000:]}")
-    return done.stdout
+    said, code = run_program(list(command))
+    if code:
+        raise HarpyError(f"{command[0]} failed: {said[-2000:]}")
+    return said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,13 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.compiled.compiler import work_folder
+from harpy_pin.errors import InputError, shown
 from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
 from harpy_pin.export.code import Code, controller_code, lengths, number_text, shipped
 from harpy_pin.export.exported_controllers import Exportable, exportable
 from harpy_pin.export.recording import Recording, answers, ready, record, robot_of
+from harpy_pin.files import OwnFolder
 
 __all__ = ["Exported", "export", "write_folder"]
 
@@ -42,48 +46,61 @@ class Exported:
 
 
 @checked
-def export(robot: str, folder: str | Path, *, controller: str = "condensed", precision: str = "float") -> Exported:
+def export(
+    robot: str, folder: str | Path, *, controller: str = "condensed", precision: str = "float", force: bool = False
+) -> Exported:
     """Export a controller of a robot known by name, with ticks of a motion that fits the robot.
 
     Args:
         robot: ``harpy``, or a name of :data:`~harpy_pin.model.catalogue.CATALOGUE`.
-        folder: where to; made if it is not there, and files of these names in it are replaced.
+        folder: where to; new, empty, or an exported one. Nothing in it that was not exported is replaced.
         controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`.
         precision: ``float`` or ``double``.
+        force: take a folder with other files, too, and replace those of the same names.
 
     Raises:
         InputError: an unknown name, or a controller that does not take the robot.
         RobotError: the robot's files are not installed.
+        RunFileError: the folder has other files, or cannot be written.
         HarpyError: single precision, and there is no C compiler.
     """
     checks.one_of("precision", precision, PRECISIONS)
-    folder = checks.path("folder", folder)
     single = precision == "float"
     motion = ready(robot_of(robot), controller, duration=1e-3 * TICKS * EVERY, single=single)
+    place = OwnFolder(folder, force=force)
     what = exportable(motion.controller)
     every = record(motion, what)
     recording = Recording(every.target[::EVERY], {name: rows[::EVERY] for name, rows in every.inputs.items()})
-    return write_folder(what, recording, folder, name=f"{robot}_{what.kind}", single=single)
+    return write_folder(what, recording, place, name=f"{robot}_{what.kind}", single=single)
 
 
 def write_folder(
-    what: Exportable, recording: Recording, folder: str | Path, *, name: str, single: bool, readme: bool = True
+    what: Exportable,
+    recording: Recording,
+    folder: str | Path | OwnFolder,
+    *,
+    name: str,
+    single: bool,
+    readme: bool = True,
 ) -> Exported:
     """Write a controller and recorded ticks of it.
 
     Args:
         what: the controller.
         recording: the ticks.
-        folder: where to.
+        folder: where to; new, empty, or an exported one.
         name: of the files; functions and structs begin with it.
         single: whether numbers are floats.
         readme: whether to write the page about it, for which it is measured where there are tools.
 
     Raises:
+        InputError: the name is none in C.
+        RunFileError: the folder has other files, or cannot be written.
         HarpyError: single precision, and there is no C compiler.
     """
-    folder = Path(folder)
-    (folder / "board").mkdir(parents=True, exist_ok=True)
+    if not (name.isascii() and name.isidentifier()):
+        raise InputError(f"name must be one in C, got {shown(name)}", name="name", value=name)
+    place = folder if isinstance(folder, OwnFolder) else OwnFolder(folder)
     code = controller_code(what, name, single=single)
     names = {"name": name, "NAME": name.upper(), "real": code.real}
     recorded = names | _ticks(what, code, recording)
@@ -91,27 +108,16 @@ def write_folder(
     texts |= {own: shipped(own, **recorded) for own in ("vectors.h", "vectors.c")}
     texts |= {own: shipped(own, **names) for own in SHIPPED}
     texts |= {f"board/{chip.machine}.ld": board_text(chip) for chip in CHIPS.values()}
-    for own, text in texts.items():
-        (folder / own).write_text(text, encoding="utf-8")
-    _forget_objects(folder)
-    exported = Exported(code, what, len(recording), folder)
     if readme:
         inputs = ", ".join(what.inputs)
-        about = {"title": what.title, "robot": what.robot.name, "inputs": inputs, "cost": _cost(exported)}
-        (folder / "README.md").write_text(shipped("README.md", **names, **about), encoding="utf-8")
-        _forget_objects(folder)
-    return exported
+        about = {"title": what.title, "robot": what.robot.name, "inputs": inputs}
+        texts["README.md"] = shipped("README.md", **names, **about, cost=_cost(code, texts, len(recording)))
+    place.write(texts)
+    return Exported(code, what, len(recording), place.path)
 
 
-def _forget_objects(folder: Path) -> None:
-    """Remove what counting has compiled there."""
-    for old in (folder / "board").glob("*.o"):
-        old.unlink()
-
-
-def _cost(exported: Exported) -> str:
+def _cost(code: Code, texts: Mapping[str, str], ticks: int) -> str:
     """What can be measured here of flash, memory and instructions."""
-    code = exported.code
     lines = [f"One `{code.name}_state` takes {code.ram} bytes of RAM."]
     if missing_tools() is not None:
         return lines[0]
@@ -120,15 +126,17 @@ def _cost(exported: Exported) -> str:
         "| | flash, bytes | stack, bytes | instructions of a tick, median | worst |",
         "|---|---:|---:|---:|---:|",
     ]
-    for chip in CHIPS.values():
-        if code.real == "double" and not chip.double:
-            continue
-        found = measure(exported.folder, code.name, chip)
-        counts = found.instructions
-        lines.append(f"| {chip.title} | {found.flash} | {found.stack} | {np.median(counts):.0f} | {counts.max()} |")
+    with work_folder() as folder:
+        OwnFolder(folder).write(texts)
+        for chip in CHIPS.values():
+            if code.real == "double" and not chip.double:
+                continue
+            found = measure(Path(folder), code.name, chip)
+            counts = found.instructions
+            lines.append(f"| {chip.title} | {found.flash} | {found.stack} | {np.median(counts):.0f} | {counts.max()} |")
     lines += [
         "",
-        f"Counted in QEMU over the {exported.ticks} recorded ticks, compiled with `-O2`; flash with what it "
+        f"Counted in QEMU over the {ticks} recorded ticks, compiled with `-O2`; flash with what it "
         "needs of the mathematical library. An instruction takes a cycle or more, so that these are no times.",
     ]
     return "\n".join(lines)

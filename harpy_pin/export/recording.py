@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import subprocess
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled.compiler import EXACT, compiler
+from harpy_pin.compiled.compiler import EXACT, SHARED, compiler, run_compiler, work_folder
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.export.code import Code
@@ -190,7 +188,7 @@ def _from_kernels(what: Exportable, given: Recording) -> tuple[NDArray[Any], NDA
 
 def _from_c(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
     kind = np.float32 if code.real == "float" else np.float64
-    with tempfile.TemporaryDirectory() as folder:
+    with work_folder() as folder:
         lib = ctypes.CDLL(str(_library(code, Path(folder))))
     state = ctypes.create_string_buffer(code.ram)
     getattr(lib, f"{code.name}_init")(state)
@@ -208,14 +206,13 @@ def _from_c(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any
 
 def _library(code: Code, folder: Path) -> Path:
     """The exported C as a shared library."""
-    command = compiler()
-    if command is None:
+    if compiler() is None:
         raise HarpyError("the recorded answers in single precision are those of the C itself: install a C compiler")
     for name, text in ((f"{code.name}.h", code.header), (f"{code.name}.c", code.source)):
         (folder / name).write_text(text, encoding="utf-8")
     library = folder / "controller.so"
-    flags = [*EXACT, "-O2", "-w", "-shared", "-fPIC"]
-    subprocess.run([*command, *flags, str(folder / f"{code.name}.c"), "-o", str(library), "-lm"], check=True)
+    source = str(folder / f"{code.name}.c")
+    run_compiler([*EXACT, "-O2", *SHARED, source, "-o", str(library), "-lm"], temporary=str(folder))
     return library
 
 

@@ -336,5 +336,5 @@ def test_installation_leaves_foreign_folders_alone(tmp_path: Path) -> None:
     for name in ALL:
         (tmp_path / name.lower()).mkdir()
         (tmp_path / name.lower() / "thesis.tex").write_text("precious")
-        assert "no virtual environment" in install(tmp_path, name)
+        assert "was not made by this command" in install(tmp_path, name)
         assert (tmp_path / name.lower() / "thesis.tex").read_text() == "precious"

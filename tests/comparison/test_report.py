@@ -23,6 +23,7 @@ from comparison.report.figures import pareto_figure, pareto_front
 from comparison.report.html import pareto_table, render, tables_of, write_report
 from comparison.tables import Cell, Table, to_csv
 from harpy_pin import InputError
+from harpy_pin.files import OwnFolder
 
 NAMES = tuple(COLUMNS)
 
@@ -315,7 +316,7 @@ def test_labels_of_the_pareto_figure_do_not_cover_each_other() -> None:
 
 
 def test_the_report_is_three_files(document: dict[str, Any], rendered: str, tmp_path: Path) -> None:
-    write_report(tmp_path, document)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "results.csv", "results.json"]
+    write_report(OwnFolder(tmp_path), document)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [OwnFolder.LIST, "report.html", "results.csv", "results.json"]
     assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(document))
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == rendered
