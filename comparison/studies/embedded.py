@@ -166,7 +166,7 @@ def _bound(kind: str, what: Exportable, walks: tuple[Recording, ...], folder: Pa
         for name in ("torque_limit", "input_lower", "input_upper"):
             record["condensed"][name][..., -len(what.robot.joints) :] *= WEAK
     places = [record["condensed"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
-    systems = int(record["condensed"]["systems"][0]) if kind == "condensed" else 2 * EXCHANGES
+    systems = EXCHANGES if kind == "condensed" else 2 * EXCHANGES
     search = "exchange" if kind == "condensed" else "search"
     folders = [folder] if kind == SAME else [folder, folder.with_name(f"{folder.name}_same")]
     for place, states in zip(folders, walks, strict=False):

@@ -107,7 +107,7 @@ def _system(r: BoundRecord) -> None:
     """One round of the reused active set."""
     count = _choose(r.exchange)
     _solve_active(r.program, r.exchange, count, r.z)
-    _correct(r.program, r.exchange, count, r.z, True, False)
+    _correct(r.program, r.exchange, count, r.z)
 
 
 @kernel

@@ -39,7 +39,7 @@ class CondensedController(TaskController):
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None = None) -> None:
         super().__init__(gait, parameters)
         p = self.parameters
-        condensed = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks, systems=p.search_systems)
+        condensed = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
         lag = thrust_lag_record(self.robot, p)
         if lag is None:
             self._begin_tasks(CondensedTickRecord, CondensedTargetsRecord, condensed=condensed)

@@ -130,8 +130,6 @@ class WholeBodyParameters:
         max_normal_force: f_max, N.
         contact_threshold: measured normal force that counts as contact, N.
         hold_ticks: ticks in a row for which the last good command is held after failed solves, at most 1000.
-        search_systems: linear systems that a search of the condensed controller solves before the dual method, 2 to 20.
-            With fewer than 20 its worst tick is shorter, and the optimum is the same; ``harpy export`` takes 4.
         formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``input_space`` have the same
             solutions; ``contact_force`` has no posture task, and other solutions where a motor is at its limit.
         solver: one of :data:`harpy_pin.wbc.SOLVERS`.
@@ -163,7 +161,6 @@ class WholeBodyParameters:
     max_normal_force: float = 200.0
     contact_threshold: float = 1.0
     hold_ticks: int = 20
-    search_systems: int = 20
     formulation: str = "input_space"
     solver: str = "proxqp"
     reuse: bool = True
@@ -184,7 +181,6 @@ class WholeBodyParameters:
                 checks.number(f"gains of {name}", gain, high=MAX_GAIN)
         checks.number("contact_damping", self.contact_damping, low=0.0, high=MAX_GAIN)
         checks.number("hold_ticks", self.hold_ticks, low=0.0, high=MAX_HELD)
-        checks.number("search_systems", self.search_systems, low=2.0, high=20.0)
         for name in ("thrust_lag", "thrust_turning_lag"):
             checks.keep(self, **{name: checks.number(name, getattr(self, name), low=0.0, high=MAX_LAG)})
         checks.numbers(self, "joint_stiffness", "joint_damping", low=0.0, high=MAX_RATIO)

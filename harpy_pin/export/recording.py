@@ -34,8 +34,6 @@ SINK = 1e-3
 """How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""
 SHIFT = (0.02, 0.01, 0.0)
 """How far a robot that stays in one place moves its body back and forth, m."""
-SEARCH_SYSTEMS = 4
-"""Systems that a search of the condensed controller solves before the dual method: its worst tick is then shortest."""
 SINGLE_FORCE = 100.0
 """Factor on the weight on contact forces in single precision. Forces that feet exert against each other move nothing,
 so that this weight alone decides them; beside the others it would be below the rounding."""
@@ -95,10 +93,7 @@ def ready(
     whole_body = controller in ("condensed", "wbc")
     if not whole_body and robot.name != "harpy":
         raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
-    search = {"search_systems": SEARCH_SYSTEMS} if controller == "condensed" else {}
-    part: Governed | dict[str, Any] = (
-        {"name": controller, "parameters": search} if whole_body else Governed(governor=controller)
-    )
+    part: Governed | dict[str, Any] = {"name": controller} if whole_body else Governed(governor=controller)
     disturbances = Disturbances(pushes=tuple(pushes))
     if robot.name == "harpy":
         ground = Ground(mu_s=friction)
@@ -113,7 +108,7 @@ def ready(
     ground = Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
     if whole_body and single:
         force = SINGLE_FORCE * stays.controller_parameters["weights"]["force"]
-        part = {"name": controller, "parameters": {**search, "weights": {"force": force}}}
+        part = {"name": controller, "parameters": {"weights": {"force": force}}}
     scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration)
     return build(scenario, gait=gait)
 

@@ -16,7 +16,7 @@ from harpy_pin.model.record import Record, Records, field, make_record, same_lay
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
-from harpy_pin.wbc.condensed.active_set import EXCHANGES, SearchRecord
+from harpy_pin.wbc.condensed.active_set import SearchRecord
 from harpy_pin.wbc.condensed.condense import CondensationRecord
 from harpy_pin.wbc.condensed.solve import CondensedRecord, solve_condensed
 from harpy_pin.wbc.problem import enter_pyramids, problem_values
@@ -45,12 +45,7 @@ class CondensedStatus(IntFlag):
 
 
 def condensed_record(
-    robot: Robot,
-    weights: WholeBodyWeights,
-    limits: WholeBodyLimits,
-    *,
-    hold_ticks: float = 0,
-    systems: float = EXCHANGES,
+    robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLimits, *, hold_ticks: float = 0
 ) -> Records[CondensedRecord]:
     """A new :class:`CondensedRecord`; arguments and errors as of :class:`CondensedSolver`.
 
@@ -59,7 +54,6 @@ def condensed_record(
         weights: see there.
         limits: see there.
         hold_ticks: ticks in a row for which :func:`hold_last` gives the last inputs in the place of clipped ones.
-        systems: that a search solves before the dual method.
     """
     feet, sizes = len(robot.feet), condensed_sizes(robot)
     return make_record(
@@ -70,7 +64,6 @@ def condensed_record(
         limited=_search_record(
             limits.pyramid, feet, bounded=sizes["thrusts"] + sizes["others"], more=len(robot.joints)
         ),
-        systems=np.int64(systems),
         hold_ticks=np.int64(hold_ticks),
         **problem_values(robot, weights, limits),
     )

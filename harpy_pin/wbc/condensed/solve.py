@@ -70,7 +70,6 @@ class CondensedRecord(ProblemRecord):
     at_rest: Vector = sized("thrusts + joints")  # [u; τ] where the unknowns are zero
     # status of the last tick, and systems that were solved in it
     status_and_systems: NDArray[np.int64] = sized(2, whole=True)
-    systems: int  # that a search solves before the dual method
     hold_ticks: int  # ticks in a row for which the last inputs are held in the place of clipped ones
     clipped: NDArray[np.int64] = sized(2, whole=True)  # ticks with clipped torques: all, and in a row
 
@@ -98,7 +97,7 @@ def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
     beyond = outside(torque, p.input_lower[thrusts:], p.input_upper[thrusts:])
     if beyond or outside(thrust, p.input_lower, p.input_upper):
         _within_limits(d, t, p, v, beyond)
-    elif p.systems < EXCHANGES:  # where limits are reached next, their search begins with the rows of the pyramids
+    else:  # where limits are reached next, their search begins with the rows of the pyramids
         first = p.limited.program.bounded
         p.limited.exchange.active[:] = 0
         for r in range(p.free.exchange.active.shape[0]):
@@ -110,8 +109,8 @@ def solve_condensed(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
 def search_active_set(p: CondensedRecord, search: SearchRecord, z: Vector) -> None:
     """The optimum, by the last active set, its exchange, or the dual method; the status says whether one was found."""
     w, dual = search.exchange, search.dual
-    systems, _ = exchange(search.program, w, z, p.systems)
-    p.status_and_systems[1] += min(systems, p.systems + 1)
+    systems, _ = exchange(search.program, w, z, EXCHANGES)
+    p.status_and_systems[1] += systems
     if systems <= EXCHANGES:
         return
     outcome, exchanges = dual_active_set(search.program, dual, z)
