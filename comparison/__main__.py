@@ -8,8 +8,11 @@ from harpy_pin.cli.signals import leave_at_signals
 def main() -> None:
     """Run the command line."""
     leave_at_signals()
+    from harpy_pin.cli.ending import one_line_errors
+
     try:
-        from comparison.cli import main as run
+        with one_line_errors("error", 1):
+            from comparison.cli import main as run
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith(("comparison", "harpy_pin")):
             raise

@@ -8,9 +8,12 @@ __all__ = ["main"]
 def main() -> None:
     """Run the command."""
     leave_at_signals()
-    from harpy_pin.cli.app import main as run
+    from harpy_pin.cli.ending import one_line_errors
 
-    run()
+    with one_line_errors("harpy", 2):
+        from harpy_pin.cli.app import main as run
+
+        run()
 
 
 if __name__ == "__main__":

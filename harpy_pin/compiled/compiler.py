@@ -1,13 +1,14 @@
 """The C compiler: which one, with which flags, and where what it makes is kept.
 
 A library is kept under a name that follows from everything that decides it, so that nothing out of date is ever found.
-Files appear whole or not at all, and carry a checksum; a damaged one is made again. Where nothing can be kept,
-libraries live in a temporary folder of the process.
+Files appear whole or not at all, and carry a checksum of their content and name; a damaged one is made again. Nothing
+is loaded that others can write. Where nothing can be kept, libraries live in a temporary folder of the process.
 """
 
 from __future__ import annotations
 
 import ctypes
+import errno
 import hashlib
 import logging
 import os
@@ -16,6 +17,7 @@ import re
 import secrets
 import shutil
 import signal
+import stat
 import subprocess
 import sys
 import tempfile
@@ -40,6 +42,12 @@ FLAGS = (*EXACT, "-O2", VECTORS, "-fpeel-loops", "-march=native")
 """Loops over rows become vector instructions, also where their length is known at run time only: with that the general
 QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes."""
 SHARED = ("-shared", "-fPIC", "-w")
+FORMAT = "2"
+"""Of a library's file."""
+MAX_SIZE = 1 << 26
+"""Of a library's file, bytes."""
+PATIENCE = 300.0
+"""How long a process waits for another that makes the same library, s."""
 UNUSED_FOR = 60 * 24 * 3600
 """Time after which a library that nobody loaded is removed, s."""
 KEPT_FILE = re.compile(r"\w+-[0-9a-f]{32}.*\.(so|lock|part)")
@@ -98,15 +106,26 @@ def _machine() -> str:
 def folder() -> Path:
     """Where libraries are kept: ``$HARPY_PIN_CACHE``, or a folder in the user's cache."""
     home = os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache")
-    path = Path(os.environ.get("HARPY_PIN_CACHE") or Path(home) / "harpy_pin")
+    given = os.environ.get("HARPY_PIN_CACHE")
+    path = Path(given or Path(home) / "harpy_pin")
     try:
-        path.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if not given and not _is_mine(path.stat()):
+            path.chmod(0o700)
+        if not _is_mine(path.stat()):
+            raise PermissionError(errno.EACCES, "it is another user's, or others can write to it")
         with tempfile.TemporaryFile(dir=path) as probe:
             probe.write(b"x" * 4096)
             probe.flush()
-    except OSError:
+    except OSError as error:
+        say(f"compiled kernels are not kept, for '{path}' cannot be used: {error.strerror or error}")
         return _own_folder()
     return path
+
+
+def _is_mine(status: os.stat_result) -> bool:
+    """Whether a file or folder is this user's, and nobody else can write to it."""
+    return not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
 @cache
@@ -122,7 +141,7 @@ _KEPT: list[tempfile.TemporaryDirectory[str]] = []
 
 def key_of(*parts: bytes | str) -> str:
     """A name for a library that these parts decide, together with compiler and machine."""
-    digest = hashlib.sha256(_machine().encode())
+    digest = hashlib.sha256((FORMAT + _machine()).encode())
     for part in parts:
         data = part.encode() if isinstance(part, str) else part
         digest.update(len(data).to_bytes(8, "little"))
@@ -146,22 +165,34 @@ def library(name: str, key: str, source: Callable[[], str]) -> ctypes.PyDLL:
         with _alone(path):
             if not _whole(path):
                 path = _make(path, source())
+    for anew in _places(path):  # on some file systems nothing can be run
+        with suppress(OSError):
+            return ctypes.PyDLL(str(path))
+        with suppress(OSError):
+            path.unlink()
+        path = _make(anew, source())
     try:
         return ctypes.PyDLL(str(path))
     except OSError as error:
         raise KernelError(f"the compiled kernel '{path}' cannot be loaded: {error}") from error
 
 
+def _checksum(name: str, data: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + data).digest()
+
+
 def _whole(path: Path) -> bool:
-    """Whether the file is there as it was written: its last bytes are the checksum of the others."""
-    try:
-        data = path.read_bytes()
-        if len(data) > 32 and hashlib.sha256(data[:-32]).digest() == data[-32:]:
-            if time.time() - path.stat().st_mtime > UNUSED_FOR / 10:
+    """Whether the file is there as this user wrote it: its last bytes are the checksum of its name and the others."""
+    flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    with suppress(OSError), os.fdopen(os.open(path, flags), "rb") as file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode) or not _is_mine(status) or status.st_size > MAX_SIZE:
+            return False
+        data = file.read()
+        if _checksum(path.name, data[:-32]) == data[-32:]:
+            if time.time() - status.st_mtime > UNUSED_FOR / 10:
                 os.utime(path)
             return True
-    except OSError:
-        pass
     return False
 
 
@@ -176,8 +207,13 @@ class _alone:
         with suppress(OSError, ImportError):
             import fcntl
 
-            self._file = os.open(self._path, os.O_CREAT | os.O_RDWR, 0o600)
-            fcntl.flock(self._file, fcntl.LOCK_EX)
+            self._file = os.open(self._path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+            deadline = time.monotonic() + PATIENCE
+            while time.monotonic() < deadline:
+                with suppress(BlockingIOError):
+                    fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    break
+                time.sleep(0.05)
 
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
@@ -208,7 +244,7 @@ def _make(path: Path, source: str) -> Path:
             data = made.read_bytes()
     except OSError as error:
         raise KernelError(f"a kernel cannot be compiled: {error}") from error
-    data += hashlib.sha256(data).digest()
+    data += _checksum(path.name, data)
     for place in _places(path):
         try:
             place.unlink(missing_ok=True)

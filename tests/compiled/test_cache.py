@@ -210,3 +210,79 @@ def test_results_do_not_depend_on_where_they_come_from(tmp_path):
     x = np.linspace(-3.0, 3.0, 50)
     exact = np.frombuffer(bytes.fromhex(found["c"]))
     np.testing.assert_allclose(exact, np.sin(x) / (1.0 + x * x) - 0.1, rtol=0, atol=1e-15)
+
+
+def _forged(path, data):
+    """With the checksum that belongs to the name, as somebody would make it who reads the source."""
+    path.write_bytes(data + compiler._checksum(path.name, data))
+
+
+ATTACKS = {
+    "garbage": lambda path, other: path.write_bytes(b"\x7fELF" + bytes(1000)),
+    "garbage with its checksum": lambda path, other: _forged(path, b"\x7fELF" + bytes(1000)),
+    "another library": lambda path, other: path.write_bytes(other.read_bytes()),
+    "nothing": lambda path, other: path.write_bytes(b""),
+    "a pipe": lambda path, other: os.mkfifo(path),
+    "a link to a device": lambda path, other: path.symlink_to("/dev/zero"),
+    "a link to another library": lambda path, other: path.symlink_to(other),
+    "a file without an end": lambda path, other: os.truncate(os.open(path, os.O_CREAT | os.O_RDWR), 1 << 40),
+    "writable by others": lambda path, other: (path.write_bytes(other), path.chmod(0o666)),
+    "a lock that is a pipe": lambda path, other: os.mkfifo(path.with_suffix(".lock")),
+    "a lock that is a link": lambda path, other: path.with_suffix(".lock").symlink_to("/dev/zero"),
+}
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_what_is_no_library_of_ours_is_made_again(attack, tmp_path):
+    """In bounded time; the next process finds the new one."""
+    write(tmp_path)
+    run(SCRIPT, tmp_path)
+    run("from edited import inner; inner(1.0)", tmp_path)
+    (path,), (other,) = libraries(tmp_path), libraries(tmp_path, "inner")
+    data = path.read_bytes()
+    path.unlink()
+    ATTACKS[attack](path, data if attack == "writable by others" else other)
+    printed, notice = run(SCRIPT, tmp_path)
+    assert printed == "6.5"
+    assert "compiling kernels" in notice
+    assert run(SCRIPT, tmp_path) == ("6.5", "")
+    assert not path.is_symlink()
+    assert path.stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o775])
+def test_a_folder_that_others_can_write_to_is_not_used(mode, tmp_path):
+    """One line says why; one in the user's own cache is closed instead."""
+    write(tmp_path)
+    (tmp_path / "cache" / "harpy_pin").mkdir(parents=True)
+    for folder in (tmp_path / "cache", tmp_path / "cache" / "harpy_pin"):
+        folder.chmod(mode)
+    printed, notice = run(SCRIPT, tmp_path)
+    assert printed == "6.5"
+    assert notice.count("are not kept") == 1
+    assert "others can write to it" in notice
+    assert libraries(tmp_path) == []
+    printed, notice = run(SCRIPT, tmp_path, HARPY_PIN_CACHE="", XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert "are not kept" not in notice
+    assert (tmp_path / "cache" / "harpy_pin").stat().st_mode & 0o777 == 0o700
+
+
+def test_a_lock_that_nobody_releases(tmp_path, monkeypatch):
+    import fcntl
+
+    monkeypatch.setattr(compiler, "PATIENCE", 0.2)
+    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
+    with (tmp_path / "held-0.lock").open("w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with compiler._alone(tmp_path / "held-0.so"):
+            pass
+
+
+@pytest.mark.parametrize("program", ["harpy_pin", "comparison", "reproduction"])
+def test_another_kind_of_kernels_is_one_line(program):
+    known = os.environ | {"HARPY_PIN_KERNELS": "x"}
+    words = [sys.executable, "-m", program, "gait" if program == "reproduction" else "robots"]
+    done = subprocess.run(words, capture_output=True, text=True, env=known)
+    assert done.returncode in (1, 2)
+    assert done.stderr.count("\n") == 1
+    assert "unknown kind of kernels in $HARPY_PIN_KERNELS 'x'" in done.stderr
