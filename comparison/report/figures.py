@@ -95,7 +95,7 @@ def _write_labels(
     texts: Mapping[str, str],
     colours: Mapping[str, str],
 ) -> None:
-    """Names and falls beside the points, each where it covers neither a point nor another label."""
+    """Names and falls, each where it covers neither a point nor another label, and stands nearest to its own point."""
     from matplotlib.patheffects import withStroke
 
     axes.figure.draw_without_rendering()  # type: ignore[union-attr]
@@ -110,14 +110,20 @@ def _write_labels(
         width, height = np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2])
         return float(max(width, 0.0) * max(height, 0.0))
 
+    def far(box: Any, point: Any) -> float:
+        """Distance of a point from a box."""
+        return float(np.linalg.norm(np.maximum(np.maximum(box[:2] - point, point - box[2:]), 0.0)))
+
     for row in sorted(points, key=lambda name: points[name][0], reverse=True):
         x, y = places[row]
+        others = [place for name, place in places.items() if name != row]
         width, height = max(6.4 * len(row), 4.6 * len(texts[row])) + 4.0, 26.0
         lefts = (tails[row] + 8.0, x - 8.0 - width, x - 0.5 * width)
         corners = [(left, y + lift - 0.5 * height) for lift in _LIFTS for left in lefts]
         boxes = [np.array((left, low, left + width, low + height)) for left, low in corners]
         covered = [sum(common(box, b) for b in taken) + 10.0 * (width * height - common(box, frame)) for box in boxes]
-        box = boxes[int(np.argmin(covered))]
+        stray = [max([far(box, places[row]) - far(box, other) for other in others], default=0.0) for box in boxes]
+        box = boxes[int(np.argmin(np.array(covered) + 20.0 * np.maximum(stray, 0.0)))]
         taken.append(box)
         place: dict[str, Any] = {"textcoords": "offset points", "va": "center", "annotation_clip": False, "zorder": 5}
         place["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]  # where a line passes behind

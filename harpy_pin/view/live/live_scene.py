@@ -80,7 +80,7 @@ class LiveScene:
         height = HARPY_HEIGHT * scale
         scales = Scales.of(robot, height)
         self._robot, self._forces = RobotNodes(robot, height), Forces(robot, scales, full=FULL)
-        self._push = Arrow("push", PUSH, radius=0.012 * scale, metres_per_newton=1.0 / scales.contact)
+        self._push = Arrow("push", PUSH, radius=0.012 * scale, metres_per_newton=1.0 / scales.force)
         for part in (self._robot, self._forces, self._push):
             self._drawn.add(part.nodes)
         self._drawn.add([Node("friction_strip", Box((1.0, 8.0, 0.002)), Look(STRIP, 0.75, light="ground"))])

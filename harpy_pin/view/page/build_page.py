@@ -135,7 +135,7 @@ def _key(shown: Sequence[Frames]) -> list[dict[str, str]]:
     frames, references = shown[0], {label for one in shown for label in one.references}
     scales = Scales.of(frames.robot, float(frames["q"][0, 2]))
     ground, floor = frames.ground, normal_floor(frames.run)
-    rows = [("contact", CONTACT, "contact force", f"{scales.contact:g} N per metre")]
+    rows = [("contact", CONTACT, "contact force", f"{scales.force:g} N per metre")]
     if ground is not None:
         rows.append(("friction", FRICTION, "friction cone", "share of the friction that each foot uses"))
         rows.append(("", SLIDING, "foot slides", ""))
@@ -144,7 +144,7 @@ def _key(shown: Sequence[Frames]) -> list[dict[str, str]]:
             rows.append(("", FLOOR, f"ring: floor of f_z, {floor:.3g} N", "the smallest normal force that is asked"))
     rows.append(("", PRESSURE, "centre of pressure", ""))
     if any(one.robot.thrusters for one in shown):
-        rows.append(("thrust", THRUST, "thrust", f"{scales.thrust:g} N per metre"))
+        rows.append(("thrust", THRUST, "thrust", f"{scales.force:g} N per metre"))
     if "target" in references:
         rows.append(("target", TARGET, "target x_r", "distance from the body; its path is drawn on the ground"))
     if "applied" in references:

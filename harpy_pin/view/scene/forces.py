@@ -143,9 +143,9 @@ class Forces:
             return Arrow(path, colour, radius=radius * scales.height, metres_per_newton=1.0 / newtons_per_metre)
 
         feet, thrusters = ([node_name(name) for name in names] for names in (robot.feet, robot.thrusters))
-        cone |= {"slant": CONE_SLANT * scales.height, "ring": None if floor is None else floor / scales.contact}
-        self._contacts = [arrow(f"contact_force/{name}", CONTACT, CONTACT_RADIUS, scales.contact) for name in feet]
-        self._thrusts = [arrow(f"thrust/{name}", THRUST, THRUST_RADIUS, scales.thrust) for name in thrusters]
+        cone |= {"slant": CONE_SLANT * scales.height, "ring": None if floor is None else floor / scales.force}
+        self._contacts = [arrow(f"contact_force/{name}", CONTACT, CONTACT_RADIUS, scales.force) for name in feet]
+        self._thrusts = [arrow(f"thrust/{name}", THRUST, THRUST_RADIUS, scales.force) for name in thrusters]
         self._cones = [Cone(f"friction_cone/{name}", **cone) for name in feet if cones]
         parts: list[Arrow | Cone] = [*self._contacts, *self._cones, *self._thrusts]
         self.nodes = [node for part in parts for node in part.nodes]
@@ -178,21 +178,18 @@ class Scales:
 
     Attributes:
         height: of the body above the ground, m.
-        contact: contact force that is drawn one metre long, N/m.
-        thrust: thrust that is drawn one metre long, N/m.
+        force: contact force or thrust that is drawn one metre long, N/m.
     """
 
     height: float
-    contact: float
-    thrust: float
+    force: float
 
     @classmethod
     def of(cls, robot: Robot, height: float) -> Scales:
-        """Half the robot's weight is about a third of its height; thrusts are drawn twice as long as contact forces."""
+        """Half the robot's weight is about a third of its height."""
         height = float(np.clip(height, 0.1, 10.0))
         share = robot.mass * 9.81 * min(2.0 / max(len(robot.feet), 1), 1.0)
-        contact = nice_scale(1.25 * share / (0.65 * height))
-        return cls(height, contact, nice_scale(0.5 * contact))
+        return cls(height, nice_scale(1.25 * share / (0.65 * height)))
 
 
 def nice_scale(newtons_per_metre: float) -> float:
