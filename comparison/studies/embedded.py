@@ -30,9 +30,10 @@ from harpy_pin.export.board import CHIPS, measure, missing_tools
 from harpy_pin.export.code import controller_code
 from harpy_pin.export.exported_controllers import Exportable, exportable
 from harpy_pin.export.folder import write_folder
-from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record, robot_of
+from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.entry import GOOD
+from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import EXCHANGES
 from harpy_pin.wbc.input_space import build_inputs
@@ -90,7 +91,7 @@ def _counted(settings: Any, progress: Progress) -> Rows:
 
 def _jobs(name: str, settings: Any, place: Path, daqp: Path | None) -> list[Callable[[], dict[str, Any]]]:
     """What there is to do for a robot."""
-    robot = robot_of(name)
+    robot = loaded_robot(name)
     kinds = CONTROLLERS if name == "harpy" else ("condensed", "wbc")
     walks = {kind: _record(robot, settings.duration, np.random.default_rng(settings.seed), kind) for kind in kinds}
     many = _many(robot, settings)

@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.output import Force, console
 from harpy_pin.errors import HarpyError
 
 if TYPE_CHECKING:
+    from harpy_pin.model.robot import Robot
     from harpy_pin.scenario import Scenario
 
 __all__ = ["compile_ahead", "export"]
@@ -26,9 +28,9 @@ DURATION = 0.6
 
 
 def compile_ahead(
-    robots: Annotated[
-        list[str] | None, typer.Argument(metavar="[ROBOT]...", help="harpy (default), or names from harpy robots.")
-    ] = None,
+    robots: Annotated[list[str] | None, typer.Argument(metavar="[ROBOT]...", help=options.ROBOTS)] = None,
+    feet: options.FeetOption = None,
+    posture: options.PostureOption = None,
     clear: Annotated[
         bool,
         typer.Option("--clear", help="Remove the compiled libraries; only robots that are named are compiled again."),
@@ -48,11 +50,9 @@ def compile_ahead(
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
     from harpy_pin.compiled import BACKEND, compiler
     from harpy_pin.compiled.kernels import wait_for_all
-    from harpy_pin.model.catalogue import check_robot_name
     from harpy_pin.scenario import walk
 
-    for name in robots or ():
-        check_robot_name(name)
+    walkers = [options.read_robot_options(name, feet, posture) for name in dict.fromkeys(robots or [HARPY])]
     if clear:
         console.print(f"removed {_count(compiler.clear())} from {compiler.folder()}", soft_wrap=True)
         if not robots:
@@ -61,7 +61,7 @@ def compile_ahead(
         raise HarpyError("there is nothing to compile ahead without a C compiler: install gcc, clang or the extra 'cc'")
     begin = perf_counter()
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        work = {threads.submit(walk, scenario): name for name, scenario in _scenarios(robots or [HARPY])}
+        work = {threads.submit(walk, scenario): name for name, scenario in _scenarios(walkers)}
         try:
             for future in as_completed(work):
                 future.result()
@@ -81,17 +81,18 @@ def _count(libraries: int) -> str:
     return "1 library" if libraries == 1 else f"{libraries} libraries"
 
 
-def _scenarios(robots: Sequence[str]) -> Iterator[tuple[str, Scenario]]:
+def _scenarios(robots: Sequence[str | Robot]) -> Iterator[tuple[str, Scenario]]:
     """Name and scenario of each walk of some ticks that compiles what these robots need, the longest first."""
     from harpy_pin.controllers.named_controllers import GOVERNORS
     from harpy_pin.scenario import Governed, Scenario, gaits_of
 
-    for name in dict.fromkeys(robots):
-        # A robot of the catalogue stays where it is: standing or hovering.
-        gait = next(kind for kind in gaits_of(name) if kind != "walking")
+    for robot in robots:
+        # Another robot stays where it is: standing or hovering.
+        gait = next(kind for kind in gaits_of(robot) if kind != "walking")
         for controller, title in (("condensed", "condensed controller"), ("wbc", "whole-body QP")):
-            yield f"{name}, {title}", Scenario(robot=name, gait=gait, controller=controller, duration=DURATION)
-        if name == HARPY:
+            scenario = Scenario(robot=robot, gait=gait, controller=controller, duration=DURATION)
+            yield f"{scenario.robot_name}, {title}", scenario
+        if robot == HARPY:
             yield "harpy, commanded gait", Scenario(gait="commanded", duration=DURATION)
             for governor in GOVERNORS:
                 scenario = Scenario(controller=Governed(governor=governor), duration=DURATION)
@@ -99,12 +100,14 @@ def _scenarios(robots: Sequence[str]) -> Iterator[tuple[str, Scenario]]:
 
 
 def export(
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="harpy, or a name that `harpy robots` lists.")],
+    robot: Annotated[str, typer.Argument(metavar="ROBOT", help=options.ROBOTS)],
     to: Annotated[str, typer.Option("--to", metavar="DIR", help="Output folder: new, empty, or an exported one.")],
     controller: Annotated[
         str, typer.Option("--controller", metavar="NAME", help="condensed, wbc, paper or filter.")
     ] = "condensed",
     precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
+    feet: options.FeetOption = None,
+    posture: options.PostureOption = None,
     force: Force = False,
 ) -> None:
     """Write a controller as C99 for a microcontroller.
@@ -117,7 +120,8 @@ def export(
     """
     from harpy_pin.export import export as write
 
-    done = write(robot, to, controller=controller, precision=precision, force=force)
+    walker = options.read_robot_options(robot, feet, posture)
+    done = write(walker, to, controller=controller, precision=precision, force=force)
     name, folder = done.code.name, done.folder
     console.print(f"{folder}/{name}.h, {name}.c, {name}.hpp: {done.what.title}, in {precision}", soft_wrap=True)
     console.print(f"{done.code.ram} bytes of RAM; {done.ticks} recorded ticks; README.md says more", soft_wrap=True)

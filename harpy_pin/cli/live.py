@@ -13,11 +13,10 @@ from typing import Annotated
 import typer
 
 from harpy_pin import checks
+from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.output import INTERRUPTED, TERMINATED, console
-from harpy_pin.cli.walk_options import JsonOption, UrdfOption, read_settings
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import check_outputs, journal_path, write_json
-from harpy_pin.model.catalogue import check_robot_name, known_name
 
 __all__ = ["live"]
 
@@ -26,9 +25,9 @@ LONGEST = 1e6
 
 
 def live(
-    robot: Annotated[
-        str, typer.Option(help="harpy, or a robot that `harpy robots` lists, with two or four feet.")
-    ] = "harpy",
+    robot: options.RobotOption = "harpy",
+    feet: options.FeetOption = None,
+    posture: options.PostureOption = None,
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
     settings: Annotated[
@@ -43,13 +42,13 @@ def live(
     save: Annotated[
         Path | None, typer.Option(metavar="FILE.npz", help="Write what is driven as a log, while it is driven.")
     ] = None,
-    json: JsonOption = None,
+    json: options.JsonOption = None,
     host: Annotated[
         str, typer.Option(help="Address to serve the page on; others than this machine's let others drive.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port of the page; any free one by default.", show_default=False)] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
-    urdf: UrdfOption = None,
+    urdf: options.UrdfOption = None,
 ) -> None:
     """Drive a robot in the browser, in real time.
 
@@ -63,9 +62,8 @@ def live(
     harpy live --robot anymal_c --set schedule=crawl --speed 0.3
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
-    robot = known_name(robot)
-    check_robot_name(robot)
-    if urdf is not None and robot != "harpy":
+    walker = options.read_robot_options(robot, feet, posture)
+    if urdf is not None and walker != "harpy":
         raise InputError("--urdf is a variant of Harpy: it does not go with --robot", name="urdf")
     checks.whole("port", port, high=65535)
     if duration is not None:
@@ -75,14 +73,15 @@ def live(
     )
     if find_spec("viser") is None:
         raise HarpyError("driving needs viser, which is not installed: pip install 'harpy-pin[live]'")
-    from harpy_pin.model.robot import load_harpy, load_robot
+    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.model.source import loaded_robot
     from harpy_pin.view.live.drive import Drive, listen
     from harpy_pin.view.live.settings import DriveRanges, usual_settings
 
-    driven_robot = load_harpy(urdf) if robot == "harpy" else load_robot(robot)
+    driven_robot = load_harpy(urdf) if walker == "harpy" else loaded_robot(walker)
     ranges = DriveRanges.of(driven_robot)
     checks.number("speed", speed, low=-ranges.forward, high=ranges.forward)
-    changes = {"friction": friction, "forward": speed, **read_settings(settings or ())}
+    changes = {"friction": friction, "forward": speed, **options.read_settings(settings or ())}
     start = usual_settings(driven_robot).changed(changes)
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # the line below says it
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harpy_pin import checks
+from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.output import FELL, console, walking_bar
-from harpy_pin.cli.walk_options import PushOption, SetOption, SpeedOption, read_scenario
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs, replacing
 
@@ -62,9 +62,10 @@ def view(
     urdf: Annotated[
         Path | None,
         typer.Option(
+            "--robot",
             "--urdf",
             metavar="FILE",
-            help="URDF of the robot (or its name in harpy robots) if the log does not lead to it.",
+            help="URDF or MJCF file of the robot (or its name in harpy robots) if the log does not lead to it.",
         ),
     ] = None,
 ) -> None:
@@ -126,11 +127,13 @@ def view(
 
 def film(
     path: Annotated[Path, typer.Argument(metavar="FILE.gif", help="The film to save: .gif, or .mp4 (extra: film).")],
-    robot: Annotated[str, typer.Option(help="harpy, or a robot that `harpy robots` lists.")] = "go2",
-    friction: Annotated[float, typer.Option(help="Static friction coefficient.")] = 0.6,
-    speed: SpeedOption = None,
-    push: PushOption = None,
-    settings: SetOption = None,
+    robot: options.RobotOption = "go2",
+    feet: options.FeetOption = None,
+    posture: options.PostureOption = None,
+    friction: options.FrictionOption = None,
+    speed: options.SpeedOption = None,
+    push: options.PushOption = None,
+    settings: options.SetOption = None,
     duration: Annotated[float, typer.Option(help="Length of the walk, s.")] = 3.0,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = "420x280",
 ) -> None:
@@ -140,8 +143,8 @@ def film(
     begins 0.4 s after the walk. Exit code 1 if the robot fell; the film is saved.
 
     \b
-    harpy film anymal.gif --robot anymal_c --set gait.schedule=crawl
-    harpy film stairs.gif --set ground.terrain=stairs --set ground.terrain.rise=0.08
+    harpy film anymal.gif --robot anymal_c --set gait.schedule=crawl --friction 0.6
+    harpy film stairs.gif --set ground.terrain=stairs --set ground.terrain.rise=0.08 --friction 0.6
     """
     _check_ending("FILE", path)
     check_outputs({"FILE": path})
@@ -150,9 +153,8 @@ def film(
     from harpy_pin.view.page.film import Film
 
     pixels = _pixels(size)
-    scenario = read_scenario(
-        settings or (), robot=robot, friction=friction, speed=speed, push=push or (), duration=duration
-    )
+    walk = {"friction": friction, "speed": speed, "push": push or (), "duration": duration}
+    scenario = options.read_scenario(settings or (), robot=robot, feet=feet, posture=posture, **walk)  # type: ignore[arg-type]
     with walking_bar(duration) as on_piece:
         run = build(scenario).run(on_piece=on_piece)
     with Film(run, words=False) as shot:

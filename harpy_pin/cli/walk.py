@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
+from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.ending import say
 from harpy_pin.cli.output import FELL, INTERRUPTED, console, stderr, values_table, walking_bar
-from harpy_pin.cli.walk_options import DurationOption, JsonOption, PushOption, SetOption, SpeedOption, read_scenario
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 __all__ = ["demo", "walk"]
 
-FRICTION = 0.8
 SLIPPERY, SHOWN = 0.15, 4.0
 """Friction of the demo, and how long each of its walks is, s."""
 NAME_WIDTH = 20
@@ -30,22 +29,19 @@ NAME_WIDTH = 20
 
 
 def walk(
-    robot: Annotated[
-        str | None, typer.Option(help="harpy (default), or a robot that `harpy robots` lists.", show_default=False)
-    ] = None,
-    friction: Annotated[
-        float | None,
-        typer.Option(help="Static friction coefficient.  [default: 0.8; hp.Scenario() has 0.25]", show_default=False),
-    ] = None,
-    speed: SpeedOption = None,
-    push: PushOption = None,
-    settings: SetOption = None,
-    duration: DurationOption = None,
+    robot: Annotated[str | None, typer.Option(help=options.ROBOTS, show_default=False)] = None,
+    feet: options.FeetOption = None,
+    posture: options.PostureOption = None,
+    friction: options.FrictionOption = None,
+    speed: options.SpeedOption = None,
+    push: options.PushOption = None,
+    settings: options.SetOption = None,
+    duration: options.DurationOption = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")] = None,
     again: Annotated[
         Path | None, typer.Option(metavar="RUN.npz", help="Walk the scenario of this log again, with no other options.")
     ] = None,
-    json: JsonOption = None,
+    json: options.JsonOption = None,
 ) -> None:
     """Simulate a walk of the full robot, and print its measures.
 
@@ -59,15 +55,17 @@ def walk(
     harpy walk --set controller.governor=paper --friction 0.25
     harpy walk --push 2.0:0,5,0 --set disturbances.noise=0.5 --set disturbances.delay=0.001
     harpy walk --robot go2 --set gait.velocity="0.5 0 0; 3s 0 0 0.5" --set plant.preset=stiff
+    harpy walk --robot my.urdf --feet lf_foot,rf_foot,lh_foot,rh_foot
     harpy walk --again a.npz
     """
     journal = None if save is None else journal_path(save)
     check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
     check_outputs({"--save": save, "--json": json})
-    options = {"robot": robot, "friction": friction, "speed": speed, "push": push, "duration": duration}
-    given = {name: value for name, value in options.items() if value is not None}
+    choices: dict[str, Any] = {"robot": robot, "feet": feet, "posture": posture, "friction": friction}
+    choices |= {"speed": speed, "push": push, "duration": duration}
+    given = {name: value for name, value in choices.items() if value is not None}
     if again is None:
-        scenario = read_scenario(settings or (), **{"friction": FRICTION, **given})  # type: ignore[arg-type]
+        scenario = options.read_scenario(settings or (), **given)
     elif given or settings:
         named = ", ".join(f"--{name}" for name in (*given, *(("set",) if settings else ())))
         raise InputError(f"--again walks the scenario of its file: leave out {named}", name="again")
@@ -113,7 +111,7 @@ def _report(
     measures = measure(run).as_dict()
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
     slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
-    who = f"{scenario.robot}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
+    who = f"{scenario.robot_name}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
     title = f"{who}, friction {scenario.ground.mu_s:g}{ice}{slope}"
     console.print(_measures_table(title, measures, thrusters=run["thrust"].size > 0))
     if json is not None:

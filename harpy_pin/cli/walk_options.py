@@ -12,19 +12,41 @@ import typer
 from harpy_pin.errors import InputError
 
 if TYPE_CHECKING:
+    from harpy_pin.model.robot import Robot
     from harpy_pin.scenario import Scenario
 
 __all__ = [
+    "ROBOTS",
     "DurationOption",
+    "FeetOption",
+    "FrictionOption",
     "JsonOption",
+    "PostureOption",
     "PushOption",
+    "RobotOption",
     "SetOption",
     "SpeedOption",
     "UrdfOption",
+    "read_robot_options",
     "read_scenario",
     "read_settings",
 ]
 
+ROBOTS = "harpy (by default), a robot that `harpy robots` lists, or a URDF or MJCF file with --feet."
+RobotOption = Annotated[str, typer.Option(help=ROBOTS.replace(" (by default)", ""))]
+FrictionOption = Annotated[
+    float | None, typer.Option(help="Static friction coefficient.  [default: 0.25]", show_default=False)
+]
+FeetOption = Annotated[
+    str | None,
+    typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a robot that is a URDF or MJCF file."),
+]
+PostureOption = Annotated[
+    str | None,
+    typer.Option(
+        "--posture", metavar="RAD,...", help="Its standing angles, of all joints or of one leg; found by default."
+    ),
+]
 SpeedOption = Annotated[
     float | None,
     typer.Option(
@@ -49,11 +71,40 @@ UrdfOption = Annotated[
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
 
+def read_robot_options(robot: str, feet: str | None, posture: str | None) -> str | Robot:
+    """The robot of the options: its name where it is known, else read from its file.
+
+    Raises:
+        InputError: an unknown name, a file without feet, or no posture.
+        RobotError: the file is no robot with these feet.
+    """
+    from harpy_pin.model.robot import load_robot
+    from harpy_pin.model.source import named_robot
+
+    if feet is None and posture is None and not Path(robot).suffix:
+        return named_robot(robot)
+    frames = None if feet is None else [name.strip() for name in feet.split(",") if name.strip()]
+    try:
+        angles = [] if posture is None else [float(angle) for angle in posture.split(",")]
+    except ValueError:
+        raise InputError(
+            f"--posture takes angles in rad, such as 0,0.8,-1.6, got '{posture}'", name="posture"
+        ) from None
+    if robot == "harpy":
+        raise InputError("--feet and --posture are of a robot that --robot names", name="feet")
+    known = load_robot(robot, feet=frames)
+    if not angles:
+        return named_robot(known)
+    return named_robot(load_robot(robot, feet=frames, posture=angles * max(len(known.joints) // len(angles), 1)))
+
+
 def read_scenario(
     texts: Sequence[str],
     *,
-    friction: float,
+    friction: float | None = None,
     robot: str = "harpy",
+    feet: str | None = None,
+    posture: str | None = None,
     speed: float | None = None,
     push: Sequence[str] = (),
     duration: float = 6.0,
@@ -64,15 +115,17 @@ def read_scenario(
         InputError: an unknown name, or a value out of its domain.
         RobotError: the robot is not installed.
     """
-    from harpy_pin.model.catalogue import known_name
     from harpy_pin.scenario.settings import scenario_of
 
-    settings: dict[str, Any] = {"ground.mu_s": friction, "robot": known_name(robot), "duration": duration}
+    walker = read_robot_options(robot, feet, posture)
+    settings: dict[str, Any] = {"robot": walker, "duration": duration}
+    if friction is not None:
+        settings["ground.mu_s"] = friction
     if push:
         settings["disturbances.pushes"] = [_read_push(text) for text in push]
     given = read_settings(texts)
     if speed is not None:
-        settings |= _speed(str(given.get("robot", settings["robot"])), given.get("gait"), speed)
+        settings |= _speed(given.get("robot", walker), given.get("gait"), speed)
     return scenario_of(settings | given)
 
 
@@ -106,7 +159,7 @@ def _read_value(text: str) -> Any:
     return text
 
 
-def _speed(robot: str, gait: Any, speed: float) -> Mapping[str, Any]:
+def _speed(robot: str | Robot, gait: Any, speed: float) -> Mapping[str, Any]:
     """The setting that a speed forward is of a gait, by default the robot's first one."""
     from harpy_pin.scenario.gait_parts import GAIT_PARTS, gaits_of, why_not
 

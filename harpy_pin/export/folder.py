@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,8 +18,10 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
 from harpy_pin.export.code import Code, controller_code, lengths, number_text, shipped
 from harpy_pin.export.exported_controllers import Exportable, exportable
-from harpy_pin.export.recording import Recording, answers, ready, record, robot_of
+from harpy_pin.export.recording import Recording, answers, ready, record
 from harpy_pin.files import OwnFolder
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.source import loaded_robot
 
 __all__ = ["Exported", "export", "write_folder"]
 
@@ -47,12 +50,17 @@ class Exported:
 
 @checked
 def export(
-    robot: str, folder: str | Path, *, controller: str = "condensed", precision: str = "float", force: bool = False
+    robot: str | Robot,
+    folder: str | Path,
+    *,
+    controller: str = "condensed",
+    precision: str = "float",
+    force: bool = False,
 ) -> Exported:
-    """Export a controller of a robot known by name, with ticks of a motion that fits the robot.
+    """Export a controller of a robot, with ticks of a motion that fits the robot.
 
     Args:
-        robot: ``harpy``, or a name of :data:`~harpy_pin.model.catalogue.CATALOGUE`.
+        robot: ``harpy``, a name of :data:`~harpy_pin.model.catalogue.CATALOGUE`, or one's own.
         folder: where to; new, empty, or an exported one. Nothing in it that was not exported is replaced.
         controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`.
         precision: ``float`` or ``double``.
@@ -66,12 +74,13 @@ def export(
     """
     checks.one_of("precision", precision, PRECISIONS)
     single = precision == "float"
-    motion = ready(robot_of(robot), controller, duration=1e-3 * TICKS * EVERY, single=single)
+    motion = ready(loaded_robot(robot), controller, duration=1e-3 * TICKS * EVERY, single=single)
     place = OwnFolder(folder, force=force)
     what = exportable(motion.controller)
     every = record(motion, what)
     recording = Recording(every.target[::EVERY], {name: rows[::EVERY] for name, rows in every.inputs.items()})
-    return write_folder(what, recording, place, name=f"{robot}_{what.kind}", single=single)
+    name = re.sub(r"^(?=\d)|\W", "_", f"{what.robot.name}_{what.kind}", flags=re.ASCII)
+    return write_folder(what, recording, place, name=name, single=single)
 
 
 def write_folder(

@@ -20,13 +20,13 @@ from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.walking import WalkingGait
 from harpy_pin.ground.ground import Ground
-from harpy_pin.model.robot import Robot, load_harpy, load_robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State
 from harpy_pin.scenario import Disturbances, Governed, Scenario, Walk, build
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import Push
 
-__all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record", "robot_of"]
+__all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record"]
 
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
 """Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
@@ -53,16 +53,6 @@ class Recording:
 
     def __len__(self) -> int:
         return len(self.target)
-
-
-def robot_of(name: str) -> Robot:
-    """A robot by name: ``harpy``, or one of the catalogue.
-
-    Raises:
-        InputError: it is not known.
-        RobotError: its files are not installed.
-    """
-    return load_harpy() if name == "harpy" else load_robot(name)
 
 
 def ready(

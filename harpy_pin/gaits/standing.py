@@ -15,8 +15,9 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTarget, GaitTargetRecord
+from harpy_pin.model.posture import find_posture
 from harpy_pin.model.record import RecordOf, field, make_record, sized
-from harpy_pin.model.robot import Robot
+from harpy_pin.model.robot import LEVEL, Robot
 from harpy_pin.model.state import Vector
 
 __all__ = ["Hovering", "Standing"]
@@ -41,8 +42,6 @@ GAINS: Mapping[str, Any] = {
 """Gains for any robot, and the share of friction. The defaults were found for Harpy, and make Go2 fall."""
 WEIGHTS = {"orientation": 0.1, "swing": 5.0, "thrust": 5e-3}
 """Weights of the tasks for any robot."""
-LEVEL = 2e-3
-"""Largest difference between the heights of the feet, m."""
 SHORTEST = 1e-6
 """Duration of a move, s."""
 DEGREE = 5
@@ -200,14 +199,15 @@ class Standing(Staying):
 
     Args:
         robot: any robot with feet, points or flat feet.
-        posture: (joints,) angles, rad; by default the robot's own.
+        posture: (joints,) angles, rad; by default the robot's own, or where it has none one that is found
+            (:func:`harpy_pin.model.posture.find_posture`).
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
         penetration_offset: how much deeper than the ground an unloaded foot aims, m: without it such a foot would come
             to rest just above the ground and never be held.
 
     Raises:
-        InputError: values out of their domains, no posture given where the robot has none of its own, or a posture
+        InputError: values out of their domains, no posture given where none is found, or a posture
             beyond the joints' limits, or whose feet are not on one level below the body.
     """
 
@@ -228,10 +228,7 @@ class Standing(Staying):
                 f"'{robot.name}' has no foot to stand on: hp.Hovering is for robots that fly", name="robot"
             )
         if posture is None:
-            posture = robot.posture
-        if posture is None:
-            angles = f"Standing(robot, posture) with {len(robot.joints)} angles in the order of robot.joints"
-            raise InputError(f"'{robot.name}' has no standing posture of its own: give one: {angles}", name="posture")
+            posture = find_posture(robot) if robot.posture is None else robot.posture
         model = robot.model
         q = pin.neutral(model)
         q[7:] = read_posture(robot, posture)

@@ -11,8 +11,7 @@ beginning of a step.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from functools import cache
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -25,10 +24,10 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.ground.terrain import Plane, Terrain, read_terrain
 from harpy_pin.model.record import RecordOf, Records, make_record
-from harpy_pin.model.robot import Robot, load_robot
+from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Ground", "fitting_stiffness", "walking_stiffness"]
+__all__ = ["Ground", "walking_stiffness"]
 
 CONES = ("circular", "per_axis")
 MAX_STIFFNESS = 1e9
@@ -43,6 +42,10 @@ GRAVITY = 9.81
 """m/s²."""
 DEPTH, WALKING_DEPTH = 0.005, 0.002
 """How deep a robot at rest is in its ground, and how deep one point is that bears a walking robot alone, m."""
+
+
+class Unset(float):
+    """A number that nobody has given: another robot's ground has its own."""
 
 
 class GroundRecord(RecordOf):
@@ -67,11 +70,11 @@ class Ground:
     """Parameters of the ground, z = 0 where nothing else is said; defaults are equations.md §3.
 
     Attributes:
-        stiffness: normal stiffness k, N/m, at most 1e9; the paper's by default, for Harpy's 4.5 kg. Another robot walks
-            well where it is its weight over 2 mm: ``robot.mass * 9.81 / 0.002``.
+        stiffness: normal stiffness k, N/m, at most 1e9; the paper's by default, for Harpy's 4.5 kg, which scenarios of
+            other robots replace by one that fits (:meth:`fitted`).
         damping: normal damping d while the foot goes down, N·s/m (undamped rebound). When not given, that of the
             paper's damping ratio: 268.3 √(k / 8000 N/m).
-        mu_s: static friction coefficient, at most 10; the paper's 0.25 by default, where ``harpy walk`` has 0.8.
+        mu_s: static friction coefficient, at most 10; the paper's 0.25 by default.
         mu_c: Coulomb (sliding) friction coefficient; 0.9 mu_s, the paper's ratio, when not given.
         mu_v: viscous friction, N·s/m.
         stribeck_velocity: σ of the transition from mu_s to mu_c, m/s.
@@ -85,7 +88,7 @@ class Ground:
         terrain: its surface: one of :data:`harpy_pin.ground.terrain.TERRAINS`; flat where there is none.
     """
 
-    stiffness: float = _STIFFNESS
+    stiffness: float = Unset(_STIFFNESS)
     damping: float | None = None
     mu_s: float = 0.25
     mu_c: float | None = None
@@ -99,13 +102,16 @@ class Ground:
 
     def __post_init__(self) -> None:
         stiffness = checks.number("ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
-        damping = _DAMPING * math.sqrt(stiffness / _STIFFNESS) if self.damping is None else self.damping
+        stiffness = self.stiffness if isinstance(self.stiffness, Unset) else stiffness
+        damping = (
+            type(stiffness)(_DAMPING * math.sqrt(stiffness / _STIFFNESS)) if self.damping is None else self.damping
+        )
         mu_s = checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
         mu_c = _RATIO * mu_s if self.mu_c is None else self.mu_c
         checks.keep(
             self,
             stiffness=stiffness,
-            damping=checks.number("ground damping", damping, low=0.0),
+            damping=damping if isinstance(damping, Unset) else checks.number("ground damping", damping, low=0.0),
             mu_s=mu_s,
             mu_c=checks.number("friction mu_c", mu_c, low=0.0, high=mu_s),
             mu_v=checks.number("viscous friction mu_v", self.mu_v, low=0.0),
@@ -120,6 +126,19 @@ class Ground:
             if self.slope != 0.0:
                 message = "a ground has a slope or a terrain, not both: terrain=Plane(slope=...)"
                 raise InputError(message, name="slope", value=self.slope)
+
+    def fitted(self, robot: Robot, *, walks: bool) -> Ground:
+        """The ground with stiffness and damping that fit a robot's weight, where none were given.
+
+        Args:
+            robot: that stands on it.
+            walks: whether it walks; otherwise it is 5 mm deep in the ground, on all its contact points.
+        """
+        if not isinstance(self.stiffness, Unset) or (robot.feet, robot.thrusters) == (HARPY_FEET, HARPY_THRUSTERS):
+            return self
+        standing = robot.mass * GRAVITY / (max(len(robot.feet), 1) * DEPTH)
+        damping = None if isinstance(self.damping, Unset) else self.damping
+        return replace(self, stiffness=walking_stiffness(robot) if walks else standing, damping=damping)
 
     @property
     def surface(self) -> Terrain | None:
@@ -255,22 +274,3 @@ def walking_stiffness(robot: Robot) -> float:
         robot: any.
     """
     return robot.mass * GRAVITY / WALKING_DEPTH
-
-
-@cache
-def fitting_stiffness(name: str, walks: bool) -> float | None:
-    """Stiffness of the ground of a robot by default, N/m; None for Harpy, whose ground is the paper's.
-
-    A robot that does not walk is 5 mm deep in it, on all its contact points.
-
-    Args:
-        name: of the robot, in the catalogue.
-        walks: whether it walks.
-
-    Raises:
-        RobotError: the robots of the catalogue are not installed.
-    """
-    if name == "harpy":
-        return None
-    robot = load_robot(name)
-    return walking_stiffness(robot) if walks else robot.mass * GRAVITY / (max(len(robot.feet), 1) * DEPTH)

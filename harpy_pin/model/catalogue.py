@@ -134,12 +134,10 @@ def check_robot_name(name: object) -> None:
     """Refuse what is neither ``harpy`` nor the name of a robot of :data:`CATALOGUE`.
 
     Raises:
-        InputError: it lists the names; to a path it says how a URDF is loaded, to a robot how it walks.
+        InputError: it lists the names; to a path it says how a file is read.
     """
     path = isinstance(name, str) and (Path(name).suffix or Path(name).name != name)
-    hint = "a URDF of your own is loaded in Python by hp.load_robot(path, feet=...)" if path else ""
-    if hasattr(name, "feet"):
-        hint = "a Robot walks by a gait of its own: hp.walk(hp.Scenario(), gait=hp.WalkingGait(robot, posture=...))"
+    hint = "a file comes with its feet: hp.load_robot(path, feet=...), --robot FILE --feet NAME,..." if path else ""
     checks.one_of("robot", name, ("harpy", *CATALOGUE), hint=hint)
 
 

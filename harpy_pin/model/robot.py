@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +43,8 @@ HARPY_FEET = ("left_foot", "right_foot")
 HARPY_THRUSTERS = ("left_thruster", "right_thruster")
 HARPY_THRUST_LIMIT = 53.0
 """Hardware limit of one thruster, N (equations.md §3)."""
+LEVEL = 2e-3
+"""Largest difference between the heights of the feet in a posture, m."""
 ANY_DIRECTION = 0.1
 """Rotors push in any direction where the least singular value of their axes is above this share of the largest."""
 
@@ -60,6 +64,8 @@ class Robot:
             (:mod:`harpy_pin.model.flat_foot`); empty where all are points.
         rotors: thrusters with a fixed axis, the last of ``thrusters``.
         label: its name in the catalogue; empty for a robot that was read from a file.
+        source: its ``file``, what else :func:`load_robot` was told, and arrays (nv,) of the model that were changed
+            since: what :func:`~harpy_pin.model.source.read_robot` makes it from again.
     """
 
     model: pin.Model
@@ -71,6 +77,7 @@ class Robot:
     flat_feet: tuple[int, ...] = ()
     rotors: tuple[Rotor, ...] = ()
     label: str = ""
+    source: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         parts = [f"{self.mass:.3g} kg", f"{len(self.joints)} joints", f"{len(self.corners)} feet"]
@@ -167,14 +174,12 @@ class Robot:
         Raises:
             InputError: another length, or numbers that are not finite or negative.
         """
-        model, base = self.model.copy(), self.model.joints[1].nv
-        for name, given in {"armature": armature, "damping": damping, "friction": friction}.items():
+        base, changed = self.model.joints[1].nv, {}
+        for name, given in {"armature": armature, "damping": damping, "upperDryFrictionLimit": friction}.items():
             if given is not None:
-                field = "upperDryFrictionLimit" if name == "friction" else name
-                values = checks.gains(name, given, len(self.joints))
-                setattr(model, field, np.concatenate((getattr(model, field)[:base], values)))
-        model.lowerDryFrictionLimit = -model.upperDryFrictionLimit
-        return replace(self, model=model)
+                values = checks.gains(name.replace("upperDryFrictionLimit", "friction"), given, len(self.joints))
+                changed[name] = np.concatenate((getattr(self.model, name)[:base], values))
+        return self.with_arrays(changed)
 
     def with_mujoco(self, model: Any) -> Robot:
         """The robot with armature, damping and dry friction of a MuJoCo model's joints, see :meth:`with_joints`.
@@ -191,10 +196,17 @@ class Robot:
         joints, base = find_joints(model, self.joints), self.model.joints[1].nv
         first = model.jnt_dofadr[free_joint(model, joints)]
         robot, limit = self.with_joints(**known_joints(model, joints)), np.array(self.model.effortLimit)
-        robot.model.armature = np.concatenate((model.dof_armature[first : first + base], robot.model.armature[base:]))
+        armature = np.concatenate((model.dof_armature[first : first + base], robot.model.armature[base:]))
         limit[base:] = np.where(np.isinf(limit[base:]), peak_torques(model, joints), limit[base:])
-        robot.model.effortLimit = limit
-        return robot
+        return robot.with_arrays({"armature": armature, "effortLimit": limit})
+
+    def with_arrays(self, arrays: Mapping[str, Vector]) -> Robot:
+        """The robot with other arrays (nv,) of its model, which :attr:`source` remembers."""
+        model = self.model.copy()
+        for name, values in arrays.items():
+            setattr(model, name, values)
+        model.lowerDryFrictionLimit = -model.upperDryFrictionLimit
+        return replace(self, model=model, source={**self.source, "model": {**self.source.get("model", {}), **arrays}})
 
     def frame_id(self, name: str) -> int:
         """Pinocchio's index of a frame.
@@ -244,19 +256,23 @@ def load_robot(
     thrusters: Sequence[str] = (),
     thrust_limit: float = np.inf,
     rotors: Sequence[Rotor] | None = None,
+    posture: ArrayLike | None = None,
 ) -> Robot:
     """Any floating-base robot, with point feet, flat ones or none, and with thrusters or rotors.
 
     Args:
         urdf: path of the URDF, or of an MJCF file (:mod:`harpy_pin.model.mjcf`), whose keyframe ``home`` is the
-            standing posture; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
-            ``"solo12"``, whose files are the extra ``robots``. Its feet, its standing posture and its rotors are known.
+            standing posture where its feet are on one level; or the name of a robot of
+            :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as ``"solo12"``, whose files are the extra ``robots``.
+            Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet; () for none.
         flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
             in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given.
         thrusters: frame names of the mounts of free thrusters, which push in any direction.
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
+        posture: (joints,) angles in which it stands, rad; those of the file or the catalogue by default. Where there
+            are none, gaits find one (:func:`harpy_pin.model.posture.find_posture`).
 
     A joint whose effort is zero in the file is warned of.
 
@@ -268,12 +284,22 @@ def load_robot(
     """
     if not isinstance(thrust_limit, float) or thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
-    source = checks.path("urdf", urdf)
-    known = catalogue_robot(urdf)
+    known, path = catalogue_robot(urdf), checks.path("urdf", urdf)
+    path = path if known is None else known.path()
+    told: dict[str, Any] = {
+        "feet": feet,
+        "flat_feet": flat_feet,
+        "thrusters": thrusters or None,
+        "rotors": rotors,
+        "posture": posture,
+    }
+    told |= {"file": str(known_name(urdf)) if known else os.path.abspath(path)}
+    told |= {"thrust_limit": thrust_limit if thrust_limit < np.inf else None}
     if feet is None:
         if known is None:
-            check_file(source)
-            raise InputError("a robot read from a file needs feet: names of frames, or () for none", name="feet")
+            check_file(path)
+            message = "a robot read from a file needs feet: names of frames, or () for none"
+            raise InputError(f"{message}; {_ends(build_any_model(path)[0])}", name="feet")
         feet = known.feet
         flat_feet = known.flat_feet if flat_feet is None else flat_feet
     if rotors is None:
@@ -286,31 +312,32 @@ def load_robot(
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
-    path = source if known is None else known.path()
-    model, posture = build_any_model(path)
+    model, angles = build_any_model(path)
     if known is not None:
         known.add_frames(model)
         model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         for name in names:
             if not model.existFrame(name):
-                links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
-                more = f" and {len(links) - 20} more" if len(links) > 20 else ""
-                found = ", ".join(links[:20]) + more
                 where = shown(str(path), 300)
-                raise RobotError(f"{where} has no {kind} frame {shown(name)}; its links: {found}", path=path)
+                raise RobotError(f"{where} has no {kind} frame {shown(name)}; {_ends(model)}", path=path)
     points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
-    posture = posture if known is None else known.posture(model)
+    angles = angles if known is None else known.posture(model)
+    if posture is not None:
+        angles = checks.vector("posture", posture, model.nq - 7)
+    elif known is None and angles is not None and not _level(model, points, angles):
+        angles = None
     robot = Robot(
         model,
         path,
         points,
         mounts,
         float(thrust_limit),
-        posture,
+        angles,
         flat_feet=corners if max(corners, default=1) > 1 else (),
         rotors=tuple(rotors),
         label="" if known is None else str(known_name(urdf)),
+        source=deepcopy({name: value for name, value in told.items() if value is not None}),
     )
     limp = [joint for joint, torque in zip(robot.joints, robot.torque_limit, strict=True) if torque == 0.0]
     if limp:
@@ -318,6 +345,22 @@ def load_robot(
         message = f"{shown(str(path), 300)}: joints of effort 0 N·m, which hold nothing: {shown(limp[0])}{more}"
         warnings.warn(message, stacklevel=2)
     return robot
+
+
+def _ends(model: pin.Model) -> str:
+    """The links at the ends of a robot's limbs, for messages."""
+    inner = {frame.parentFrame for frame in model.frames}
+    names = [f.name for k, f in enumerate(model.frames) if f.type == pin.FrameType.BODY and k not in inner]
+    return f"links at the ends of its limbs: {shown(', '.join(names), 300)}"
+
+
+def _level(model: pin.Model, feet: Sequence[str], angles: Vector) -> bool:
+    """Whether feet are on one level with joints at these angles."""
+    data, q = model.createData(), pin.neutral(model)
+    q[7:] = angles
+    pin.framesForwardKinematics(model, data, q)
+    heights = [data.oMf[model.getFrameId(name)].translation[2] for name in feet]
+    return max(heights, default=0.0) - min(heights, default=0.0) < LEVEL
 
 
 def heavier(robot: Robot, error: float) -> Robot:

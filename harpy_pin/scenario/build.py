@@ -12,7 +12,7 @@ controller's default solver) the last digits may differ, as they depend on where
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,8 +20,9 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait, check_gait
+from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import heavier, load_harpy, load_robot
+from harpy_pin.model.robot import heavier
 from harpy_pin.model.state import State
 from harpy_pin.scenario.scenario import Scenario
 from harpy_pin.simulation.loop import Controller
@@ -101,12 +102,16 @@ def build(
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     disturbances = scenario.disturbances
     if gait is None:
-        robot = load_harpy(scenario.urdf) if scenario.robot == "harpy" else load_robot(scenario.robot)
-        gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
+        gait = scenario.gait.make(scenario.load_robot(), scenario.felt_ground.stiffness)
         gait = _on_ground(gait, scenario)
-    check_gait(gait)
-    if scenario.robot not in ("harpy", gait.robot.name):
-        message = f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot}'; a gait of one's own brings "
+    else:
+        check_gait(gait)
+        walks = not isinstance(getattr(gait, "gait", gait), Standing | Hovering)
+        scenario = replace(scenario, ground=scenario.ground.fitted(gait.robot, walks=walks))
+    if scenario.robot != "harpy" and scenario.robot_name != gait.robot.name:
+        message = (
+            f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a gait of one's own brings "
+        )
         raise InputError(f"{message}its robot along: leave robot out of the scenario", name="gait", value=gait)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot

@@ -20,8 +20,10 @@ from harpy_pin.gaits.walking.build import BY_FEET, FOUR_FEET, TWO_FEET
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
 from harpy_pin.ground.terrain import Terrain
-from harpy_pin.model.catalogue import CATALOGUE, check_robot_name
+from harpy_pin.model.catalogue import CATALOGUE
+from harpy_pin.model.posture import leg_joints
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.source import named_robot
 from harpy_pin.scenario.parts import Part
 
 __all__ = ["GAIT_PARTS", "Commanded", "GaitPart", "Hover", "Stand", "Straight", "Walking", "gaits_of"]
@@ -36,7 +38,7 @@ class GaitPart(Part):
 
     Attributes:
         not_governed: why the paper's controller cannot walk it; empty where it can.
-        foot_counts: numbers of feet of the catalogue's robots that have it; none where it is Harpy's.
+        foot_counts: numbers of feet of other robots that have it; none where it is Harpy's.
         without: robots of so many feet that have it not.
     """
 
@@ -68,15 +70,15 @@ class GaitPart(Part):
 
     @classmethod
     @checked
-    def fits(cls, robot: str) -> bool:
+    def fits(cls, robot: str | Robot) -> bool:
         """Whether a robot has this gait.
 
         Args:
-            robot: ``harpy``, or one of the catalogue.
+            robot: ``harpy``, one of the catalogue, or one's own.
         """
-        if not cls.foot_counts:
-            return robot == "harpy"
-        return robot in CATALOGUE and len(CATALOGUE[robot].feet) in cls.foot_counts and robot not in cls.without
+        if robot == "harpy" or not cls.foot_counts:
+            return robot == "harpy" and not cls.foot_counts
+        return _feet(robot) in cls.foot_counts and robot not in cls.without
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +132,7 @@ class Commanded(GaitPart):
 
 @dataclass(frozen=True, kw_only=True)
 class Walking(GaitPart):
-    """A robot of the catalogue with two or four feet follows a velocity, see :class:`harpy_pin.gaits.WalkingGait`.
+    """A robot with two or four feet follows a velocity, see :class:`harpy_pin.gaits.WalkingGait`.
 
     Attributes:
         schedule: ``trot`` (default), ``crawl``, ``pace`` or ``bound`` on four feet, ``walk`` (default) or ``step`` on
@@ -160,7 +162,7 @@ class Walking(GaitPart):
 
 
 class Stand(GaitPart):
-    """A robot of the catalogue stands on all its feet, see :class:`harpy_pin.gaits.Standing`."""
+    """A robot stands on all its feet, see :class:`harpy_pin.gaits.Standing`."""
 
     name = "standing"
     foot_counts = (1, 2, 3, 4, 6)
@@ -188,28 +190,36 @@ GAIT_PARTS: dict[str, type[GaitPart]] = {kind.name: kind for kind in (Straight, 
 
 
 @checked
-def gaits_of(robot: str) -> tuple[str, ...]:
+def gaits_of(robot: str | Robot) -> tuple[str, ...]:
     """Names of the gaits that a robot has; the first one is its default.
 
     Args:
-        robot: ``harpy``, or a robot of the catalogue.
+        robot: ``harpy``, a robot of the catalogue, or one's own.
 
     Raises:
         InputError: there is no such robot.
     """
-    check_robot_name(robot)
-    return tuple(name for name, kind in GAIT_PARTS.items() if kind.fits(robot))
+    robot = named_robot(robot)
+    return tuple(name for name, kind in GAIT_PARTS.items() if kind.fits(robot) and not why_not(robot, name))
 
 
-def schedules_of(robot: str) -> tuple[str, ...]:
-    """Names of the schedules that a robot of the catalogue can walk by; the first one is its default."""
-    return (*BY_FEET.get(len(CATALOGUE[robot].feet), {}), "stand")
+def _feet(robot: str | Robot) -> int:
+    """How many feet a robot has that is not Harpy."""
+    return len(robot.corners) if isinstance(robot, Robot) else len(CATALOGUE[robot].feet)
 
 
-def why_not(robot: str, gait: object) -> str:
+def schedules_of(robot: str | Robot) -> tuple[str, ...]:
+    """Names of the schedules that a robot other than Harpy can walk by; the first one is its default."""
+    return (*BY_FEET.get(_feet(robot), {}), "stand")
+
+
+def why_not(robot: str | Robot, gait: object) -> str:
     """Why a robot has not a gait, where that is not plain."""
-    if gait == Walking.name and robot in Walking.without:
-        return f"'{robot}' has two joints in each leg, and cannot place its feet to the side"
+    short, name = robot in Walking.without, robot
+    if isinstance(robot, Robot):
+        short, name = any(len(leg_joints(robot, foot)) < 3 for foot in robot.feet), robot.name
+    if gait == Walking.name and short:
+        return f"'{name}' has a leg of fewer than three joints, and cannot place its feet to the side"
     return ""
 
 

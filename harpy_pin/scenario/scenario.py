@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -10,9 +11,10 @@ from typing import Any
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
-from harpy_pin.ground.ground import Ground, fitting_stiffness
+from harpy_pin.ground.ground import Ground, Unset
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import check_robot_name, known_name
+from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.source import loaded_robot, named_robot, plain_source
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.disturbances import Disturbances
 from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, Walking, gaits_of, schedules_of, why_not
@@ -23,7 +25,7 @@ from harpy_pin.simulation.push import check_pushes
 __all__ = ["Scenario"]
 
 
-@dataclass(frozen=True, init=False, repr=False)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class Scenario:
     """Everything that makes a walk.
 
@@ -35,13 +37,13 @@ class Scenario:
         Scenario(robot="go2", disturbances=Disturbances(pushes=(Push(1.0, (0, 3, 0)),), noise=Noise.typical()))
 
     Attributes:
-        robot: ``harpy``, or a robot of the catalogue (:data:`harpy_pin.model.CATALOGUE`).
+        robot: ``harpy``, the name of a robot of the catalogue (:data:`harpy_pin.model.CATALOGUE`), or a robot of one's
+            own, ``hp.load_robot("my.urdf", feet=...)``.
         gait: one of :data:`GAIT_PARTS` that the robot has; :class:`Straight` by default, or what fits the other robot.
         controller: one of :data:`CONTROLLER_PARTS`; :class:`Condensed` by default.
         plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default.
-        ground: what the robot walks on; by default of friction 0.25 (``harpy walk`` has 0.8) and of the paper's
-            stiffness, for another robot than Harpy of one that fits its weight. A :class:`Ground` that is given stays
-            as it is; a mapping without a stiffness gets that one.
+        ground: what the robot walks on; by default of friction 0.25. Where no stiffness is given it is the paper's, for
+            another robot than Harpy one that fits its weight.
         disturbances: pushes, noise, delay, mass error and start velocity; none by default.
         duration: simulated time, s.
         period: time between control ticks, s, a multiple of dt.
@@ -50,10 +52,10 @@ class Scenario:
 
     Raises:
         InputError: an unknown name, a value out of its domain, or parts that do not go together.
-        RobotError: no ground is given, and the robot, whose weight decides on it, is not installed.
+        RobotError: no stiffness is given, and the robot, whose weight decides on it, is not installed.
     """
 
-    robot: str
+    robot: str | Robot
     gait: GaitPart
     controller: ControllerPart
     plant: PlantPart
@@ -67,7 +69,7 @@ class Scenario:
     def __init__(
         self,
         *,
-        robot: str = "harpy",
+        robot: str | Robot | Mapping[str, Any] = "harpy",
         gait: GaitPart | str | Mapping[str, Any] | None = None,
         controller: ControllerPart | str | Mapping[str, Any] | None = None,
         plant: PlantPart | str | Mapping[str, Any] | None = None,
@@ -78,8 +80,7 @@ class Scenario:
         dt: float = 5e-4,
         urdf: str | PathLike[str] | None = None,
     ) -> None:
-        robot = known_name(robot)
-        check_robot_name(robot)
+        robot = named_robot(robot)
         values: dict[str, Any] = {
             "robot": robot,
             "gait": read_part(GAIT_PARTS, "gait", gait, gaits_of(robot)),
@@ -94,29 +95,44 @@ class Scenario:
         checks.keep(self, **values)
         self._check_robot()
         self._check_times()
-        if ground is None or (isinstance(ground, Mapping) and ground.get("stiffness") is None):
-            stiffness = fitting_stiffness(robot, self.gait.name == Walking.name)  # for the robot's weight
-            ground = ({} if stiffness is None else {"stiffness": stiffness}) | ({} if ground is None else dict(ground))
-        checks.keep(self, ground=read_record(Ground, "ground", ground))
+        own = read_record(Ground, "ground", {} if ground is None else ground)
+        if robot != "harpy" and isinstance(own.stiffness, Unset):
+            own = own.fitted(loaded_robot(robot), walks=self.gait.name == Walking.name)
+        checks.keep(self, ground=own)
         self.plant.felt_ground(self.ground)  # refuses a ground that the engine does not have
 
     def __repr__(self) -> str:
         parts = ", ".join(getattr(self, name).name for name in ("gait", "controller", "plant"))
-        return f"Scenario('{self.robot}', {parts}, mu_s={self.ground.mu_s:g}, {self.duration:g} s)"
+        return f"Scenario('{self.robot_name}', {parts}, mu_s={self.ground.mu_s:g}, {self.duration:g} s)"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scenario) and self.to_dict() == other.to_dict()
+
+    def __hash__(self) -> int:
+        return hash(json.dumps(self.to_dict()))
+
+    @property
+    def robot_name(self) -> str:
+        """Name of the robot."""
+        return self.robot if isinstance(self.robot, str) else self.robot.name
+
+    def load_robot(self) -> Robot:
+        """The robot, read from its file where it is known by name."""
+        return load_harpy(self.urdf) if self.robot == "harpy" else loaded_robot(self.robot)
 
     def _check_robot(self) -> None:
         """Whether gait, controller and URDF are for this robot, and go together."""
         gait, controller = self.gait.name, self.controller.name
-        checks.one_of(f"gait of '{self.robot}'", gait, gaits_of(self.robot), hint=why_not(self.robot, gait))
+        checks.one_of(f"gait of '{self.robot_name}'", gait, gaits_of(self.robot), hint=why_not(self.robot, gait))
         if isinstance(self.gait, Walking) and self.gait.schedule is not None:
-            checks.one_of(f"schedule of '{self.robot}'", self.gait.schedule, schedules_of(self.robot))
+            checks.one_of(f"schedule of '{self.robot_name}'", self.gait.schedule, schedules_of(self.robot))
         if self.gait.not_governed and controller == "governed":
             message = f"the paper's controller {self.gait.not_governed}: walk a {gait} gait with 'condensed' or 'wbc'"
             raise InputError(message, name="gait", value=gait)
         if self.robot == "harpy":
             return
         if controller == "governed":
-            message = f"the governed controller is for Harpy: '{self.robot}' takes 'condensed' or 'wbc'"
+            message = f"the governed controller is for Harpy: '{self.robot_name}' takes 'condensed' or 'wbc'"
             raise InputError(message, name="controller", value=controller)
         if self.urdf is not None:
             raise InputError("urdf is a variant of Harpy: it goes with robot='harpy'", name="urdf", value=self.urdf)
@@ -148,6 +164,7 @@ class Scenario:
         """Names and values, those of a part inside it, ready for JSON and exact."""
         parts = {name: getattr(self, name).to_dict() for name in ("gait", "controller", "plant", "disturbances")}
         parts["ground"] = plain(self.ground.to_dict())
+        parts["robot"] = plain_source(self.robot.source) if isinstance(self.robot, Robot) else self.robot
         return {entry.name: parts.get(entry.name, getattr(self, entry.name)) for entry in fields(self)}
 
     @classmethod
@@ -162,7 +179,7 @@ class Scenario:
         """
         if not isinstance(data, Mapping):
             raise InputError(f"scenario must be a mapping, got {shown(data)}", name="scenario", value=data)
-        check_robot_name(known_name(data.get("robot", "harpy")))
+        data = {**data, "robot": named_robot(data.get("robot", "harpy"))}
         for name in data:
             checks.one_of("entry of the scenario", name, [entry.name for entry in fields(cls)])
         return cls(**data)

@@ -17,6 +17,7 @@ from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run, describe_versions
 from harpy_pin.log.run_file import FORMAT
+from harpy_pin.model.source import plain_source
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Sensors
@@ -176,6 +177,7 @@ def run_metadata(
         "plant": dict(simulator.describe()),
         "ground": simulator.ground.to_dict(),
         "robot": robot.name,
+        **({} if robot.label or not robot.source else {"robot_source": plain_source(robot.source)}),
         "mass": robot.mass,
         "feet": list(robot.feet),
         "thrusters": list(robot.thrusters),

@@ -8,8 +8,9 @@ from typing import NamedTuple
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, installed_data
+from harpy_pin.model.catalogue import CATALOGUE, installed_data
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
+from harpy_pin.model.source import read_robot
 
 __all__ = ["CONTROLLERS", "NamedController", "name_of", "robot_of"]
 
@@ -43,7 +44,7 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
     """Load the robot that a run was logged with.
 
     The log holds the names of robot, feet and thrusters. A robot of the library is found by them: Harpy, the variant of
-    Harpy that the run's scenario names, or a robot of the catalogue.
+    Harpy that the run's scenario names, or a robot of the catalogue. Of other robots it holds the file.
 
     Args:
         run: the log.
@@ -54,6 +55,10 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
         RobotError: the file is missing or malformed, or lacks a foot or a thruster of the log.
     """
     feet, thrusters = _names(run, "feet"), _names(run, "thrusters")
+    source = run.metadata.get("robot_source")
+    is_harpy = feet == HARPY_FEET and thrusters == HARPY_THRUSTERS
+    if isinstance(source, dict) and not is_harpy and urdf not in CATALOGUE:
+        return read_robot(source if urdf is None else {**source, "file": str(urdf)})
     if urdf is not None:
         return _from_file(str(urdf), feet, thrusters)
     scenario = run.metadata.get("scenario")
@@ -62,25 +67,16 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
     if isinstance(named, str) and not (isinstance(own, list) and "gait" in own):
         return load_harpy(named)
     name = run.metadata.get("robot")
-    if name is None or feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
+    if name is None or feet is None or is_harpy:
         return load_harpy()
-    likely = [key for key, entry in CATALOGUE.items() if _has_feet(entry, feet)]
-    if likely and not thrusters and installed_data() is not None:
-        joints = run["q"].shape[1]
-        for key in likely:
-            robot = load_robot(key)
-            if name in (robot.name, robot.model.name) and robot.feet == feet and robot.model.nq == joints:
-                return robot
+    known = str(name) in CATALOGUE
+    if known and not thrusters and installed_data() is not None:
+        robot = load_robot(str(name))
+        if robot.feet == feet and robot.model.nq == run["q"].shape[1]:
+            return robot
     message = f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not known by name"
-    missing = " here (the extra 'robots' is not installed)" if likely and installed_data() is None else ""
+    missing = " here (the extra 'robots' is not installed)" if known and installed_data() is None else ""
     raise InputError(f"{message}{missing}: give its URDF, as urdf or --urdf FILE", name="urdf")
-
-
-def _has_feet(entry: CatalogueRobot, points: tuple[str, ...]) -> bool:
-    """Whether the contact points of a log may be those of a robot: its feet, or the corners of its flat feet."""
-    if not entry.flat_feet:
-        return tuple(entry.feet) == points
-    return tuple(dict.fromkeys(point.rpartition("_")[0] for point in points)) == tuple(entry.feet)
 
 
 def _from_file(urdf: str, feet: tuple[str, ...] | None, thrusters: tuple[str, ...] | None) -> Robot:

@@ -39,7 +39,7 @@ def test_walk_writes_log_and_json(command, tmp_path):
         "no_contact",
     ):
         assert written[name] == measures[name]
-    assert hp.Scenario.of(run) == hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.8), duration=0.4)
+    assert hp.Scenario.of(run) == hp.Scenario(controller="condensed", duration=0.4)
     assert run.metadata["versions"]["pin"]
     assert run.metadata["controller"] == "CondensedController"
 
@@ -55,9 +55,7 @@ def test_a_walk_goes_where_it_is_told(command, tmp_path):
     assert "commanded" in out
     run = hp.Run.load(first)
     rows = ((0.0, 0.3, 0.0, 0.0), (0.2, 0.0, -0.1, 0.5))
-    scenario = hp.Scenario(
-        controller="condensed", gait=hp.Commanded(velocity=rows), ground=hp.Ground(mu_s=0.8), duration=0.5
-    )
+    scenario = hp.Scenario(controller="condensed", gait=hp.Commanded(velocity=rows), duration=0.5)
     assert hp.Scenario.of(run) == scenario
     assert command("walk", "--again", first, "--save", second)[0] == 0
     np.testing.assert_array_equal(hp.Run.load(second)["q"], run["q"])

@@ -213,7 +213,7 @@ def test_a_robot_of_ones_own_and_mujoco():
 )
 def test_what_is_refused(arguments, reason):
     if arguments.get("scenario") == "a1":
-        arguments = {"scenario": hp.Scenario(robot="a1")}
+        arguments = {"robot": "go2", "scenario": hp.Scenario(robot="a1")}
     elif arguments.get("scenario") == "governed":
         arguments = {"scenario": hp.Scenario(controller="governed")}
     with pytest.raises(hp.InputError, match=reason):

@@ -176,8 +176,6 @@ def test_names_and_paths(robot, tmp_path, monkeypatch):
         hp.load_robot(robot.urdf)
     with pytest.raises(hp.RobotError, match=r"no URDF at ./no/such\.urdf.: the file does not exist"):
         hp.load_robot("/no/such.urdf")
-    with pytest.raises(hp.InputError, match=r"no standing posture of its own: .* with 6 angles in the order of"):
-        hp.Standing(robot)
     monkeypatch.chdir(tmp_path)
     Path("solo12").write_text("<robot/>")
     for path in (Path("solo12"), "./solo12", "solo12.urdf", str(tmp_path / "solo12"), "."):

@@ -12,11 +12,11 @@ import harpy_pin
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
-LINES = {"harpy_pin": 37_041, CONTRIB: 3_100, "reproduction": 4_000, "comparison": 11_386, "tests": 30_763}
+LINES = {"harpy_pin": 37_358, CONTRIB: 3_100, "reproduction": 4_000, "comparison": 11_386, "tests": 30_969}
 """Most lines of the Python files that Git tracks in a folder; those of ``harpy_pin`` are counted without contrib."""
 LONGEST_FILE = 450
 MOST_PUBLIC_NAMES = 70
-MOST_WORDS = 17_992
+MOST_WORDS = 18_002
 """Of prose in README and docs, without tables, code, formulas and comments."""
 
 

@@ -419,7 +419,7 @@ def test_ground_by_default_fits_the_weight_of_another_robot() -> None:
     assert hp.Scenario(robot="go2").ground.stiffness == pytest.approx(weight / 0.002)  # on one foot it sinks by 2 mm
     standing = hp.Scenario(robot="go2", gait="standing")
     assert standing.ground.stiffness == pytest.approx(weight / 4 / 0.005)  # on four by 5 mm
-    given = hp.Ground(mu_s=0.6)
+    given = hp.Ground(mu_s=0.6, stiffness=8000.0)
     assert hp.Scenario(robot="go2", ground=given).ground == given
     assert hp.Scenario().ground == hp.Ground()
 

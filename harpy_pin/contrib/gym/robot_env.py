@@ -30,6 +30,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -42,8 +43,9 @@ from harpy_pin.contrib.gym.rewards import Reward, Step, make_reward
 from harpy_pin.errors import ControlError, InputError, reason
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
-from harpy_pin.ground.ground import Ground, walking_stiffness
-from harpy_pin.model.robot import Robot, heavier, load_robot
+from harpy_pin.ground.ground import Ground
+from harpy_pin.model.robot import Robot, heavier
+from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.scenario import Governed, Scenario
 from harpy_pin.scenario import Walking as WalkingPart
@@ -72,7 +74,8 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
     """A robot on two or four feet that is to move as it is asked; see :mod:`harpy_pin.contrib.gym.robot_env`.
 
     Args:
-        robot: name in the catalogue; or a :class:`~harpy_pin.model.robot.Robot` with two or four feet and a posture.
+        robot: name in the catalogue; or a :class:`~harpy_pin.model.robot.Robot` with two or four feet. By default the
+            scenario's, or go2 where that is Harpy.
         action: ``velocity`` or ``joints``.
         reward: scales by name, see :mod:`harpy_pin.contrib.gym.rewards`; or a function of the
             :class:`~harpy_pin.contrib.gym.rewards.Step` that returns the reward.
@@ -98,7 +101,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
 
     def __init__(
         self,
-        robot: str | Robot = "go2",
+        robot: str | Robot | None = None,
         *,
         action: str = "velocity",
         reward: Reward | None = None,
@@ -107,10 +110,10 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         render_mode: None = None,
     ) -> None:
         checks.one_of("action", action, ACTION_KINDS)
-        self.robot = load_robot(robot) if isinstance(robot, str) else checks.instance("robot", robot, Robot)
-        if scenario is None:  # a robot that is not in the catalogue has no scenario of its own
-            scenario = Scenario(duration=10.0, ground=Ground(mu_s=0.6, stiffness=walking_stiffness(self.robot)))
-        self.scenario = s = _checked_scenario(scenario, robot)
+        if scenario is None:
+            scenario = Scenario(duration=10.0, ground=Ground(mu_s=0.6))
+        self.robot, self.scenario = _checked(scenario, robot)
+        s = self.scenario
         schedule = s.gait.schedule if isinstance(s.gait, WalkingPart) else None
         self.gait = WalkingGait(self.robot, schedule)
         self._top = np.array([*[self.gait.max_speed] * 2, TURN])
@@ -302,15 +305,16 @@ def _heading_velocity(state: State) -> Vector:
     return np.array([c * linear[0] + s * linear[1], c * linear[1] - s * linear[0], angular[2]])
 
 
-def _checked_scenario(scenario: Scenario, robot: str | Robot) -> Scenario:
-    """A scenario that may be walked by this robot."""
+def _checked(scenario: Scenario, robot: str | Robot | None) -> tuple[Robot, Scenario]:
+    """The robot, and a scenario that it may walk, whose ground fits it."""
     checks.instance("scenario", scenario, Scenario)
-    if isinstance(robot, str) and scenario.robot not in ("harpy", robot):
-        message = f"the scenario is of '{scenario.robot}', and the environment of '{robot}'"
+    robot = loaded_robot(("go2" if scenario.robot == "harpy" else scenario.robot) if robot is None else robot)
+    if scenario.robot_name not in ("harpy", robot.name):
+        message = f"the scenario is of '{scenario.robot_name}', and the environment of '{robot.name}'"
         raise InputError(message, name="scenario", value=scenario)
     if isinstance(scenario.controller, Governed):
         raise InputError("the governed controller is for Harpy: take 'condensed' or 'wbc'", name="scenario")
-    return scenario
+    return robot, replace(scenario, ground=scenario.ground.fitted(robot, walks=True))
 
 
 def _velocity_ends(velocity: ArrayLike | None, usual: Vector) -> tuple[Vector, Vector]:

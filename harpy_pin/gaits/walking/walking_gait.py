@@ -92,7 +92,7 @@ class WalkingGait(FollowsVelocity):
             zero command, on two; ``stand``. By default ``trot`` or ``walk``.
         velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]), each valid from its
             time, s, on; or a function from the time to the command.
-        posture: (joints,) angles in which it stands, rad; by default the robot's own.
+        posture: (joints,) angles in which it stands, rad; by default as of :class:`Standing`.
         clearance: height of a foot at mid-swing, m.
         max_speed: largest velocity of a foot's place, m/s; by default what legs and motors can do, √(g leg) at most.
 

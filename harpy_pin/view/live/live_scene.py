@@ -15,6 +15,7 @@ import viser
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.view.live.settings import is_harpy
 from harpy_pin.view.palette import APPLIED, TARGET, as_rgb, ground_colour
 from harpy_pin.view.scene.forces import Arrow, Forces, Scales
 from harpy_pin.view.scene.frames import REFERENCES, Contacts
@@ -169,7 +170,7 @@ class LiveScene:
 
 def _size(robot: Robot) -> float:
     """Size of a robot as it stands, relative to Harpy's; smaller ones fill the picture, too."""
-    if robot.posture is None:
+    if is_harpy(robot):
         return 1.0
     q, _ = Standing(robot).initial_state()
     data = robot.model.createData()

@@ -19,6 +19,7 @@ from harpy_pin.errors import RobotError
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.model.urdf import read_xml
 from harpy_pin.view.palette import as_hex
 from harpy_pin.view.scene.meshes import mesh_parts
 from harpy_pin.view.scene.nodes import (
@@ -107,13 +108,17 @@ class RobotNodes:
 
 
 def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
-    """Visual shapes of a robot's URDF, whose mesh files are looked for in the folders above it.
+    """Visual shapes of a robot's URDF or MJCF file, whose mesh files are looked for in the folders above it.
 
     There are none, with a warning, where a mesh file cannot be read.
     """
     folders = [str(folder) for folder in robot.urdf.resolve().parents]
+    file, kind = str(robot.urdf), pin.GeometryType.VISUAL
     try:
-        shapes = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL, package_dirs=folders)
+        if read_xml(robot.urdf).tag == "mujoco":
+            shapes = pin.buildGeomFromMJCF(robot.model, file, kind)
+        else:
+            shapes = pin.buildGeomFromUrdf(robot.model, file, kind, package_dirs=folders)
     except (ValueError, RuntimeError) as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else "unreadable mesh"
         warnings.warn(f"visuals of '{robot.urdf}' not drawn ({reason}); drawing a skeleton", stacklevel=2)
