@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -107,6 +108,8 @@ class CondensedBatch(KeepsViews):
         InputError: n is no positive integer, the type is another one, or the robot is of another kind.
     """
 
+    n = property(attrgetter("_n"))
+
     @checked
     def __init__(
         self,
@@ -119,7 +122,7 @@ class CondensedBatch(KeepsViews):
         threads: int | None = None,
     ) -> None:
         self.robot = robot
-        self.n = n = checks.whole("n", n, low=1)
+        self._n = n = checks.whole("n", n, low=1)
         checks.one_of("dtype", getattr(dtype, "__name__", str(dtype)), ("float64", "float32"))
         self.dtype = np.dtype(dtype)
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters(estimate_friction=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -37,6 +39,8 @@ class ShieldBatch(KeepsViews):
         InputError: n is no positive integer, or a friction is negative or not finite.
     """
 
+    n = property(attrgetter("_n"))
+
     @checked
     def __init__(
         self,
@@ -48,7 +52,7 @@ class ShieldBatch(KeepsViews):
         parameters: ContactForceFilterParameters | None = None,
     ) -> None:
         self.robot = checks.instance("robot", robot, Robot)
-        self.n = checks.whole("n", n, low=1, high=checks.MAX_TICKS)
+        self._n = checks.whole("n", n, low=1, high=checks.MAX_TICKS)
         given = checks.array("mu", mu, None)
         self.mu = checks.vector("mu", np.full(self.n, given) if given.ndim == 0 else given, self.n)
         for value in self.mu:

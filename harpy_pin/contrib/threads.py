@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from os import cpu_count, getpid
+from threading import Lock
 from typing import Any
 
 import numpy as np
 
 from harpy_pin import checks
+from harpy_pin.errors import InputError
 
 __all__ = ["Threads"]
 
@@ -35,17 +37,28 @@ class Threads:
         workers = checks.whole("threads", cpu_count() or 1 if most is None else most, low=1, high=1024)
         self.cuts: list[int] = np.linspace(0, n, min(workers, max(n // SMALL, 1)) + 1).astype(int).tolist()
         self._pool: ThreadPoolExecutor | None = None
-        self._process = getpid()
+        self._process, self._alone = getpid(), Lock()
 
     def run(self, piece: Callable[[int, int, int], None]) -> None:
-        """Call a function with the number, the begin and the end of each part, and wait until all of it is done."""
-        parts = range(len(self.cuts) - 1), self.cuts[:-1], self.cuts[1:]
-        if len(self.cuts) == 2:
-            piece(0, *self.cuts)
-            return
-        if self._pool is None or self._process != getpid():
-            self._pool, self._process = ThreadPoolExecutor(len(parts[0])), getpid()
-        list(self._pool.map(piece, *parts))
+        """Call a function with the number, the begin and the end of each part, and wait until all of it is done.
+
+        Raises:
+            InputError: another thread is doing so; it would get the same arrays.
+        """
+        if self._process != getpid():
+            self._pool, self._process, self._alone = None, getpid(), Lock()
+        if not self._alone.acquire(blocking=False):
+            raise InputError("another thread is in a step of this batch: give each thread a batch of its own")
+        try:
+            parts = range(len(self.cuts) - 1), self.cuts[:-1], self.cuts[1:]
+            if len(self.cuts) == 2:
+                piece(0, *self.cuts)
+                return
+            if self._pool is None:
+                self._pool = ThreadPoolExecutor(len(parts[0]))
+            list(self._pool.map(piece, *parts))
+        finally:
+            self._alone.release()
 
     def close(self) -> None:
         """End the threads; the next :meth:`run` begins new ones."""
@@ -54,4 +67,4 @@ class Threads:
         self._pool = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**vars(self), "_pool": None}
+        return {**vars(self), "_pool": None, "_process": 0, "_alone": None}

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from math import isfinite
+from threading import RLock
 from typing import Any, ClassVar
 
 import numpy as np
@@ -34,6 +35,8 @@ class GaitController(KeepsViews, ABC):
     last good command is held, then it fades by ``FADE`` = 0.9 a tick. Nothing else of the controller moves meanwhile,
     so the next good sample is answered as if the bad ones had never come; only joint targets begin anew.
 
+    Where several threads call one controller, a tick waits for another's end; they share its command.
+
     Args:
         gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
             own, so that one gait may serve several controllers.
@@ -45,7 +48,7 @@ class GaitController(KeepsViews, ABC):
             overwritten by the next.
     """
 
-    _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_chain")
+    _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_chain", "_lock")
     _step: Kernel[int]  # of a tick: record, targets, what was measured, and further parts
     _parts: tuple[NDArray[Any], ...] = ()
     _in_python = False  # whether a tick is Python's, not that kernel alone
@@ -87,7 +90,7 @@ class GaitController(KeepsViews, ABC):
     @abstractmethod
     def _make_anew(self) -> None:
         """Choose the kernel of the tick, :attr:`_step`."""
-        self._chain, self._chained = None, False
+        self._chain, self._chained, self._lock = None, False, RLock()
 
     measured: ClassVar[tuple[str, ...]] = ("q", "v", "foot_force")
     """Measurements of a state, in the order of the kernel's arguments."""
@@ -116,22 +119,28 @@ class GaitController(KeepsViews, ABC):
         Raises:
             InputError: an array of the state has the wrong shape, or no numbers.
         """
-        if self._chain is not None:
-            status = self._chain(state)
+        chain = self._chain
+        if chain is not None:
+            status = chain(state)
             if status is not None:
                 if status == BAD_SAMPLE:
                     self._refuse_misfit(state)
                 return self._command
-        if self._convert:
-            state = as_state(state, self.robot)
-        try:
-            return self._tick(state)
-        except Exception:
-            fit = as_state(state, self.robot)
-            if fit is state:
-                raise
-            self._convert = True
-        return self.step(fit)
+        with self._lock:
+            self._chain = None  # so that other threads wait here
+            try:
+                if self._convert:
+                    state = as_state(state, self.robot)
+                try:
+                    return self._tick(state)
+                except Exception:
+                    fit = as_state(state, self.robot)
+                    if fit is state:
+                        raise
+                    self._convert = True
+                return self._tick(fit)
+            finally:
+                self._chain = self._chain or chain
 
     def _plan(self, state: State) -> GaitTarget:
         """Targets of the gait at a state whose time is finite, checked where they are another object than before."""

@@ -99,6 +99,7 @@ class Journal:
         self.path = journal_path(target)
         self.error: OSError | None = None
         self._file: BinaryIO | None = None
+        self._added = 0  # blocks of rows
         self._metadata = to_json(target, metadata)
         check_writable(self.path)
         if self.path.exists():
@@ -117,7 +118,9 @@ class Journal:
 
     def add(self, block: bytes) -> bool:
         """Write some rows; False where they could not be written."""
-        return self._add(ROWS, block)
+        written = self._add(ROWS, block)
+        self._added += written
+        return written
 
     def end(self, metadata: Mapping[str, Any]) -> None:
         """Write the metadata of the run that has ended."""
@@ -139,11 +142,15 @@ class Journal:
         return self.error is None
 
     def blocks(self) -> deque[bytes]:
-        """The rows that have been written; the last thing that is asked of a journal."""
+        """The rows that have been written; the last thing that is asked of a journal. Readers are warned of damage."""
         if self._file is None:
             return deque()
         self._file.seek(0)
-        return deque(payload for kind, payload in _records(self._file) if kind == ROWS)
+        found = deque(payload for kind, payload in _records(self._file) if kind == ROWS)
+        if len(found) < self._added:
+            message = f"'{self.path}' was damaged while the run went on: {self._added - len(found)} blocks of its log"
+            warnings.warn(f"{message} are lost", RunFileWarning, stacklevel=3)
+        return found
 
     def close(self) -> None:
         """Leave it on disk."""

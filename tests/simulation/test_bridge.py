@@ -182,7 +182,7 @@ def test_a_file_of_mujoco_is_that_robot(go2, tmp_path):
 def test_differences_are_said(go2):
     spec = described(go2, actuators="motor", joints=JOINTS)
     spec.body("base").mass += 1.0
-    spec.joint("FL_calf_joint").axis = -np.array(spec.joint("FL_calf_joint").axis)
+    spec.joint("FL_calf_joint").axis = (0.05, 1.0, 0.0)
     spec.body("RR_thigh").pos[1] += 0.01
     said = MujocoBridge(spec.compile(), go2).differences
     lines = said.splitlines()
@@ -223,6 +223,14 @@ def tie(spec, kind, *names):
         (rename, "joint of the MuJoCo model 'FL_calf_joint'"),
         (lambda spec: spec.body("FL_foot").add_joint(name="toe"), "joints that the robot has not: toe"),
         (lambda spec: give(spec.joint("FL_calf_joint"), type=2), "calf_joint' of .* not turn"),
+        (
+            lambda spec: give(spec.joint("FL_calf_joint"), type=1, range=(0, 3)),
+            "calf_joint' of .* not turn about one axis",
+        ),
+        (lambda spec: give(spec.joint("FL_calf_joint"), axis=(0, -1, 0)), "direction of joint of FL_calf_joint"),
+        (lambda spec: give(spec.joint("FL_hip_joint"), axis=(0, 1, 0)), "axis or direction of joint of FL_hip_joint"),
+        (lambda spec: give(spec.joint("FL_thigh_joint"), ref=0.5), "place of joint of FL_calf_joint"),
+        (lambda spec: give(spec.joint("FL_calf_joint"), ref=1.0), "place of the link of FL_calf_joint"),
         (lambda spec: spec.delete(spec.actuators[3]), "'FR_hip_joint' has no actuators"),
         (lambda spec: spec.add_actuator(target="FL_calf_joint", trntype=0), "'FL_calf_joint' has 2 actuators"),
         (lambda spec: give(spec.actuators[3], gaintype=mujoco.mjtGain.mjGAIN_AFFINE), "neither motor nor servo"),

@@ -33,6 +33,7 @@ by more than 60°, or speeds beyond reason); *truncated* at the scenario's durat
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -121,12 +122,14 @@ class BatchedEnv(KeepsViews):
             actuators, which are not here.
     """
 
+    n = property(attrgetter("_n"))
+
     @checked
     def __init__(
         self, n: int, scenario: Scenario | None = None, *, shield: bool = False, threads: int | None = None
     ) -> None:
         self.scenario = s = scenario if scenario is not None else default_scenario()
-        self.n = n = checks.whole("num_envs", n, low=1, high=checks.MAX_TICKS)
+        self._n = n = checks.whole("num_envs", n, low=1, high=checks.MAX_TICKS)
         disturbances = s.disturbances
         signals = disturbances.noise or disturbances.delay or disturbances.actuators
         if not isinstance(s.plant, Compliant) or signals or s.robot != "harpy" or s.ground.surface is not None:

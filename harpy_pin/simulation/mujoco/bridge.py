@@ -20,12 +20,10 @@ from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.model.terms import all_finite, place_bodies, point_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_of, motors_record
 from harpy_pin.simulation.mujoco.conventions import Conventions, ConventionsRecord, from_mujoco, import_mujoco
-from harpy_pin.simulation.mujoco.differences import AtZero, differences
+from harpy_pin.simulation.mujoco.differences import differences
 
 __all__ = ["MujocoBridge"]
 
-HINGE, SLIDE = 3, 2
-"""``mujoco.mjtJoint``."""
 CLOSING = {0: "connect", 1: "weld", 2: "joint"}
 """Equality constraints that hold bodies or joints together, ``mujoco.mjtEq``."""
 
@@ -75,7 +73,6 @@ class MujocoBridge(Conventions):
         self.model, self.robot = model, robot
         self._check_joints()
         self._check_loops()
-        self._at_zero = AtZero(self._mujoco, model, robot, self.joints, self.free)
         nq, nv, self.foot_radius = robot.model.nq, robot.model.nv, np.zeros(len(robot.feet))
         self._record = make_record(
             BridgeRecord,
@@ -162,17 +159,12 @@ class MujocoBridge(Conventions):
         self._rows = list(self._wrench)
 
     def _check_joints(self) -> None:
-        """The robot's joints are all joints of its tree, and turn or slide as they should."""
+        """The robot's joints are all joints of its tree."""
         model, bodies = self.model, self.model.jnt_bodyid
         of_tree = np.flatnonzero(model.body_rootid[bodies] == model.body_rootid[bodies[self.free]])
         more = [model.joint(number).name for number in np.setdiff1d(of_tree, [self.free, *self.joints])]
         if more:
             raise InputError(f"the MuJoCo model has joints that the robot has not: {', '.join(more)}", name="model")
-        for joint, name, ours in zip(self.joints, self.robot.joints, list(self.robot.model.joints)[2:], strict=True):
-            kind = SLIDE if "JointModelP" in ours.shortname() else HINGE
-            if model.jnt_type[joint] != kind:
-                desired = "turn about one axis" if kind == HINGE else "slide"
-                raise InputError(f"joint '{name}' of the MuJoCo model does not {desired}, as the robot's", name="model")
 
     def _check_loops(self) -> None:
         """No equality constraint closes a loop of the robot's bodies, or couples its joints."""

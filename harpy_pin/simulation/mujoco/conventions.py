@@ -26,6 +26,7 @@ from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
+from harpy_pin.simulation.mujoco.differences import AtZero
 
 __all__ = ["Conventions", "import_mujoco", "installed_version"]
 
@@ -81,13 +82,15 @@ class Conventions:
         velocity: (joints,) places of the robot's joints in MuJoCo's ``qvel``.
 
     Raises:
-        InputError: the model has no free joint, or lacks a joint.
+        InputError: the model has no free joint, lacks a joint, or has one of another kind, axis, direction or zero.
     """
 
     def __init__(self, model: Any, robot: Robot) -> None:
         self._robot = robot
         self.joints = find_joints(model, robot.joints)
         self.free = free_joint(model, self.joints)
+        self._at_zero = AtZero(import_mujoco(), model, robot, self.joints, self.free)
+        self._at_zero.check_joints()
         ours = list(robot.model.joints)[ROOT + 1 :]
         self.velocity = model.jnt_dofadr[self.joints].astype(np.int64)
         self.record = make_record(

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin.errors import InputError
 from harpy_pin.model.mjcf import known_joints, peak_torques
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -24,6 +25,10 @@ LENGTH = 1e-3
 """Distance by which places may differ, m."""
 ANGLE = 1e-2
 """Angle by which axes may differ, rad."""
+MAX_TURN, MAX_SHIFT = 0.2, 0.05
+"""Difference of axes, and distance, m, beyond which a joint has another direction, axis or zero."""
+HINGE, SLIDE = 3, 2
+"""``mujoco.mjtJoint``."""
 LEAST = 1e-6
 """Masses, inertias and friction below it are none."""
 
@@ -52,6 +57,34 @@ class AtZero:
         places = [self.own.oMf[robot.frame_id(name)].translation for name in robot.feet]
         self.foot: Vector = np.array(places).reshape(-1, 3)
 
+    def check_joints(self) -> None:
+        """Joints turn or slide, about the robot's axes, in its direction and from its zero.
+
+        Raises:
+            InputError: one does not.
+        """
+        robot, model = self.robot, self.model
+        for joint, name, own in zip(self.joints, robot.joints, list(robot.model.joints)[ROOT + 1 :], strict=True):
+            kind = SLIDE if "JointModelP" in own.shortname() else HINGE
+            if model.jnt_type[joint] != kind:
+                desired = "turn about one axis" if kind == HINGE else "slide"
+                raise InputError(f"joint '{name}' of the MuJoCo model does not {desired}, as the robot's", name="model")
+        frames, (_, centre, _) = list(self.own.oMi)[ROOT:], self.links()
+        levers = [frame.act(body.lever) for frame, body in zip(frames, list(robot.model.inertias)[ROOT:], strict=True)]
+        joints = robot.joints
+        for what, names, theirs, ours, most in (
+            ("axis or direction of joint", joints, self.data.xaxis[self.joints], self.axes(), MAX_TURN),
+            ("place of joint", joints, self.data.xanchor[self.joints], [m.translation for m in frames[1:]], MAX_SHIFT),
+            ("place of the link", joints, centre[1:], levers[1:], MAX_SHIFT),
+        ):
+            if line := _compared(what, "", names, theirs, ours, most):
+                raise InputError(f"the MuJoCo model has other joints than the robot: {line}", name="model")
+
+    def axes(self) -> list[Vector]:
+        """(3,) axis of each joint of the robot, in the world."""
+        frames, axes = list(self.own.oMi)[ROOT:], tree_record(self.robot.model)["axis"][0]
+        return [frame.rotation @ axis for frame, axis in zip(frames, axes, strict=True)][1:]
+
     def links(self) -> tuple[Vector, Vector, Vector]:
         """Mass, kg, centre, m, and inertia about it, kg·m², world axes, of the model's links, in Pinocchio's order."""
         model, data, count = self.model, self.data, self.robot.model.njoints - ROOT
@@ -75,14 +108,13 @@ def differences(here: AtZero) -> str:
     frames, bodies = list(here.own.oMi)[ROOT:], list(robot.model.inertias)[ROOT:]
     mass, centre, inertia = here.links()
     own = [frame.act(body) for frame, body in zip(frames, bodies, strict=True)]
-    turned = [frame.rotation @ axis for frame, axis in zip(frames, tree_record(robot.model)["axis"][0], strict=True)]
     known, damping = known_joints(here.model, joints), robot.model.damping[base:]
     lines = [
         _compared("mass", " kg", links, mass, [body.mass for body in own]),
         _compared("centre of mass", " m", links, centre, [body.lever for body in own], LENGTH),
         _compared("inertia", " kg·m²", links, inertia, [body.inertia for body in own]),
         _compared("place of joint", " m", hinges, data.xanchor[joints], [m.translation for m in frames[1:]], LENGTH),
-        _compared("axis of joint", "", hinges, data.xaxis[joints], turned[1:], ANGLE),
+        _compared("axis of joint", "", hinges, data.xaxis[joints], here.axes(), ANGLE),
         _compared("armature", " kg·m²", hinges, known["armature"], robot.model.armature[base:]),
         _compared("damping", " N·m·s/rad", hinges, known["damping"], damping),
         _compared("dry friction", " N·m", hinges, known["friction"], robot.dry_friction),
