@@ -12,7 +12,7 @@ import hashlib
 import inspect
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -59,6 +59,7 @@ class Study:
         example: of the command's options.
         only: the setting that ``--only`` chooses from, if there is one.
         figure: draws the rows, for ``--figure``.
+        options: settings that are options of the command, and their help.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Study:
     example: str = ""
     only: str = ""
     figure: Callable[[Rows], Figure] | None = None
+    options: Mapping[str, str] = field(default_factory=dict)
 
     def settings(self, *, quick: bool = False, **changes: Any) -> SimpleNamespace:
         """The settings, with changes.

@@ -15,7 +15,7 @@ from comparison.campaign.walks import exceptions_table, run_campaign, with_reaso
 from comparison.cli.output import NumbersFile, print_tables, stages, writing
 from comparison.contenders import VARIANTS
 from comparison.peers.compare import ROBOTS, compare_peers, peer_tables
-from comparison.peers.environment import PEERS, PLAYGROUND, default_folder
+from comparison.peers.environment import PEERS, WORLDS, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.public.study import measure_public, public_tables
 from comparison.report.answer import answer_of, passed
@@ -230,7 +230,7 @@ def peers(
 def _install(folder: Path) -> None:
     """Install every peer, and say of each how it ended."""
     failed = False
-    for name in (*PEERS, PLAYGROUND.name):
+    for name in (*PEERS, WORLDS.name):
         typer.echo(f"{name}: installing in {folder / name.lower()}", err=True)
         reason = install_peer(folder, name)
         typer.echo(f"{name}: {f'cannot be installed: {reason}' if reason else 'installed'}")

@@ -8,7 +8,7 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -39,10 +39,12 @@ def command_of(study: Study) -> Callable[..., None]:
         figure: Annotated[
             Path | None, typer.Option("--figure", metavar="FILE", help="Also draw this figure, such as map.png.")
         ] = None,
+        **options: Any,
     ) -> None:
         if figure is not None:
             check_writable(figure)
-        chosen = {study.only: tuple(only)} if only else {}
+        chosen: dict[str, Any] = {study.only: tuple(only)} if only else {}
+        chosen |= {name: value for name, value in options.items() if value is not None}
         with writing(json) as document, stages() as progress:
             document["walks"] = rows = study.run(partial(progress, study.name), quick=quick, path=out, **chosen)
         print_tables(study.tables(rows))
@@ -50,8 +52,11 @@ def command_of(study: Study) -> Callable[..., None]:
             study.figure(rows).savefig(figure)
 
     lacking = {"only": not study.only, "figure": study.figure is None, "out": study.all_at_once is not None}
-    parameters = inspect.signature(command, eval_str=True).parameters.values()
+    *parameters, _ = inspect.signature(command, eval_str=True).parameters.values()
     kept = [parameter for parameter in parameters if not lacking.get(parameter.name)]
+    for name, text in study.options.items():
+        option: Any = Annotated[type(study.defaults[name]) | None, typer.Option(f"--{name}", help=text)]
+        kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option))
     command.__signature__ = inspect.Signature(kept)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in kept}
     command.__name__, command.__doc__ = study.name, study.help

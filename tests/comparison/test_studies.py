@@ -87,9 +87,7 @@ def test_engines_that_are_not_installed_are_left_out(monkeypatch):
         STUDIES["engines"].run()
     jobs = {name: list(STUDIES[name].jobs(STUDIES[name].settings())) for name in ("contacts", "grounds", "thrusters")}
     assert not any("MuJoCo" in str(job) for job in (*jobs["grounds"], *jobs["thrusters"]))
-    assert {job["contact"] for job in jobs["contacts"]} == {"ours", contacts.SOFT}
-    monkeypatch.setattr(contacts, "installed_data", lambda: None)
-    assert {job["robot"] for job in STUDIES["contacts"].jobs(STUDIES["contacts"].settings())} == {"harpy"}
+    assert {job["contact"] for job in jobs["contacts"]} == {"ours"}
 
 
 def test_equal_walks_differ_by_nothing_and_others_by_what_they_differ():
@@ -136,48 +134,6 @@ def test_tables_of_contacts_have_median_least_and_largest():
     assert brief.get("ours", "gentle").value == "fell / fell"
     assert table.get("ours: gentle", "fell").value == "1 of 2"
     assert table.get("ours: gentle", "path").value == "fell"
-
-
-class Log(dict):
-    """Two feet, seven ticks of 25 ms; the slip of every tick is another power of two, mm."""
-
-    ending, metadata = "completed", {"control_period": 0.025}
-
-    def __init__(self):
-        path = np.concatenate(([0.0], np.cumsum(1e-3 * 2.0 ** np.arange(6))))
-        depth, load = np.array([0, 1, 2, 3, 4, 5, 6]) * 1e-3, np.array([0.0, 1, 1, 1, 1, 1, 1])
-        feet = np.ones(2)
-        super().__init__(
-            slip_path=np.outer(path, (1.0, 0.0)),
-            stance=np.outer(np.array([0, 0, 1, 1, 1, 1, 0]), feet),
-            foot_force=np.multiply.outer(load, np.outer(feet, (0.0, 0.0, 5.0))),
-            foot_position=-np.multiply.outer(depth, np.outer(feet, (0.0, 0.0, 1.0))),
-            steps=np.array([0, 0, 0, 1, 1, 2, 2]),
-        )
-
-
-def test_slip_is_told_by_the_part_of_a_stance():
-    row = contacts.landing_row(Log(), np.full((6, 2), 1e-3))
-    assert row["air_mm"] == pytest.approx((1 + 32) / 2)  # before the stance and after it
-    assert row["landing_mm"] == pytest.approx((2 + 4) / 2)  # its first 50 ms
-    assert row["stance_mm"] == pytest.approx((8 + 16) / 2)
-    assert row["path_mm"] == pytest.approx(63 / 2)
-    assert row["creep_mm"] == pytest.approx(1e3 * 1e-3 * 0.025 * 12 / 2)
-    assert row["sinks_mm"] == pytest.approx(3.5)
-    job = {"robot": "go2", "contact": "ours", "friction": 0.6, "walker": "wbc"}
-    table = tables_of("contacts", [job | row])["contacts_landing"]
-    assert table.get("ours, friction 0.6: WBC QP", "landing").value == pytest.approx(3.0)
-
-
-def test_the_soft_ground_is_as_stiff_as_menagerie_contact():
-    """Two parts of one settings file: the stiffness that Go2's weight finds, by the closed form of the contact."""
-    pytest.importorskip("mujoco")
-    made = hp.build(contacts.landing_scenario(contacts.MENAGERIE, 0.6, "condensed", 0.1)).simulator
-    load = made.robot.mass * 9.81 / 4.0
-    inverse = float(made.inverse_mass.mean())
-    depth = load / contacts.landing_scenario(contacts.SOFT, 0.6, "condensed", 0.1).ground.stiffness
-    rests = made.contact.normal_force(depth, inverse_mass=inverse, friction=0.6)
-    assert rests == pytest.approx(load, rel=0.01)
 
 
 @needs_robots

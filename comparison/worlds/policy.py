@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 
-from comparison.peers.environment import NOT_INSTALLED, PLAYGROUND, WorkerError, interpreter, last_line
+from comparison.peers.environment import NOT_INSTALLED, WORLDS, WorkerError, interpreter, last_line
 from harpy_pin.errors import InputError
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
 PERIOD = 0.02
 """Between two actions, s."""
@@ -21,18 +23,15 @@ DOWN = (0.0, 0.0, -1.0)
 WEIGHTS = Path("experimental", "sim2sim", "onnx", "go1_policy.onnx")
 
 
-def package_in(folder: Path) -> Path:
-    """Folder of ``mujoco_playground`` in its environment.
-
-    Args:
-        folder: of the peers' environments.
+def package_in(folder: Path, name: str) -> Path:
+    """Folder of a Python package in the worlds' environment, within the folder of the peers' environments.
 
     Raises:
         InputError: it is not installed.
     """
-    for found in (folder / PLAYGROUND.name.lower()).glob("[lL]ib/**/mujoco_playground"):
+    for found in (folder / WORLDS.name.lower()).glob(f"[lL]ib/**/{name}"):
         return found
-    raise InputError(f"MuJoCo Playground's policy is {NOT_INSTALLED}", name="--folder")
+    raise InputError(f"'{name}' is {NOT_INSTALLED}", name="folder")
 
 
 def observation(model: Any, data: Any, action: Vector, command: Vector) -> Vector:
@@ -48,17 +47,9 @@ def observation(model: Any, data: Any, action: Vector, command: Vector) -> Vecto
         command: (3,) forward, to the left, turning, m/s and rad/s.
     """
     turned = data.site("imu").xmat.reshape(3, 3)
-    return np.concatenate(
-        (
-            data.sensor("local_linvel").data,
-            data.sensor("gyro").data,
-            turned.T @ DOWN,
-            data.qpos[7:] - model.key_qpos[0, 7:],
-            data.qvel[6:],
-            action,
-            command,
-        )
-    ).astype(np.float32)
+    body = data.sensor("local_linvel").data, data.sensor("gyro").data, turned.T @ DOWN
+    joints = data.qpos[7:] - model.key_qpos[0, 7:], data.qvel[6:]
+    return np.concatenate((*body, *joints, action, command)).astype(np.float32)
 
 
 class Policy:
@@ -76,9 +67,9 @@ class Policy:
         WorkerError: it cannot be started; the message says why.
     """
 
-    def __init__(self, folder: Path, worker: Path = PLAYGROUND.worker) -> None:
-        command = [str(interpreter(folder, PLAYGROUND.name)), "-I", str(worker), str(package_in(folder) / WEIGHTS)]
-        pipe = subprocess.PIPE
+    def __init__(self, folder: Path, worker: Path = WORLDS.worker) -> None:
+        weights, pipe = package_in(folder, "mujoco_playground") / WEIGHTS, subprocess.PIPE
+        command = [str(path) for path in (interpreter(folder, WORLDS.name), "-I", worker, weights)]
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -96,18 +87,15 @@ class Policy:
         self._process.kill()
         self._process.communicate()
 
-    def act(self, model: Any, data: Any, command: Vector) -> None:
-        """Set the targets of the joints' angles in MuJoCo's data.
+    def acting(self, model: Any) -> Callable[[Any, Vector], None]:
+        """What sets the joints' targets in data of this model; :class:`WorkerError` where the process ended."""
 
-        Raises:
-            WorkerError: the process ended.
-        """
-        self.action = self._answer(observation(model, data, self.action, command))
-        data.ctrl[:] = model.key_qpos[0, 7:] + SCALE * self.action
+        def act(data: Any, command: Vector) -> None:
+            import_mujoco().mj_forward(model, data)
+            self.action = self._answer(observation(model, data, self.action, command))
+            data.ctrl[:] = model.key_qpos[0, 7:] + SCALE * self.action
 
-    def call_us(self) -> float:
-        """Thread time of an evaluation: of many in a row, of the last observation."""
-        return float(self._answer(np.full(48, np.nan, dtype=np.float32))[0])
+        return act
 
     def _answer(self, asked: Vector) -> Vector:
         """What the process says to these numbers."""

@@ -1,0 +1,131 @@
+"""What fells the condensed WBC in other people's models, and what helps: properties and remedies one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from comparison.measure.walking import Rows, grouped
+from comparison.studies.worlds import SPEED, random_walk
+from comparison.study import Job, Study, View
+from comparison.worlds.models import FEET, JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, world
+from comparison.worlds.walk import LAW, LAW_CONTACT_DAMPING, walked
+from harpy_pin.view.figures import styled
+from harpy_pin.view.palette import SLIDING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+UNTOLD: dict[str, Any] = {"round": False}
+_LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
+CASES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
+    "nothing": ((), UNTOLD),
+    **{name: ((name,), UNTOLD) for name in PROPERTIES},
+    "all, as in the file": (None, UNTOLD),
+    "radius of the feet": (None, {}),
+    "and friction estimated": (None, {"estimate": True}),
+    "and dry friction": (None, {"known": ["friction"]}),
+    "and damping": (None, {"known": ["damping"]}),
+    "and armature": (None, {"known": ["armature"]}),
+    "and all joints": (None, {"known": list(JOINTS)}),
+    "and contact damping 20": (None, {"contact_damping": LAW_CONTACT_DAMPING}),
+    "and motor damping": (None, {"law": (0.0, LAW[1]), "contact_damping": LAW_CONTACT_DAMPING}),
+    "and motor law": (None, _LAW),
+    "motor law, armature": (None, {"known": ["armature"], **_LAW}),
+    "motor law, all joints": (None, {"known": list(JOINTS), **_LAW}),
+}
+"""What is kept of a model (None: all), and what the condensed WBC is given; by the name of the row."""
+CAUSES = len(PROPERTIES) + 2
+"""The first so many are causes, the rest remedies."""
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    for name in s.worlds:
+        world(name, FEET)
+        for case, (kept, who) in CASES.items():
+            for friction in SPEED:
+                for number in range(s.sequences):
+                    walk = random_walk(s.seed, number, friction, s.duration)
+                    yield {"world": name, "feet": list(FEET), "case": case, **walk, "kept": kept, "who": who}
+
+
+def _cell(rows: Rows) -> str:
+    """Median slip of what stands, and the falls."""
+    standing = [row["slip_mm_s"] for row in rows if not row["fell"]]
+    fallen = len(rows) - len(standing)
+    slip = f"{np.median(standing):.0f}" if standing else "–"
+    return f"{slip}, {fallen} of {len(rows)}" if fallen else slip
+
+
+def _is_one_of(cases: list[str], row: dict[str, Any]) -> bool:
+    return row["case"] in cases
+
+
+VIEWS = tuple(
+    View(
+        name,
+        title,
+        row="{case}",
+        across="{world}",
+        columns=_cell,
+        note="Slip, mm/s, median over the walks that stand, and how many fall.",
+        only=partial(_is_one_of, chosen),
+    )
+    for name, title, chosen in (
+        ("causes", "Torque alone, with one property of the model at a time", list(CASES)[:CAUSES]),
+        ("remedies", "All properties, with what the condensed WBC is given", list(CASES)[CAUSES - 1 :]),
+    )
+)
+
+
+@styled
+def causes_figure(rows: Rows) -> Figure:
+    """A row for each cause and remedy, a column for each world: slip, and which share of the walks falls."""
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.figure import Figure
+
+    cells, worlds = grouped(rows, "case", "world"), list(dict.fromkeys(row["world"] for row in rows))
+    figure = Figure(figsize=(8.4, 7.0), layout="constrained")
+    parts = list(CASES)[:CAUSES], list(CASES)[CAUSES:]
+    panels = figure.subplots(2, 1, sharex=True, height_ratios=[len(part) for part in parts])
+    colours = LinearSegmentedColormap.from_list("falls", ["#ffffff", SLIDING])
+    for panel, part, title in zip(panels, parts, ("only this is on", "all is on, and the WBC is given"), strict=True):
+        shares = [[np.mean([row["fell"] for row in cells[case, name]]) for name in worlds] for case in part]
+        panel.pcolormesh(np.array(shares, dtype=float), cmap=colours, vmin=0.0, vmax=1.5, edgecolor="#d9dee4")
+        for y, case in enumerate(part):
+            for x, name in enumerate(worlds):
+                panel.text(x + 0.5, y + 0.5, _cell(cells[case, name]), ha="center", va="center")
+        panel.set_yticks(np.arange(len(part)) + 0.5, part)
+        panel.set_xticks(np.arange(len(worlds)) + 0.5, [name.replace(" ", "\n") for name in worlds])
+        panel.set_title(title, fontsize=9, loc="left")
+        panel.tick_params(length=0)
+        panel.invert_yaxis()
+    return figure
+
+
+STUDY = Study(
+    name="causes",
+    help="""Find what fells the condensed WBC in other people's models.
+
+    Torques alone, in models that have one of dry friction, damping and armature in the joints, round feet, their own
+    steps and pyramids as friction cones; then in the whole model, with what the controller may know or the motors may
+    do. Random commands at friction 0.8 and 0.3. "peers --install" installs the models. This takes many minutes.
+    """,
+    example="--out causes.jsonl --figure causes.png",
+    defaults={
+        "worlds": (*ROBOTS, PLAYGROUND),
+        "sequences": 4,  # of random commands, at each friction
+        "duration": 8.0,  # s
+        "seed": 2000,
+    },
+    quick={"worlds": ("Mini Cheetah",), "sequences": 1, "duration": 2.0},
+    options={"sequences": "Sequences of random commands at each friction.  [default: 4]"},
+    jobs=_jobs,
+    measure=walked,
+    views=VIEWS,
+    only="worlds",
+    figure=causes_figure,
+)

