@@ -150,10 +150,14 @@ def one_of(kind: str, value: object, valid: Iterable[str], *, hint: str = "") ->
 
 
 def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> NDArray[np.float64]:
-    """A float64 array of the given shape, or of any (a copy, in C order); its entries may be NaN."""
+    """A float64 array of the given shape, or of any (a copy, in C order); entries may be NaN, and masked ones are."""
     desired = (shape,) if isinstance(shape, int) else shape
     try:
         given = np.asarray(value)
+        if given.dtype.kind in "USMm":
+            raise TypeError
+        if isinstance(value, np.ma.MaskedArray) and given.dtype.kind in "fiub":
+            given = np.where(np.ma.getmaskarray(value), np.nan, given)
         result = None if np.iscomplexobj(given) else np.array(given, dtype=np.float64, order="C")
     except (TypeError, OverflowError, ValueError):
         raise InputError(f"{name} must be an array of numbers, got {shown(value)}", name=name, value=value) from None

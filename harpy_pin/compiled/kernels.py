@@ -292,6 +292,8 @@ def _is_record(annotation: Any) -> bool:
 
 def _plain(value: Any) -> Any:
     """An argument as C can take it: a record as an array without axes."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise KernelError("kernels know no masks")
     if isinstance(value, np.void | np.ndarray):
         array = np.asarray(value)
         dtype = _DTYPES.setdefault(array.dtype, array.dtype)

@@ -17,7 +17,7 @@ from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import tasks_record
 from harpy_pin.controllers.tasks import forces_in_world, task_terms
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, reason
 from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
@@ -66,7 +66,12 @@ class BatchTargets:
         Args:
             target: of a gait's ``update``.
             which: index, slice or mask of the robots; all by default.
+
+        Raises:
+            InputError: the gait is of a robot with other feet.
         """
+        if target.stance.shape != self.stance.shape[1:]:
+            raise InputError("target must be of a gait of the same robot", name="target", value=target)
         chosen = which if isinstance(which, slice) else checks.selection("which", which, len(self.body))
         for name in self.__slots__:
             getattr(self, name)[chosen] = getattr(target, name)
@@ -191,8 +196,9 @@ class CondensedBatch(KeepsViews):
             InputError: an array has the wrong shape.
         """
         given = tuple(self._array(name, value) for name, value in (("q", q), ("v", v), ("foot_force", foot_force)))
-        for name in ("mu", "mass_error"):
-            checks.vector(name, getattr(self, name), self.n)
+        for name, low, strict in (("mu", 0.0, False), ("mass_error", -1.0, True)):
+            least = checks.vector(name, getattr(self, name), self.n).min()
+            checks.number(f"least {name}", least, low=low, strict=strict)
         targets = tuple(getattr(self.targets, name) for name in BatchTargets.__slots__)
         robots, results = (self.mu, self.mass_error), (self.torque, self.thrust, self.force, self.status)
 
@@ -209,12 +215,15 @@ class CondensedBatch(KeepsViews):
 
     def _array(self, name: str, value: Any) -> Array:
         """An argument as an array of the batch's type, without a copy where it is one."""
-        if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__"):
-            value = np.from_dlpack(value)
         try:
-            array: Array = np.ascontiguousarray(value, dtype=self.dtype)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(f"{name} must be an array of numbers", name=name, value=value) from error
+            value = (
+                np.from_dlpack(value) if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__") else value
+            )
+        except Exception as error:  # of whoever exports it
+            raise InputError(f"{name} must be an array of numbers: {reason(error)}", name=name, value=value) from error
+        if type(value) is not np.ndarray or value.dtype != self.dtype:
+            value = checks.array(name, value, None)
+        array: Array = np.ascontiguousarray(value, dtype=self.dtype)
         if array.shape != self._shapes[name]:
             raise InputError(f"{name} must have shape {self._shapes[name]}, got {array.shape}", name=name, value=value)
         return array

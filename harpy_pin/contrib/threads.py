@@ -51,12 +51,9 @@ class Threads:
             raise InputError("another thread is in a step of this batch: give each thread a batch of its own")
         try:
             parts = range(len(self.cuts) - 1), self.cuts[:-1], self.cuts[1:]
-            if len(self.cuts) == 2:
-                piece(0, *self.cuts)
-                return
-            if self._pool is None:
+            if len(self.cuts) > 2 and self._pool is None:
                 self._pool = ThreadPoolExecutor(len(parts[0]))
-            list(self._pool.map(piece, *parts))
+            list((map if self._pool is None else self._pool.map)(piece, *parts))
         finally:
             self._alone.release()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from math import isfinite
 from threading import RLock
@@ -17,7 +18,16 @@ from harpy_pin.compiled.calls import Call, Chain
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import LONGEST, FullGait, Gait, GaitTarget, calls_of, check_target, own_target
+from harpy_pin.gaits.gait import (
+    LONGEST,
+    FullGait,
+    Gait,
+    GaitTarget,
+    NothingObserved,
+    calls_of,
+    check_target,
+    own_target,
+)
 from harpy_pin.model.entry import MISFIT, as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, field
@@ -154,15 +164,18 @@ class GaitController(KeepsViews, ABC):
     def _tick(self, state: State) -> Command:
         """One tick: the gait's targets, then everything else.
 
-        A time at which no gait has targets is answered as a bad sample.
+        A time at which no gait has targets is answered as a bad sample; so is all before a gait has seen a good one.
         """
-        answer = self._answer_in_python if self._in_python else self._answer
+        answer, target = self._answer_in_python if self._in_python else self._answer, None
         if -LONGEST < state.t < LONGEST:
-            status = answer(self._plan(state)._record_, state)
+            with suppress(NothingObserved):
+                target = self._plan(state)
+        if target is None:
+            status = answer(self.target._record_, State(0.0, *self._nothing))
+        else:
+            status = answer(target._record_, state)
             if not self._chained:
                 self._join()
-        else:
-            status = answer(self.target._record_, State(0.0, *self._nothing))
         if status == BAD_SAMPLE:
             self._refuse_misfit(state)
         return self._command

@@ -27,6 +27,10 @@ LONGEST = 1e9
 """Time beyond which steps are no longer counted, s."""
 
 
+class NothingObserved(InputError):
+    """A gait that needs the measured state has seen none whose numbers are finite."""
+
+
 class GaitTargetRecord(RecordOf):
     """The arrays of :class:`GaitTarget`, whose docstring says what they are."""
 

@@ -213,7 +213,7 @@ class HeightField(Terrain):
     def __post_init__(self) -> None:
         try:
             heights = np.array(self.heights, dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             heights = np.zeros(0)
         if heights.ndim != 2 or not all(2 <= n <= MAX_CELLS for n in heights.shape):
             got = f"an array of shape {heights.shape}" if heights.ndim == 2 else shown(self.heights)

@@ -213,6 +213,7 @@ def columns(run: Run) -> Iterator[tuple[str, NDArray[Any]]]:
     for signal in run.signals:
         if signal == "t":
             continue
-        values = np.asarray(run[signal]).reshape(len(run), -1)
-        for number, name in enumerate(_column_names(run, signal)):
+        names = _column_names(run, signal)
+        values = np.asarray(run[signal]).reshape(len(run), len(names))
+        for number, name in enumerate(names):
             yield (f"{signal}/{name}" if name else signal), values[:, number]

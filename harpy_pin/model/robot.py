@@ -274,7 +274,7 @@ def load_robot(
         posture: (joints,) angles in which it stands, rad; those of the file or the catalogue by default. Where there
             are none, gaits find one (:func:`harpy_pin.model.posture.find_posture`).
 
-    A joint whose effort is zero in the file is warned of.
+    A joint whose effort is zero in the file has no known one: it is warned of, and has no limit.
 
     Raises:
         RobotError: a frame is absent, the robots of the catalogue are not installed, or as
@@ -327,6 +327,11 @@ def load_robot(
         angles = checks.vector("posture", posture, model.nq - 7)
     elif known is None and angles is not None and not _level(model, points, angles):
         angles = None
+    limits, base = np.array(model.effortLimit), model.joints[1].nv
+    joints = zip(list(model.names)[2:], list(model.joints)[2:], strict=True)
+    unknown = [name for name, joint in joints if limits[joint.idx_v] == 0.0]
+    limits[base:][limits[base:] == 0.0] = np.inf
+    model.effortLimit = limits
     robot = Robot(
         model,
         path,
@@ -339,10 +344,9 @@ def load_robot(
         label="" if known is None else str(known_name(urdf)),
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
     )
-    limp = [joint for joint, torque in zip(robot.joints, robot.torque_limit, strict=True) if torque == 0.0]
-    if limp:
-        more = f" and {len(limp) - 1} more" if len(limp) > 1 else ""
-        message = f"{shown(str(path), 300)}: joints of effort 0 N·m, which hold nothing: {shown(limp[0])}{more}"
+    if unknown:
+        more = f" and {len(unknown) - 1} more" if len(unknown) > 1 else ""
+        message = f"{shown(str(path), 300)}: joints of effort 0, taken as without a limit: {shown(unknown[0])}{more}"
         warnings.warn(message, stacklevel=2)
     return robot
 

@@ -81,6 +81,7 @@ def test_robot_is_pinocchios(file, capfd):
     assert model.nv == plain.nv == model.nq - 1
     assert capfd.readouterr() == ("", "")
     plain.armature = model.armature
+    plain.effortLimit = np.where(np.array(plain.effortLimit) == 0.0, np.inf, plain.effortLimit)  # unknown ones
     one_number = [joint.nq == 1 for joint in list(plain.joints)[2:]]
     np.testing.assert_array_equal(np.isfinite(robot.joint_lower), one_number)
     np.testing.assert_array_equal(np.isfinite(robot.joint_upper), one_number)

@@ -211,8 +211,9 @@ def test_joints_without_torque_are_warned_of(tmp_path: Path) -> None:
     text = load_harpy().urdf.read_text()
     limp = tmp_path / "limp.urdf"
     limp.write_text(text.replace('effort="8.5"', 'effort="0"', 2))
-    with pytest.warns(UserWarning, match=r"limp.urdf': joints of effort 0 .* 'left_hip_frontal' and 1 more") as said:
-        load_robot(limp, feet=("left_foot", "right_foot"))
+    with pytest.warns(UserWarning, match=r"limp.urdf': joints of effort 0, .* 'left_hip_frontal' and 1 more") as said:
+        robot = load_robot(limp, feet=("left_foot", "right_foot"))
+    assert sorted(robot.torque_limit) == [8.5] * 4 + [np.inf] * 2
     assert [warning.filename for warning in said] == [__file__]
 
 

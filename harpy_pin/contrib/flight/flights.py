@@ -38,6 +38,8 @@ TRIES, CLOSE, SLOPE = 8, 5e-3, 1.5
 """The search for the aim: how often, how near the feet must land, m, and how far they go per metre of aim."""
 HIGHEST, FARTHEST = 100.0, 1e4
 """Largest height and distance of a flight, m."""
+MAX_FLIGHTS = 100
+"""Of one gait. A jump takes some tenths of a second to plan."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,13 +108,15 @@ def read_flights(given: Any) -> tuple[Jump | Fly, ...]:
         given: one, or a sequence of them.
 
     Raises:
-        InputError: something else, or none.
+        InputError: something else, none, or more than :data:`MAX_FLIGHTS`.
     """
     several = given if isinstance(given, list | tuple) else [given]
     kinds: dict[str, type[Jump | Fly]] = {"jump": Jump, "fly": Fly}
     flights = tuple(read_part(kinds, "flight", one) for one in several)
-    if not flights:
-        raise InputError("flights must be at least one Jump or Fly", name="flights", value=given)
+    if not 0 < len(flights) <= MAX_FLIGHTS:
+        raise InputError(
+            f"flights must be at least one Jump or Fly, and at most {MAX_FLIGHTS}", name="flights", value=given
+        )
     return flights
 
 

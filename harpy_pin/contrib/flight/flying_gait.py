@@ -130,7 +130,8 @@ class FlyingGait(KeepsViews):
 
     def _plan(self) -> None:
         """Find how the jumps land where they should."""
-        self._plans = [one if isinstance(one, Fly) else plan_jump(self._flyer, one) for one in self.flights]
+        plans = {one: one if isinstance(one, Fly) else plan_jump(self._flyer, one) for one in {*self.flights}}
+        self._plans = [plans[one] for one in self.flights]
 
     def _begin(self) -> None:
         """Stand where the gait begins."""

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -123,7 +124,7 @@ def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str
         InputError: neither of both, an unknown name, or a scale that is not finite.
     """
     if callable(reward):
-        return lambda step: (checks.number("the reward that the function returned", reward(step)), {})
+        return partial(_of_function, reward)
     if reward is not None and not isinstance(reward, Mapping):
         message = f"reward must be a function of the step, or scales by name, got {shown(reward)}"
         raise InputError(message, name="reward", value=reward)
@@ -131,12 +132,16 @@ def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str
     for name, scale in (REWARDS if reward is None else reward).items():
         checks.one_of("term of the reward", name, TERMS)
         scales[name] = checks.number(f"scale of '{name}'", scale)
+    return partial(_of_terms, scales)
 
-    def total(step: Step) -> tuple[float, dict[str, float]]:
-        parts = {name: scale * _finite(TERMS[name](step)) for name, scale in scales.items()}
-        return sum(parts.values()), parts
 
-    return total
+def _of_function(reward: Callable[[Step], float], step: Step) -> tuple[float, dict[str, float]]:
+    return checks.number("the reward that the function returned", reward(step)), {}
+
+
+def _of_terms(scales: Mapping[str, float], step: Step) -> tuple[float, dict[str, float]]:
+    parts = {name: scale * _finite(TERMS[name](step)) for name, scale in scales.items()}
+    return sum(parts.values()), parts
 
 
 def _finite(value: float) -> float:

@@ -110,7 +110,7 @@ def build_of(robot: Robot, q: Vector) -> Build:
         if len(robot.corners) == 4 and len(chain) > len(joints):
             beside[k] = place[k, 1] + q[1] - data.oMi[chain[0]].translation[1]
         column = model.joints[joints[0]].idx_v
-        swings.append(float(hips[-1] * model.effortLimit[column] / inertia[column, column]))
+        swings.append(float(hips[-1] * (model.effortLimit[column] or inf) / inertia[column, column]))
     leg, hip = min(legs), max(hips)
     lower = max(hip - BENT * leg, 0.0)  # than the posture, where its legs would be almost stretched
     reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
@@ -211,7 +211,7 @@ def pace_of(
     share = SOLE_SPEED if soles else SPEED if runs else SLOW_SPEED
     most = share * GRAVITY * natural
     push = PEAK * float(np.abs(build.reaction[:, 0, 0]).max()) / GRAVITY
-    if runs:
+    if runs and push > 0.0:
         most = min(most, float(np.sqrt(MOST_PUSH * stride / push)))
     if max_speed is not None:
         most = max_speed
@@ -225,6 +225,9 @@ def pace_of(
             return pushed * swing_load(robot, q, build, speed, shortened, double_support, clearance, upright)
 
         most = fastest_speed(load, most, MOST_LOAD)
+    if most == 0.0:
+        message = f"at no speed can the motors of '{robot.name}' swing its legs: give a max_speed, or larger efforts"
+        raise InputError(message, name="max_speed")
     stance = (groups - 1 + double_support) * min(duration, stride / most)
     most = min(most, 2.0 * _reach(build, group) / stance)
     return Pace(duration, double_support, slow, gentle, stride, most)
