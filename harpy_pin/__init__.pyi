@@ -30,6 +30,7 @@ from .scenario import (
 from .simulation.actuators import Actuators
 from .simulation.loop import Controller
 from .simulation.mujoco import MujocoBridge
+from .simulation.own_loop import Recorder
 from .simulation.push import Push
 from .simulation.sensors import Noise
 from .simulation.simulator import Simulator
@@ -71,6 +72,7 @@ __all__ = [
     "Noise",
     "OnTerrain",
     "Push",
+    "Recorder",
     "Robot",
     "RobotError",
     "Rotor",

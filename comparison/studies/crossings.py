@@ -113,7 +113,7 @@ def _run(one: Crossing, plant: str, seed: int) -> Run:
         return build(Scenario(**settings, **parts, disturbances=Disturbances(normal_error=one.wrong))).run()
     gait: Gait
     if one.robot == "harpy":
-        gait = make_gait(robot)
+        gait = OnTerrain(make_gait(robot), Plane(slope=0.0))
     else:
         walking = WalkingGait(robot, velocity=(one.speed, 0.0, 0.0), clearance=BLIND_CLEARANCE)
         gait = OnFeltGround(walking)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
 from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.ending import say
@@ -106,14 +105,17 @@ def _report(
     json: Path | None,
 ) -> int:
     """Print the tables, write what was asked for, and return the exit code that the ending deserves."""
-    from harpy_pin.log.measures import STUMBLE, measure
+    from harpy_pin.log.measures import STUMBLE, WORDS, measure
 
-    measures = measure(run).as_dict()
+    measured = measure(run)
+    measures = measured.as_dict()
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
     slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
     who = f"{scenario.robot_name}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
     title = f"{who}, friction {scenario.ground.mu_s:g}{ice}{slope}"
-    console.print(_measures_table(title, measures, thrusters=run["thrust"].size > 0))
+    values = {**measures, "steps": f"{measures['steps']:.1f}"}
+    values |= {name: ("no", "yes")[value] for name, value in measures.items() if isinstance(value, bool)}
+    console.print(values_table(title, {WORDS[name]: value for name, value in values.items() if value == value}))
     if json is not None:
         write_json(json, {**measures, "metadata": run.metadata})
     if isinstance(trouble, RunFileError):
@@ -124,26 +126,13 @@ def _report(
         say(trouble)
         return INTERRUPTED if isinstance(trouble, Interrupted) else FELL
     if run.ending != "completed":
-        stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s")
+        stderr.print(f"{run.ending} at t = {run.metadata['end_time']:.3f} s; {measured.causes}", soft_wrap=True)
     elif measures["stumbled"]:
         tilt = f"the body tilted by {measures['tilt_max_rad']:.2f} rad, more than {STUMBLE:g}"
         stderr.print(f"completed, but stumbled: {tilt}; this does not count as walking")
     else:
         return 0
     return FELL
-
-
-def _measures_table(title: str, measures: dict[str, Any], *, thrusters: bool) -> Table:
-    """A line for each measure of a run, in words; those of thrusters where it has some."""
-    from harpy_pin.log.measures import OF_SOME_WALKS, OF_THRUSTERS, WORDS
-
-    measures = {**measures, "steps": f"{measures['steps']:.1f}"}
-    values = {
-        name: ("yes" if value else "no") if isinstance(value, bool) else value
-        for name, value in measures.items()
-        if not (name in OF_SOME_WALKS and math.isnan(value)) and not (name in OF_THRUSTERS and not thrusters)
-    }
-    return values_table(title, {WORDS[name]: value for name, value in values.items()})
 
 
 def demo(

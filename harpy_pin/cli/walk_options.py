@@ -15,37 +15,16 @@ if TYPE_CHECKING:
     from harpy_pin.model.robot import Robot
     from harpy_pin.scenario import Scenario
 
-__all__ = [
-    "ROBOTS",
-    "DurationOption",
-    "FeetOption",
-    "FrictionOption",
-    "JsonOption",
-    "PostureOption",
-    "PushOption",
-    "RobotOption",
-    "SetOption",
-    "SpeedOption",
-    "UrdfOption",
-    "read_robot_options",
-    "read_scenario",
-    "read_settings",
-]
-
 ROBOTS = "harpy (by default), a robot that `harpy robots` lists, or a URDF or MJCF file with --feet."
 RobotOption = Annotated[str, typer.Option(help=ROBOTS.replace(" (by default)", ""))]
 FrictionOption = Annotated[
     float | None, typer.Option(help="Static friction coefficient.  [default: 0.25]", show_default=False)
 ]
 FeetOption = Annotated[
-    str | None,
-    typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a robot that is a URDF or MJCF file."),
+    str | None, typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a URDF or MJCF file.")
 ]
 PostureOption = Annotated[
-    str | None,
-    typer.Option(
-        "--posture", metavar="RAD,...", help="Its standing angles, of all joints or of one leg; found by default."
-    ),
+    str | None, typer.Option("--posture", metavar="RAD,...", help="Standing angles, of all joints or of one leg.")
 ]
 SpeedOption = Annotated[
     float | None,
@@ -72,12 +51,7 @@ JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help=
 
 
 def read_robot_options(robot: str, feet: str | None, posture: str | None) -> str | Robot:
-    """The robot of the options: its name where it is known, else read from its file.
-
-    Raises:
-        InputError: an unknown name, a file without feet, or no posture.
-        RobotError: the file is no robot with these feet.
-    """
+    """The robot of the options: its name where it is known, else read from its file."""
     from harpy_pin.model.robot import load_robot
     from harpy_pin.model.source import named_robot
 
@@ -87,9 +61,7 @@ def read_robot_options(robot: str, feet: str | None, posture: str | None) -> str
     try:
         angles = [] if posture is None else [float(angle) for angle in posture.split(",")]
     except ValueError:
-        raise InputError(
-            f"--posture takes angles in rad, such as 0,0.8,-1.6, got '{posture}'", name="posture"
-        ) from None
+        raise InputError(f"--posture takes angles in rad, got '{posture}'", name="posture") from None
     if robot == "harpy":
         raise InputError("--feet and --posture are of a robot that --robot names", name="feet")
     known = load_robot(robot, feet=frames)

@@ -15,9 +15,9 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTarget, GaitTargetRecord
-from harpy_pin.model.posture import find_posture
+from harpy_pin.model.posture import LEVEL, find_posture
 from harpy_pin.model.record import RecordOf, field, make_record, sized
-from harpy_pin.model.robot import LEVEL, Robot
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
 __all__ = ["Hovering", "Standing"]
@@ -199,8 +199,7 @@ class Standing(Staying):
 
     Args:
         robot: any robot with feet, points or flat feet.
-        posture: (joints,) angles, rad; by default the robot's own, or where it has none one that is found
-            (:func:`harpy_pin.model.posture.find_posture`).
+        posture: (joints,) angles, rad; by default as :func:`harpy_pin.model.posture.find_posture` says.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
         penetration_offset: how much deeper than the ground an unloaded foot aims, m: without it such a foot would come
@@ -227,9 +226,7 @@ class Standing(Staying):
             raise InputError(
                 f"'{robot.name}' has no foot to stand on: hp.Hovering is for robots that fly", name="robot"
             )
-        if posture is None:
-            posture = find_posture(robot) if robot.posture is None else robot.posture
-        model = robot.model
+        posture, model = find_posture(robot) if posture is None else posture, robot.model
         q = pin.neutral(model)
         q[7:] = read_posture(robot, posture)
         data = model.createData()

@@ -102,10 +102,8 @@ class Ground:
 
     def __post_init__(self) -> None:
         stiffness = checks.number("ground stiffness", self.stiffness, low=0.0, high=MAX_STIFFNESS, strict=True)
-        stiffness = self.stiffness if isinstance(self.stiffness, Unset) else stiffness
-        damping = (
-            type(stiffness)(_DAMPING * math.sqrt(stiffness / _STIFFNESS)) if self.damping is None else self.damping
-        )
+        stiffness, damping = self.stiffness if isinstance(self.stiffness, Unset) else stiffness, self.damping
+        damping = type(stiffness)(_DAMPING * math.sqrt(stiffness / _STIFFNESS)) if damping is None else damping
         mu_s = checks.number("friction mu_s", self.mu_s, low=0.0, high=checks.MAX_FRICTION)
         mu_c = _RATIO * mu_s if self.mu_c is None else self.mu_c
         checks.keep(
@@ -127,6 +125,7 @@ class Ground:
                 message = "a ground has a slope or a terrain, not both: terrain=Plane(slope=...)"
                 raise InputError(message, name="slope", value=self.slope)
 
+    @checked
     def fitted(self, robot: Robot, *, walks: bool) -> Ground:
         """The ground with stiffness and damping that fit a robot's weight, where none were given.
 

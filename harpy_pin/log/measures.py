@@ -23,10 +23,8 @@ MIN_NORMAL_FORCE = 20.0
 SLIDING_SPEED = 0.01
 STUMBLE = 0.5
 LATE = 0.05
-OF_SOME_WALKS = ("tracking_rms_mm", "cost_of_transport", "velocity_rms_m_s", "turning_rms_rad_s", "pressure_margin_mm")
-"""Measures that are shown where there are any: of a target, a path, a command, or flat feet."""
-OF_THRUSTERS = ("thrust_rms_n", "thrust_max_n", "thrust_power_w")
-"""Measures that are shown of robots with thrusters."""
+CAUSES = ("joint_tracking_rms_rad", "force_mismatch", "clipped")
+"""Measures that say why a walk fell."""
 
 
 def _called(words: str) -> Any:
@@ -56,7 +54,7 @@ class Measures:
         no_contact: share of time in which no foot touches the ground.
         tracking_rms_mm: distance of the body from its target x_r, root mean square (NaN without a logged target, and
             under :class:`~harpy_pin.gaits.WalkingGait`, which has a velocity for its target: see velocity_rms_m_s).
-        thrust_rms_n: root mean square of the sum of both thrusts' magnitudes.
+        thrust_rms_n: root mean square of the sum of the thrusts' magnitudes; NaN, as all of thrusts, without thrusters.
         thrust_max_n: largest magnitude of one thrust.
         torque_max_nm: largest joint torque.
         roll_max_rad: largest magnitude.
@@ -76,6 +74,11 @@ class Measures:
         turning_rms_rad_s: the same error of the velocity about the vertical.
         pressure_margin_mm: distance to its edge that the centre of pressure of a flat foot keeps in 95 % of the time in
             which it bears a fifth of the weight (NaN without flat feet).
+        joint_tracking_rms_rad: joints less the targets of the motors' law, root mean square (NaN without a law).
+        force_mismatch: contact forces after a tick less those that were planned, norm over all feet, root mean square,
+            over the weight (NaN without a plan). Friction, armature or delay that the controller does not know, soft
+            ground, and feet that slip make it large.
+        clipped: share of ticks in which a torque is at its limit (NaN where none is limited).
     """
 
     fell: bool = _called("fell")
@@ -106,6 +109,9 @@ class Measures:
     velocity_rms_m_s: float = _called("error of the velocity over two steps, m/s rms")
     turning_rms_rad_s: float = _called("error of turning over two steps, rad/s rms")
     pressure_margin_mm: float = _called("centre of pressure inside a sole for 95 % of the time, mm")
+    joint_tracking_rms_rad: float = _called("joints less their targets, rad rms")
+    force_mismatch: float = _called("contact forces less those planned, share of the weight rms")
+    clipped: float = _called("share of ticks with a torque at its limit")
 
     def __str__(self) -> str:
         """One line for each measure that there is, in words and with its unit."""
@@ -116,6 +122,12 @@ class Measures:
             shown = ("yes" if value else "no") if isinstance(value, bool) else value
             lines.append(f"{WORDS[name]}: {shown:.4g}" if isinstance(shown, float) else f"{WORDS[name]}: {shown}")
         return "\n".join(lines)
+
+    @property
+    def causes(self) -> str:
+        """What may have felled the robot, in words."""
+        found = ((WORDS[name], getattr(self, name)) for name in CAUSES)
+        return "; ".join(f"{words}: {value:.2g}" for words, value in found if not math.isnan(value))
 
     def as_dict(self) -> dict[str, float | bool | str]:
         """Names and values, ready for JSON."""
@@ -188,6 +200,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     steps = duration / step_duration
     q, status = run["q"], optional.optional_signal(run, "qp_status")
     thrust = np.linalg.norm(run["thrust"], axis=2)
+    thrusters = 1.0 if thrust.size else math.nan
     roll, pitch, yaw = np.abs(body_angles(q)).max(axis=0).tolist()
     cosine = np.clip(1.0 - 2.0 * (q[:, 3] * q[:, 3] + q[:, 4] * q[:, 4]), -1.0, 1.0)
     tilt = float(np.arccos(cosine).max())
@@ -199,8 +212,8 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         steps=steps,
         **_contact_measures(run, period, steps),
         tracking_rms_mm=_tracking(run),
-        thrust_rms_n=float(np.sqrt(np.sum(thrust.sum(axis=1) ** 2) / len(run))),
-        thrust_max_n=float(np.max(thrust, initial=0.0)),
+        thrust_rms_n=float(np.sqrt(np.sum(thrust.sum(axis=1) ** 2) / len(run))) * thrusters,
+        thrust_max_n=float(np.max(thrust, initial=0.0)) * thrusters,
         torque_max_nm=float(np.max(np.abs(optional.given_torque(run)), initial=0.0)),
         roll_max_rad=roll,
         pitch_max_rad=pitch,

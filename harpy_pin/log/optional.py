@@ -30,6 +30,8 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "slip_net": ("foot_force",),
     "applied_thrust": ("thrust", 3),
     "motor_torque": ("torque",),
+    "motor_law": (4, "torque"),
+    "desired_force": ("foot_force", 3),
     "qp_status": (),
     "bad_samples": (),
     "battery_energy": (7,),

@@ -25,6 +25,8 @@ LOADED = 0.2
 """Share of the weight from which on the centre of pressure of a sole counts."""
 QUANTILE = 0.05
 """Share of the time in which it may be nearer to the edge than the margin says."""
+CLOSE = 1e-6
+"""How close to its limit a torque is at it, as a share of the limit."""
 BIN, BINS = 1e-4, 2000
 """Width of a bin of margins, m, and how many there are."""
 
@@ -49,11 +51,30 @@ def walk_measures(run: Run, *, period: float, step_duration: float) -> dict[str,
     return {
         "cost_of_transport": work / (weight * path) if path > SHORTEST else math.nan,
         "joint_power_w": work / (len(run) * period),
-        "thrust_power_w": thrust_energy / (len(run) * period),
+        "thrust_power_w": thrust_energy / (len(run) * period) if thrust.size else math.nan,
         "velocity_rms_m_s": velocity,
         "turning_rms_rad_s": turning,
         "pressure_margin_mm": 1e3 * _pressure_margin(run, weight),
+        **_causes(run, torque, weight),
     }
+
+
+def _causes(run: Run, torque: Vector, weight: float) -> dict[str, float]:
+    """How far joints and contact forces were from what was planned, and how often torques were at their limits."""
+    law, planned = optional.optional_signal(run, "motor_law"), optional.optional_signal(run, "desired_force")
+    apart = mismatch = math.nan
+    if law is not None and len(run) > 1:  # targets are for the middle of a tick
+        joints = run["q"][:, -law.shape[2] :]
+        apart = float(np.sqrt(np.mean((law[:-1, 0] - 0.5 * (joints[1:] + joints[:-1])) ** 2)))
+    if planned is not None and len(run) > 1 and planned.shape[1]:
+        off = np.sum((run["foot_force"][1:] - planned[:-1]) ** 2, axis=(1, 2))
+        mismatch = float(np.sqrt(np.mean(off))) / weight
+    given = run.metadata.get("torque_limit")
+    given, clipped = given if isinstance(given, list) else [], math.nan
+    limits = [float(one) if isinstance(one, int | float) and abs(one) < HEAVIEST else np.inf for one in given]
+    if len(limits) == torque.shape[1] and np.isfinite(limits).any():
+        clipped = float((np.abs(torque) >= (1.0 - CLOSE) * np.array(limits)).any(axis=1).mean())
+    return {"joint_tracking_rms_rad": apart, "force_mismatch": mismatch, "clipped": clipped}
 
 
 def _velocity_errors(run: Run, window: int) -> tuple[float, float]:

@@ -62,6 +62,8 @@ def _check_elements(root: ElementTree.Element) -> None:
     for kind in ("connect", "weld", "joint"):
         if any(equality.find(kind) is not None for equality in root.findall("equality")):
             raise InputError(f"it has the equality constraint <{kind}>: closed loops and couplings are not supported")
+    if root.find("include") is not None:
+        raise InputError("it includes other files, which are not read: give the robot's own file")
     for body in root.iter("body"):
         if body.find("inertial") is None and any("mesh" in geom.attrib for geom in body.findall("geom")):
             raise InputError(f"the inertia of body '{body.get('name')}' is that of a mesh, which is not read")

@@ -43,8 +43,6 @@ HARPY_FEET = ("left_foot", "right_foot")
 HARPY_THRUSTERS = ("left_thruster", "right_thruster")
 HARPY_THRUST_LIMIT = 53.0
 """Hardware limit of one thruster, N (equations.md §3)."""
-LEVEL = 2e-3
-"""Largest difference between the heights of the feet in a posture, m."""
 ANY_DIRECTION = 0.1
 """Rotors push in any direction where the least singular value of their axes is above this share of the largest."""
 
@@ -201,7 +199,11 @@ class Robot:
         return robot.with_arrays({"armature": armature, "effortLimit": limit})
 
     def with_arrays(self, arrays: Mapping[str, Vector]) -> Robot:
-        """The robot with other arrays (nv,) of its model, which :attr:`source` remembers."""
+        """The robot with other arrays of its model, which :attr:`source` remembers.
+
+        Args:
+            arrays: (nv,) by Pinocchio's names.
+        """
         model = self.model.copy()
         for name, values in arrays.items():
             setattr(model, name, values)
@@ -262,9 +264,8 @@ def load_robot(
 
     Args:
         urdf: path of the URDF, or of an MJCF file (:mod:`harpy_pin.model.mjcf`), whose keyframe ``home`` is the
-            standing posture where its feet are on one level; or the name of a robot of
-            :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as ``"solo12"``, whose files are the extra ``robots``.
-            Its feet, its standing posture and its rotors are known.
+            standing posture; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
+            ``"solo12"``, whose files are the extra ``robots``. Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet; () for none.
         flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
             in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given.
@@ -286,15 +287,12 @@ def load_robot(
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
     known, path = catalogue_robot(urdf), checks.path("urdf", urdf)
     path = path if known is None else known.path()
-    told: dict[str, Any] = {
-        "feet": feet,
-        "flat_feet": flat_feet,
-        "thrusters": thrusters or None,
-        "rotors": rotors,
-        "posture": posture,
+    told: dict[str, Any] = {"feet": feet, "flat_feet": flat_feet, "rotors": rotors, "posture": posture}
+    told |= {
+        "thrusters": checks.names("thrusters", thrusters) or None,
+        "thrust_limit": thrust_limit if thrust_limit < np.inf else None,
     }
-    told |= {"file": str(known_name(urdf)) if known else os.path.abspath(path)}
-    told |= {"thrust_limit": thrust_limit if thrust_limit < np.inf else None}
+    told["file"] = str(known_name(urdf)) if known else os.path.abspath(path)
     if feet is None:
         if known is None:
             check_file(path)
@@ -325,8 +323,6 @@ def load_robot(
     angles = angles if known is None else known.posture(model)
     if posture is not None:
         angles = checks.vector("posture", posture, model.nq - 7)
-    elif known is None and angles is not None and not _level(model, points, angles):
-        angles = None
     limits, base = np.array(model.effortLimit), model.joints[1].nv
     joints = zip(list(model.names)[2:], list(model.joints)[2:], strict=True)
     unknown = [name for name, joint in joints if limits[joint.idx_v] == 0.0]
@@ -356,15 +352,6 @@ def _ends(model: pin.Model) -> str:
     inner = {frame.parentFrame for frame in model.frames}
     names = [f.name for k, f in enumerate(model.frames) if f.type == pin.FrameType.BODY and k not in inner]
     return f"links at the ends of its limbs: {shown(', '.join(names), 300)}"
-
-
-def _level(model: pin.Model, feet: Sequence[str], angles: Vector) -> bool:
-    """Whether feet are on one level with joints at these angles."""
-    data, q = model.createData(), pin.neutral(model)
-    q[7:] = angles
-    pin.framesForwardKinematics(model, data, q)
-    heights = [data.oMf[model.getFrameId(name)].translation[2] for name in feet]
-    return max(heights, default=0.0) - min(heights, default=0.0) < LEVEL
 
 
 def heavier(robot: Robot, error: float) -> Robot:

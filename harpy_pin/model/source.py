@@ -41,10 +41,6 @@ def read_robot(source: Mapping[str, Any]) -> Robot:
 
     Args:
         source: ``file``, a path or a name; other arguments of :func:`load_robot`; ``model``, arrays that are changed.
-
-    Raises:
-        InputError: an unknown entry, or a value out of its domain.
-        RobotError: as :func:`load_robot`.
     """
     for name in source:
         checks.one_of("entry of the robot", name, ENTRIES)
@@ -72,11 +68,7 @@ def _infinite(values: Any) -> Any:
 
 
 def named_robot(robot: Any) -> str | Robot:
-    """A robot, or its source, as scenarios hold it: the name of one that is known, else the robot.
-
-    Raises:
-        InputError: an unknown name, or a robot whose source does not say what it is.
-    """
+    """A robot, or its source, as scenarios hold it: the name of one that is known, else the robot."""
     if isinstance(robot, Mapping):
         robot = read_robot(robot)
     if not isinstance(robot, Robot):

@@ -22,8 +22,10 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import heavier
+from harpy_pin.model.robot import heavier, load_harpy
+from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import State
+from harpy_pin.scenario.gait_parts import GaitPart, Stand
 from harpy_pin.scenario.scenario import Scenario
 from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.plant import Plant
@@ -83,8 +85,8 @@ def build(
 
     Args:
         scenario: what to walk.
-        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF. It is taken as it is: on ground
-            that is not flat put :class:`~harpy_pin.gaits.OnTerrain` around it, or it walks blind.
+        gait: one's own, with its robot, instead of the scenario's gait, speed and URDF. It is laid over ground that is
+            not flat, unless it has a ``terrain`` of its own: ``OnTerrain(gait, Plane(slope=0.0))`` walks blind.
         controller: makes one's own controller from the gait, instead of the scenario's.
 
     Raises:
@@ -102,17 +104,17 @@ def build(
     own = tuple(name for name, given in (("gait", gait), ("controller", controller)) if given is not None)
     disturbances = scenario.disturbances
     if gait is None:
-        gait = scenario.gait.make(scenario.load_robot(), scenario.felt_ground.stiffness)
-        gait = _on_ground(gait, scenario)
+        robot = load_harpy(scenario.urdf) if scenario.robot == "harpy" else loaded_robot(scenario.robot)
+        gait = scenario.gait.make(robot, scenario.felt_ground.stiffness)
+        gait = _on_ground(gait, scenario.gait, scenario)
     else:
         check_gait(gait)
         walks = not isinstance(getattr(gait, "gait", gait), Standing | Hovering)
         scenario = replace(scenario, ground=scenario.ground.fitted(gait.robot, walks=walks))
+        gait = gait if hasattr(gait, "terrain") else _on_ground(gait, Stand(), scenario)
     if scenario.robot != "harpy" and scenario.robot_name != gait.robot.name:
-        message = (
-            f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a gait of one's own brings "
-        )
-        raise InputError(f"{message}its robot along: leave robot out of the scenario", name="gait", value=gait)
+        message = f"the gait is of '{gait.robot.name}', the scenario of '{scenario.robot_name}'; a gait of one's own"
+        raise InputError(f"{message} brings its robot along: leave robot out of the scenario", name="gait", value=gait)
     # The plant first: its kernels are compiled while the controller is made.
     heavy = heavier(gait.robot, disturbances.mass_error) if disturbances.mass_error else gait.robot
     simulator = scenario.plant.make(heavy, scenario.ground, dt=scenario.dt, actuators=disturbances.actuators)
@@ -134,12 +136,12 @@ def build(
     return Walk(scenario, gait, chosen, simulator, sensors, own)
 
 
-def _on_ground(gait: Gait, scenario: Scenario) -> Gait:
+def _on_ground(gait: Gait, part: GaitPart, scenario: Scenario) -> Gait:
     """The gait laid over the scenario's ground, where that is not flat."""
     surface, error = scenario.ground.surface, scenario.disturbances.normal_error
     if surface is None or surface.record["level"][0] or not gait.robot.feet:
         return gait
-    return scenario.gait.over(gait, surface, normal_error=error, friction=scenario.mu)
+    return part.over(gait, surface, normal_error=error, friction=scenario.mu)
 
 
 def walk(

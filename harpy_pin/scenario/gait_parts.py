@@ -76,8 +76,8 @@ class GaitPart(Part):
         Args:
             robot: ``harpy``, one of the catalogue, or one's own.
         """
-        if robot == "harpy" or not cls.foot_counts:
-            return robot == "harpy" and not cls.foot_counts
+        if not cls.foot_counts:
+            return robot == "harpy"
         return _feet(robot) in cls.foot_counts and robot not in cls.without
 
 
@@ -204,8 +204,9 @@ def gaits_of(robot: str | Robot) -> tuple[str, ...]:
 
 
 def _feet(robot: str | Robot) -> int:
-    """How many feet a robot has that is not Harpy."""
-    return len(robot.corners) if isinstance(robot, Robot) else len(CATALOGUE[robot].feet)
+    """How many feet a robot has; −1 for Harpy, and where it is not known."""
+    known = CATALOGUE.get(robot) if isinstance(robot, str) else robot
+    return -1 if known is None else len(known.corners if isinstance(known, Robot) else known.feet)
 
 
 def schedules_of(robot: str | Robot) -> tuple[str, ...]:
@@ -215,10 +216,9 @@ def schedules_of(robot: str | Robot) -> tuple[str, ...]:
 
 def why_not(robot: str | Robot, gait: object) -> str:
     """Why a robot has not a gait, where that is not plain."""
-    short, name = robot in Walking.without, robot
-    if isinstance(robot, Robot):
-        short, name = any(len(leg_joints(robot, foot)) < 3 for foot in robot.feet), robot.name
-    if gait == Walking.name and short:
+    legs: list[list[int]] = [] if isinstance(robot, str) else [leg_joints(robot, foot) for foot in robot.feet]
+    if gait == Walking.name and (robot in Walking.without or any(len(joints) < 3 for joints in legs)):
+        name = robot if isinstance(robot, str) else robot.name
         return f"'{name}' has a leg of fewer than three joints, and cannot place its feet to the side"
     return ""
 

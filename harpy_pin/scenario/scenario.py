@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from os import PathLike
@@ -13,7 +12,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.ground.ground import Ground, Unset
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot, named_robot, plain_source
 from harpy_pin.scenario.controller_parts import CONTROLLER_PARTS, ControllerPart
 from harpy_pin.scenario.disturbances import Disturbances
@@ -109,16 +108,12 @@ class Scenario:
         return isinstance(other, Scenario) and self.to_dict() == other.to_dict()
 
     def __hash__(self) -> int:
-        return hash(json.dumps(self.to_dict()))
+        return hash(str(self.to_dict()))
 
     @property
     def robot_name(self) -> str:
         """Name of the robot."""
         return self.robot if isinstance(self.robot, str) else self.robot.name
-
-    def load_robot(self) -> Robot:
-        """The robot, read from its file where it is known by name."""
-        return load_harpy(self.urdf) if self.robot == "harpy" else loaded_robot(self.robot)
 
     def _check_robot(self) -> None:
         """Whether gait, controller and URDF are for this robot, and go together."""

@@ -3,6 +3,7 @@
 from .actuators import Actuators
 from .implicit_contact import contact_step
 from .loop import Controller
+from .own_loop import Recorder
 from .plant import GRAVITY, Plant
 from .push import Push
 from .sensors import Noise, Sensors
@@ -16,6 +17,7 @@ __all__ = [
     "Noise",
     "Plant",
     "Push",
+    "Recorder",
     "Sensors",
     "Simulator",
     "Thrusters",

@@ -17,6 +17,7 @@ from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run, describe_versions
 from harpy_pin.log.run_file import FORMAT
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import plain_source
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.push import Push
@@ -26,7 +27,7 @@ from harpy_pin.simulation.step import VERDICTS
 if TYPE_CHECKING:
     from harpy_pin.simulation.plant import Plant
 
-__all__ = ["ClosedLoop", "Controller", "keep_run", "run_metadata"]
+__all__ = ["ClosedLoop", "Controller", "about", "keep_run", "run_metadata"]
 
 REPORT = 100
 """Ticks in Python between two reports of progress."""
@@ -166,8 +167,6 @@ def run_metadata(
     simulator: Plant, controller: Controller, ending: str, period: float, pushes: Sequence[Push]
 ) -> dict[str, Any]:
     """How the run came about and how it ended."""
-    describe = getattr(controller, "describe", None)
-    robot = simulator.robot
     return {
         "ending": ending,
         "end_time": simulator.t,
@@ -176,16 +175,25 @@ def run_metadata(
         "gravity": simulator.gravity.tolist(),
         "plant": dict(simulator.describe()),
         "ground": simulator.ground.to_dict(),
+        **about(simulator.robot, controller),
+        "torque_limit": plain_source(simulator.robot.torque_limit * min(simulator.actuators.torque_share or 1.0, 1.0)),
+        "pushes": [asdict(push) for push in pushes],
+        "contact_sweeps_max": int(simulator.counts[0]),
+        "contact_unconverged": int(simulator.counts[1]),
+        **({"thrusts_projected": int(simulator.counts[2])} if simulator.robot.rotors else {}),
+    }
+
+
+def about(robot: Robot, controller: Any) -> dict[str, Any]:
+    """What a log says of robot and controller."""
+    return {
         "robot": robot.name,
         **({} if robot.label or not robot.source else {"robot_source": plain_source(robot.source)}),
         "mass": robot.mass,
         "feet": list(robot.feet),
         "thrusters": list(robot.thrusters),
-        "pushes": [asdict(push) for push in pushes],
-        "contact_sweeps_max": int(simulator.counts[0]),
-        "contact_unconverged": int(simulator.counts[1]),
-        **({"thrusts_projected": int(simulator.counts[2])} if robot.rotors else {}),
+        "torque_limit": plain_source(robot.torque_limit),
         "controller": type(controller).__name__,
-        "parameters": dict(describe()) if describe is not None else {},
+        "parameters": dict(getattr(controller, "describe", dict)()),
         "versions": describe_versions(),
     }

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError, RobotError, shown
+from harpy_pin.errors import InputError, shown
 from harpy_pin.log.run import Run
-from harpy_pin.model.catalogue import CATALOGUE, installed_data
+from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
 from harpy_pin.model.source import read_robot
 
@@ -55,39 +55,24 @@ def robot_of(run: Run, urdf: str | Path | None = None) -> Robot:
         RobotError: the file is missing or malformed, or lacks a foot or a thruster of the log.
     """
     feet, thrusters = _names(run, "feet"), _names(run, "thrusters")
-    source = run.metadata.get("robot_source")
-    is_harpy = feet == HARPY_FEET and thrusters == HARPY_THRUSTERS
-    if isinstance(source, dict) and not is_harpy and urdf not in CATALOGUE:
+    source, scenario, own = (run.metadata.get(key) for key in ("robot_source", "scenario", "own"))
+    if urdf in CATALOGUE:
+        return load_robot(str(urdf))
+    if feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
+        own_gait = isinstance(own, list) and "gait" in own
+        variant = scenario.get("urdf") if isinstance(scenario, dict) and not own_gait else None
+        return load_harpy(urdf or (variant if isinstance(variant, str) else None))
+    name = run.metadata.get("robot")
+    if urdf is None and name in CATALOGUE:
+        robot = load_robot(str(name))
+        if (robot.feet, robot.thrusters, robot.model.nq) == (feet, thrusters, run["q"].shape[1]):
+            return robot
+    if isinstance(source, dict):
         return read_robot(source if urdf is None else {**source, "file": str(urdf)})
     if urdf is not None:
-        return _from_file(str(urdf), feet, thrusters)
-    scenario = run.metadata.get("scenario")
-    own = run.metadata.get("own")
-    named = scenario.get("urdf") if isinstance(scenario, dict) else None
-    if isinstance(named, str) and not (isinstance(own, list) and "gait" in own):
-        return load_harpy(named)
-    name = run.metadata.get("robot")
-    if name is None or feet is None or is_harpy:
-        return load_harpy()
-    known = str(name) in CATALOGUE
-    if known and not thrusters and installed_data() is not None:
-        robot = load_robot(str(name))
-        if robot.feet == feet and robot.model.nq == run["q"].shape[1]:
-            return robot
+        return load_robot(Path(urdf), feet=feet, thrusters=thrusters or ())
     message = f"the log is of a robot {shown(name)} with the feet {shown(feet, 200)}, which is not known by name"
-    missing = " here (the extra 'robots' is not installed)" if known and installed_data() is None else ""
-    raise InputError(f"{message}{missing}: give its URDF, as urdf or --urdf FILE", name="urdf")
-
-
-def _from_file(urdf: str, feet: tuple[str, ...] | None, thrusters: tuple[str, ...] | None) -> Robot:
-    """The robot of a file or a name, with the feet and thrusters of a log."""
-    if urdf in CATALOGUE:
-        return load_robot(urdf)
-    if feet is None or (feet == HARPY_FEET and thrusters == HARPY_THRUSTERS):
-        return load_harpy(urdf)
-    if not Path(urdf).is_file():
-        raise RobotError(f"no URDF at {shown(urdf, 300)}", path=Path(urdf))
-    return load_robot(Path(urdf), feet=feet, thrusters=thrusters or ())
+    raise InputError(f"{message}: give its URDF, as urdf or --robot FILE", name="urdf")
 
 
 def _names(run: Run, kind: str) -> tuple[str, ...] | None:

@@ -169,10 +169,23 @@ def test_four_headings_give_equal_walks():
         np.testing.assert_allclose(slip, slips[0], atol=1e-6)
 
 
-def test_a_gait_of_ones_own_walks_blind():
-    """It is not laid over the ground; Harpy crosses rough ground of 2 cm by touch."""
+@needs_robots
+def test_a_gait_of_ones_own_is_laid_over_the_ground():
+    """It walks as that of the scenario does, on stairs where it falls blind."""
+    ground, trot = hp.Ground(mu_s=0.6, terrain=Stairs(rise=0.06)), hp.WalkingGait(hp.load_robot("go2"))
+    trot.command[0] = 0.4
+    scenario = hp.Scenario(robot="go2", ground=ground, duration=5.0, gait=hp.Walking(velocity=(0.4, 0.0, 0.0)))
+    expected, run = hp.walk(scenario), hp.walk(scenario, gait=trot)
+    assert run.ending == "completed"
+    assert run["q"][-1, 2] > run["q"][0, 2] + 0.1
+    np.testing.assert_array_equal(run["q"], expected["q"])
+    assert hp.walk(scenario, gait=OnTerrain(trot, Plane(slope=0.0))).fell
+
+
+def test_a_gait_over_flat_ground_of_its_own_walks_blind():
+    """Harpy crosses rough ground of 2 cm by touch."""
     ground = hp.Ground(terrain=Rough(amplitude=0.02, resolution=0.2, seed=1), mu_s=0.6)
-    run = hp.walk(hp.Scenario(ground=ground, duration=3.0), gait=hp.make_gait(ROBOT))
+    run = hp.walk(hp.Scenario(ground=ground, duration=3.0), gait=OnTerrain(hp.make_gait(ROBOT), Plane(slope=0.0)))
     assert run.ending == "completed"
     flat = hp.make_gait(ROBOT)
     np.testing.assert_allclose(run["x_r"][-1], flat.update(float(run["t"][-1])).body[:6], atol=1e-9)

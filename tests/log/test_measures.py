@@ -174,7 +174,28 @@ def test_robot_without_thrusters_or_joints():
     run = still(5)
     run.signals["thrust"], run.signals["torque"] = np.zeros((5, 0, 3)), np.zeros((5, 0))
     found = measure(run)
-    assert found.thrust_rms_n == found.thrust_max_n == found.torque_max_nm == 0.0
+    assert np.isnan([found.thrust_rms_n, found.thrust_max_n, found.thrust_power_w]).all()
+    assert found.torque_max_nm == 0.0
+    assert "thrust" not in str(found)
+
+
+def test_why_a_walk_fell():
+    """Joints less their targets for the middle of a tick, forces less those planned before, torques at limits."""
+    run, rng = still(4), np.random.default_rng(0)
+    assert np.isnan([measure(run).joint_tracking_rms_rad, measure(run).force_mismatch, measure(run).clipped]).all()
+    q, law, force, planned = (rng.normal(size=(4, *size)) for size in ((13,), (4, 6), (2, 3), (2, 3)))
+    run.signals.update(q=q, motor_law=law, foot_force=force, desired_force=planned)
+    run.signals["torque"][:] = [[0.5, -2.0, 0, 0, 0, 0], *[[-0.9] * 6] * 2, [9.0] * 6]
+    run.metadata.update({"torque_limit": [1.0, 2.0, None, None, None, None], "mass": 2.0})
+    found = measure(run)
+    apart = [law[k, 0] - 0.5 * (q[k, 7:] + q[k + 1, 7:]) for k in range(3)]
+    off = [np.linalg.norm(force[k + 1] - planned[k]) ** 2 for k in range(3)]
+    assert found.joint_tracking_rms_rad == pytest.approx(np.sqrt(np.mean(np.square(apart))))
+    assert found.force_mismatch == pytest.approx(np.sqrt(np.mean(off)) / (2.0 * 9.81))
+    assert (found.clipped, found.causes.count(";")) == (0.5, 2)
+    for strange in (3, [1.0], ["a"] * 6, [10**400] * 6, [[1.0]] * 6):
+        run.metadata["torque_limit"] = strange
+        assert np.isnan(measure(run).clipped)
 
 
 def test_measures_are_those_of_their_definition():

@@ -272,6 +272,7 @@ LEG = '<body name="l"><joint name="j" axis="0 1 0"{}/><inertial pos="0 0 -1" mas
         (BODY.format(LEG.format("")).replace('mass="2"', 'mass="heavy"'), "mass in <inertial>"),
         (BODY.format('<body name="m"><geom type="mesh" mesh="x"/></body>'), "that of a mesh"),
         ("", "not an MJCF file"),
+        ('</worldbody><include file="dog.xml"/><worldbody>', "it includes other files"),
         (BODY.format("") + '</worldbody><equality><weld body1="b"/></equality><worldbody>', "closed loops"),
     ],
 )

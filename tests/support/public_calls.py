@@ -120,7 +120,7 @@ def values() -> dict[str, Any]:
         **{"references": {}, "controller": controller, "force": np.ones((2, 3)), "depth": 0.01, "inverse_mass": 0.5},
         **{"load": 10.0, "fall_height": 0.3, "settings": {}},
         **{"terrain": hp.ground.Plane(slope=0.1), "heights": ((0.0, 0.1), (0.2, 0.3)), "corner": (0.0, 0.0)},
-        **{"y": np.zeros(9), "normal_error": 0.01, "lag": 0.1},
+        **{"y": np.zeros(9), "normal_error": 0.01, "lag": 0.1, "walks": True, "arrays": {}},
         "contrib.flight.FlyingGait.gait": hp.make_commanded_gait(robot),
         "contrib.flight.FlyingGait.flights": Fly(),
         "contrib.flight.Flying.gait": FlyingGait(hp.make_commanded_gait(robot), Fly()),

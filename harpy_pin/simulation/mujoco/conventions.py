@@ -107,20 +107,20 @@ class Conventions:
         to_mujoco.prepare(self.record, q, v, q, v)
         from_mujoco.prepare(self.record, q, v, q, v)
 
-    def place(self, state: State, data: Any) -> None:
+    def place(self, state: State | tuple[Vector, Vector], data: Any) -> None:
         """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the caller's.
 
         Args:
-            state: of the robot.
+            state: of the robot; or q and v, as a gait's ``initial_state()`` has them.
             data: ``mujoco.MjData``, written in place.
 
         Raises:
             InputError: the state is of another robot.
         """
-        q = checks.vector("q", state.q, self._robot.model.nq)
-        v = checks.vector("v", state.v, self._robot.model.nv)
+        q, v = state if isinstance(state, tuple) else (state.q, state.v)
+        q, v = checks.vector("q", q, self._robot.model.nq), checks.vector("v", v, self._robot.model.nv)
         to_mujoco(self.record, q, v, data.qpos, data.qvel)
-        data.time = state.t
+        data.time = data.time if isinstance(state, tuple) else state.t
 
 
 @kernel

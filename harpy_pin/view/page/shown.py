@@ -103,6 +103,8 @@ def headline(shown: Shown) -> tuple[str, list[tuple[str, str]]]:
     if len(run) > 1 and run["foot_force"].shape[1]:
         facts.append(("slip", f"{measure(run).slip_mm_per_step:.1f} mm per step"))
     facts.append(("ending", run.ending if shown.frames.complete else f"{run.ending} (drawn up to there)"))
+    if run.fell:
+        facts.append(("why", measure(run).causes))
     return f"{title}, {run.ending}", facts
 
 
@@ -185,6 +187,9 @@ ROWS = (
     ("joints, W", "joint_power_w", "{:.0f}"),
     ("largest torque, N·m", "torque_max_nm", "{:.1f}"),
     ("largest tilt, rad", "tilt_max_rad", "{:.2f}"),
+    ("joints less their targets, rad rms", "joint_tracking_rms_rad", "{:.3f}"),
+    ("contact forces less those planned, % of the weight rms", "force_mismatch", "{:.1%}"),
+    ("ticks with a torque at its limit, %", "clipped", "{:.1%}"),
 )
 """Label, name in :class:`harpy_pin.log.measures.Measures`, and form of the numbers."""
 
