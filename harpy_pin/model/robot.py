@@ -288,16 +288,14 @@ def load_robot(
     known, path = catalogue_robot(urdf), checks.path("urdf", urdf)
     path = path if known is None else known.path()
     told: dict[str, Any] = {"feet": feet, "flat_feet": flat_feet, "rotors": rotors, "posture": posture}
-    told |= {
-        "thrusters": checks.names("thrusters", thrusters) or None,
-        "thrust_limit": thrust_limit if thrust_limit < np.inf else None,
-    }
+    told["thrusters"] = checks.names("thrusters", thrusters) or None
+    told["thrust_limit"] = thrust_limit if thrust_limit < np.inf else None
     told["file"] = str(known_name(urdf)) if known else os.path.abspath(path)
     if feet is None:
         if known is None:
             check_file(path)
             message = "a robot read from a file needs feet: names of frames, or () for none"
-            raise InputError(f"{message}; {_ends(build_any_model(path)[0])}", name="feet")
+            raise InputError(f"{message}; {_links(build_any_model(path)[0])}", name="feet")
         feet = known.feet
         flat_feet = known.flat_feet if flat_feet is None else flat_feet
     if rotors is None:
@@ -318,7 +316,7 @@ def load_robot(
         for name in names:
             if not model.existFrame(name):
                 where = shown(str(path), 300)
-                raise RobotError(f"{where} has no {kind} frame {shown(name)}; {_ends(model)}", path=path)
+                raise RobotError(f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path)
     points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
     angles = angles if known is None else known.posture(model)
     if posture is not None:
@@ -347,11 +345,13 @@ def load_robot(
     return robot
 
 
-def _ends(model: pin.Model) -> str:
-    """The links at the ends of a robot's limbs, for messages."""
+def _links(model: pin.Model) -> str:
+    """Names of a robot's links, for messages."""
     inner = {frame.parentFrame for frame in model.frames}
-    names = [f.name for k, f in enumerate(model.frames) if f.type == pin.FrameType.BODY and k not in inner]
-    return f"links at the ends of its limbs: {shown(', '.join(names), 300)}"
+    bodies = [k for k, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY]
+    names = [model.frames[k].name for k in sorted(bodies, key=lambda k: k in inner)]
+    more = f" and {len(names) - 20} more" if len(names) > 20 else ""
+    return f"its links, ends of limbs first: {', '.join(names[:20])}{more}"
 
 
 def heavier(robot: Robot, error: float) -> Robot:

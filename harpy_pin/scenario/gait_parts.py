@@ -218,8 +218,7 @@ def why_not(robot: str | Robot, gait: object) -> str:
     """Why a robot has not a gait, where that is not plain."""
     legs: list[list[int]] = [] if isinstance(robot, str) else [leg_joints(robot, foot) for foot in robot.feet]
     if gait == Walking.name and (robot in Walking.without or any(len(joints) < 3 for joints in legs)):
-        name = robot if isinstance(robot, str) else robot.name
-        return f"'{name}' has a leg of fewer than three joints, and cannot place its feet to the side"
+        return f"'{getattr(robot, 'name', robot)}' has a leg of fewer than three joints: its feet cannot go aside"
     return ""
 
 

@@ -414,17 +414,6 @@ def test_other_robots_walk_again_from_their_log(robot, gait, tmp_path):
 
 
 @needs_robots
-def test_ground_by_default_fits_the_weight_of_another_robot() -> None:
-    weight = hp.load_robot("go2").mass * 9.81
-    assert hp.Scenario(robot="go2").ground.stiffness == pytest.approx(weight / 0.002)  # on one foot it sinks by 2 mm
-    standing = hp.Scenario(robot="go2", gait="standing")
-    assert standing.ground.stiffness == pytest.approx(weight / 4 / 0.005)  # on four by 5 mm
-    given = hp.Ground(mu_s=0.6, stiffness=8000.0)
-    assert hp.Scenario(robot="go2", ground=given).ground == given
-    assert hp.Scenario().ground == hp.Ground()
-
-
-@needs_robots
 def test_a_gait_of_another_robot_is_refused() -> None:
     gait = hp.Standing(hp.load_robot("a1"))
     with pytest.raises(hp.InputError, match="the gait is of 'a1', the scenario of 'go2'"):
