@@ -27,9 +27,10 @@ WALKERS: dict[str, dict[str, Any]] = {
     "condensed": {"name": "condensed"},
     "QP": {"name": "wbc"},
     "est.": {"name": "condensed", "parameters": {"estimate_joint_friction": True}},
+    "law": {"name": "condensed", "parameters": {"joint_stiffness": 1.0, "joint_damping": 0.3}},
 }
 """Controllers by the name of their column: ``rigid`` is the condensed WBC in which nothing gives way, ``est.`` the one
-with joint friction estimated."""
+with joint friction estimated, ``law`` the one whose motors hold its joint targets."""
 GAITS: dict[str, dict[str, Any]] = {
     "straight": {"name": "hand"},
     "commanded": {"name": "commanded", "velocity": (0.2, 0.0, 0.2)},
@@ -108,7 +109,7 @@ VIEWS = (
         across="{walker}",
         columns=slip_or_falls,
         note="Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing gives "
-        "way; est.: the one in which tasks do, with joint friction estimated. All have the same torque limits.",
+        "way; est.: joint friction estimated; law: with joint targets for the motors. All have the same torque limits.",
     ),
 )
 
