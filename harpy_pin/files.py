@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import IO, Any, ClassVar
+from typing import IO, Any, ClassVar, NoReturn
 
 from harpy_pin.errors import InputError, RunFileError, shown
 
@@ -204,8 +204,8 @@ def _checksum(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def _list(files: Iterable[tuple[str, str]]) -> bytes:
-    return "".join(f"{checksum}  {name}\n" for checksum, name in sorted(files)).encode()
+def _list(files: Iterable[tuple[str, str]]) -> str:
+    return "".join(f"{checksum}  {name}\n" for checksum, name in sorted(files))
 
 
 class OwnFolder:
@@ -232,12 +232,11 @@ class OwnFolder:
         self.path, self.force = Path(path), force
         with self._explained():
             if os.path.lexists(path) and not self.path.is_dir():
-                raise NotADirectoryError(errno.ENOTDIR, "it is no folder")
+                self._refuse("it is no folder")
             self.path.mkdir(parents=True, exist_ok=True)
             names = {entry.name for entry in self.path.iterdir() if not re.fullmatch(r"\.harpy-\w+\.part", entry.name)}
-        if names and self.LIST not in names and not force:
-            message = f"'{path}' has files that were not written here: give another folder, or --force"
-            raise RunFileError(message, path=path)
+            if names and self.LIST not in names and not force:
+                self._refuse("it has files that were not written here: give another folder, or --force")
         self.write({})
 
     def place(self, name: str) -> Path:
@@ -250,7 +249,7 @@ class OwnFolder:
         with self._explained():
             for one, regular in ((path.parent, stat.S_ISDIR), (path, stat.S_ISREG)):
                 if os.path.lexists(one) and one != self.path and not regular(one.lstat().st_mode):
-                    raise OSError(errno.EEXIST, f"'{one}' is a link, or of another kind")
+                    self._refuse(f"'{one}' is a link, or of another kind")
         return path
 
     def write(self, files: Mapping[str, str | bytes]) -> None:
@@ -262,27 +261,28 @@ class OwnFolder:
         Raises:
             RunFileError: a file of this name was not written here, was changed, or cannot be written.
         """
-        listed: set[tuple[str, str]] = set()
-        if (listing := self.place(self.LIST)).exists():
-            with self._explained():
-                data = listing.read_bytes()
-            listed = set(re.findall(r"^([0-9a-f]{64})  (.+)$", data.decode(errors="replace"), re.M))
-            if data != _list(listed) and not self.force:
-                raise RunFileError(f"'{listing}' was not written here: see --force", path=listing)
         contents = {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}
-        for name in contents:
-            path = self.place(name)
-            with self._explained():
+        listed: set[tuple[str, str]] = set()
+        with self._explained():
+            if (listing := self.place(self.LIST)).exists():
+                text = listing.read_text(encoding="utf-8", errors="replace")
+                listed = set(re.findall(r"^([0-9a-f]{64})  (.+)$", text, re.M))
+                if text != _list(listed) and not self.force:
+                    self._refuse(f"'{listing}' was not written here: see --force")
+            for name in contents:
+                path = self.place(name)
                 if path.exists() and not self.force and (_checksum(path.read_bytes()), name) not in listed:
-                    raise OSError(errno.EEXIST, f"'{path}' has changed, or was not written here: see --force")
-        made = {(_checksum(data), name) for name, data in contents.items()}
-        before = {(checksum, name) for checksum, name in listed if name not in contents}
-        order = [(self.LIST, _list(listed | made)), *contents.items(), (self.LIST, _list(before | made))]
-        for name, data in order:
-            with self._explained():
+                    self._refuse(f"'{path}' has changed, or was not written here: see --force")
+            made = {(_checksum(data), name) for name, data in contents.items()}
+            before = {(checksum, name) for checksum, name in listed if name not in contents}
+            order = [(self.LIST, _list(listed | made).encode()), *contents.items()]
+            for name, data in (*order, (self.LIST, _list(before | made).encode())):
                 self.place(name).parent.mkdir(exist_ok=True)
-            with replacing(self.path / name) as file:
-                file.write(data)
+                with replacing(self.path / name) as file:
+                    file.write(data)
+
+    def _refuse(self, why: str) -> NoReturn:
+        raise OSError(errno.EEXIST, why)
 
     @contextmanager
     def _explained(self) -> Iterator[None]:

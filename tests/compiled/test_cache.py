@@ -66,25 +66,6 @@ def test_every_edit_is_noticed(tmp_path):
     assert len(libraries(tmp_path)) == 3
 
 
-@pytest.mark.parametrize("damage", ["truncated", "flipped", "a folder"])
-def test_a_damaged_library_is_made_again(tmp_path, damage):
-    write(tmp_path)
-    run(SCRIPT, tmp_path)
-    (path,) = libraries(tmp_path)
-    data = bytearray(path.read_bytes())
-    if damage == "truncated":
-        path.write_bytes(data[: len(data) // 2])
-    elif damage == "flipped":
-        data[len(data) // 3] ^= 0xFF
-        path.write_bytes(data)
-    else:
-        path.unlink()
-        path.mkdir()
-    assert run(SCRIPT, tmp_path)[0] == "6.5"
-    if damage != "a folder":
-        assert run(SCRIPT, tmp_path) == ("6.5", "")
-
-
 def test_a_folder_that_cannot_be_made(tmp_path):
     write(tmp_path)
     (tmp_path / "cache").write_text("in the way")
@@ -154,16 +135,6 @@ def test_the_kind_of_kernels_can_be_chosen(tmp_path, kind):
     assert run(script, tmp_path, HARPY_PIN_KERNELS=kind)[0].split() == ["6.5", kind]
 
 
-def test_another_kind_is_refused(tmp_path):
-    write(tmp_path)
-    script = (
-        f"import harpy_pin.errors\ntry:\n    {SCRIPT.split(';')[0]}\nexcept harpy_pin.errors.InputError as e: print(e)"
-    )
-    printed, _ = run(script, tmp_path, HARPY_PIN_KERNELS="fortran")
-    assert "'fortran'" in printed
-    assert "c, python" in printed
-
-
 def test_what_the_compiler_says_is_told(monkeypatch, tmp_path):
     monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
     monkeypatch.setattr(compiler, "FLAGS", ("-Dreal=nonsense+",))
@@ -218,17 +189,20 @@ def _forged(path, data):
 
 
 ATTACKS = {
-    "garbage": lambda path, other: path.write_bytes(b"\x7fELF" + bytes(1000)),
-    "garbage with its checksum": lambda path, other: _forged(path, b"\x7fELF" + bytes(1000)),
-    "another library": lambda path, other: path.write_bytes(other.read_bytes()),
-    "nothing": lambda path, other: path.write_bytes(b""),
-    "a pipe": lambda path, other: os.mkfifo(path),
-    "a link to a device": lambda path, other: path.symlink_to("/dev/zero"),
-    "a link to another library": lambda path, other: path.symlink_to(other),
-    "a file without an end": lambda path, other: os.truncate(os.open(path, os.O_CREAT | os.O_RDWR), 1 << 40),
-    "writable by others": lambda path, other: (path.write_bytes(other), path.chmod(0o666)),
-    "a lock that is a pipe": lambda path, other: os.mkfifo(path.with_suffix(".lock")),
-    "a lock that is a link": lambda path, other: path.with_suffix(".lock").symlink_to("/dev/zero"),
+    "garbage": lambda path, data, other: path.write_bytes(b"\x7fELF" + bytes(1000)),
+    "garbage with its checksum": lambda path, data, other: _forged(path, b"\x7fELF" + bytes(1000)),
+    "truncated": lambda path, data, other: path.write_bytes(data[: len(data) // 2]),
+    "flipped": lambda path, data, other: path.write_bytes(data.replace(b"outer", b"inner")),
+    "another library": lambda path, data, other: path.write_bytes(other.read_bytes()),
+    "nothing": lambda path, data, other: path.write_bytes(b""),
+    "a folder": lambda path, data, other: path.mkdir(),
+    "a pipe": lambda path, data, other: os.mkfifo(path),
+    "a link to a device": lambda path, data, other: path.symlink_to("/dev/zero"),
+    "a link to another library": lambda path, data, other: path.symlink_to(other),
+    "a file without an end": lambda path, data, other: os.truncate(os.open(path, os.O_CREAT | os.O_RDWR), 1 << 40),
+    "writable by others": lambda path, data, other: (path.write_bytes(data), path.chmod(0o666)),
+    "a lock that is a pipe": lambda path, data, other: os.mkfifo(path.with_suffix(".lock")),
+    "a lock that is a link": lambda path, data, other: path.with_suffix(".lock").symlink_to("/dev/zero"),
 }
 
 
@@ -241,13 +215,12 @@ def test_what_is_no_library_of_ours_is_made_again(attack, tmp_path):
     (path,), (other,) = libraries(tmp_path), libraries(tmp_path, "inner")
     data = path.read_bytes()
     path.unlink()
-    ATTACKS[attack](path, data if attack == "writable by others" else other)
+    ATTACKS[attack](path, data, other)
     printed, notice = run(SCRIPT, tmp_path)
-    assert printed == "6.5"
-    assert "compiling kernels" in notice
-    assert run(SCRIPT, tmp_path) == ("6.5", "")
-    assert not path.is_symlink()
-    assert path.stat().st_mode & 0o077 == 0
+    assert (printed, notice.count("compiling kernels")) == ("6.5", 1)
+    if attack != "a folder":
+        assert run(SCRIPT, tmp_path) == ("6.5", "")
+        assert path.lstat().st_mode & 0o077 == 0
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o775])
