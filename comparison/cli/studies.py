@@ -21,6 +21,8 @@ from harpy_pin.files import check_writable
 _FILES = [import_module(f"{studies.__name__}.{file.name}") for file in iter_modules(studies.__path__)]
 STUDIES: dict[str, Study] = {file.STUDY.name: file.STUDY for file in _FILES if hasattr(file, "STUDY")}
 """By name: every file of :mod:`comparison.studies` that has a ``STUDY``."""
+MOST = 100_000
+"""Largest number that an option takes."""
 
 
 def command_of(study: Study) -> Callable[..., None]:
@@ -55,7 +57,9 @@ def command_of(study: Study) -> Callable[..., None]:
     *parameters, _ = inspect.signature(command, eval_str=True).parameters.values()
     kept = [parameter for parameter in parameters if not lacking.get(parameter.name)]
     for name, text in study.options.items():
-        option: Any = Annotated[type(study.defaults[name]) | None, typer.Option(f"--{name}", help=text)]
+        kind = type(study.defaults[name])
+        within: dict[str, Any] = {"min": 0, "max": MOST} if kind is int else {}
+        option: Any = Annotated[kind | None, typer.Option(f"--{name}", help=text, **within)]
         kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option))
     command.__signature__ = inspect.Signature(kept)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in kept}

@@ -38,6 +38,8 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "tune", "--seed"): SEED,
     ("comparison", "tune", "--joint-damping"): ZERO,
     ("comparison", "peers", "--friction"): ZERO,
+    **{("comparison", "worlds", name): {"0"} for name in ("--sequences", "--noisy", "--pushes")},
+    ("comparison", "causes", "--sequences"): {"0"},
 }
 """What an option takes of the values above. One that is not here takes none of them."""
 SAYS = {

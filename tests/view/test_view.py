@@ -208,7 +208,7 @@ def test_links_move_as_pinocchio_says(run: Run, robot: Robot) -> None:
 def test_forces_in_the_scene_are_those_of_the_run(run: Run, robot: Robot) -> None:
     motions = motions_of(run, robot)
     rows = sample_rows(run["t"], FPS)
-    scale = Scales.of(robot, 0.6).contact
+    scale = Scales.of(robot, 0.6).force
     for k, foot in enumerate(robot.feet):
         arrow, force = motions[f"contact_force/{foot}"], run["foot_force"][rows, k]
         np.testing.assert_array_equal(arrow.visible, force[:, 2] > 0.0)
