@@ -156,7 +156,7 @@ def array(name: str, value: ArrayLike, shape: int | tuple[int, ...] | None) -> N
         given = np.asarray(value)
         if given.dtype.kind in "USMm":
             raise TypeError
-        if isinstance(value, np.ma.MaskedArray) and given.dtype.kind in "fiub":
+        if type(value) is not np.ndarray and isinstance(value, np.ma.MaskedArray) and given.dtype.kind in "fiub":
             given = np.where(np.ma.getmaskarray(value), np.nan, given)
         result = None if np.iscomplexobj(given) else np.array(given, dtype=np.float64, order="C")
     except (TypeError, OverflowError, ValueError):

@@ -22,7 +22,7 @@ from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.model.entry import GOOD
-from harpy_pin.model.memory import KeepsViews, fixed_arrays
+from harpy_pin.model.memory import KeepsViews, fixed_arrays, lasting
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -152,7 +152,7 @@ class CondensedBatch(KeepsViews):
         self._body = make_record(BodyRecord, mass=tree["mass"][0, 0], inertia=tree["inertia"][0, 0])
         feet, joints = len(robot.feet), len(robot.joints)
         shapes = ((9,), (3,), *[(feet, 3)] * 3, (feet,), (feet,))
-        self._targets = BatchTargets(*(np.zeros((n, *shape), self.dtype) for shape in shapes))
+        self._targets = tuple(lasting(np.zeros((n, *shape), self.dtype)) for shape in shapes)
         self.targets.fill(gait.update(0.0))
         self.mu, self.mass_error = np.full(n, p.limits.mu), np.zeros(n)
         self.torque = np.zeros((n, joints), self.dtype)
@@ -167,7 +167,7 @@ class CondensedBatch(KeepsViews):
     @property
     def targets(self) -> BatchTargets:
         """Targets of all robots, to be written in place; standing at the origin until then."""
-        return self._targets
+        return BatchTargets(*(array[...] for array in self._targets))
 
     def reset(self, which: ArrayLike | None = None) -> None:
         """Forget the active sets.
@@ -196,11 +196,11 @@ class CondensedBatch(KeepsViews):
             InputError: an array has the wrong shape.
         """
         given = tuple(self._array(name, value) for name, value in (("q", q), ("v", v), ("foot_force", foot_force)))
-        for name, low, strict in (("mu", 0.0, False), ("mass_error", -1.0, True)):
-            least = checks.vector(name, getattr(self, name), self.n).min()
-            checks.number(f"least {name}", least, low=low, strict=strict)
-        targets = tuple(getattr(self.targets, name) for name in BatchTargets.__slots__)
-        robots, results = (self.mu, self.mass_error), (self.torque, self.thrust, self.force, self.status)
+        checks.number("least mu", checks.vector("mu", self.mu, self.n).min(), low=0.0)
+        errors = checks.vector("mass_error", self.mass_error, self.n)
+        checks.number("least mass_error", errors.min(), low=-1.0, strict=True)
+        targets, robots = self._targets, (self.mu, self.mass_error)
+        results = (self.torque, self.thrust, self.force, self.status)
 
         def piece(k: int, begin: int, end: int) -> None:
             parts = (self._records[k], self._target_records[k], self._body)
@@ -215,10 +215,9 @@ class CondensedBatch(KeepsViews):
 
     def _array(self, name: str, value: Any) -> Array:
         """An argument as an array of the batch's type, without a copy where it is one."""
+        foreign = hasattr(value, "__dlpack__") and not isinstance(value, np.ndarray)
         try:
-            value = (
-                np.from_dlpack(value) if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__") else value
-            )
+            value = np.from_dlpack(value) if foreign else value
         except Exception as error:  # of whoever exports it
             raise InputError(f"{name} must be an array of numbers: {reason(error)}", name=name, value=value) from error
         if type(value) is not np.ndarray or value.dtype != self.dtype:

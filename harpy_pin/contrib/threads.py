@@ -40,20 +40,16 @@ class Threads:
         self._process, self._alone = getpid(), Lock()
 
     def run(self, piece: Callable[[int, int, int], None]) -> None:
-        """Call a function with the number, the begin and the end of each part, and wait until all of it is done.
-
-        Raises:
-            InputError: another thread is doing so; it would get the same arrays.
-        """
+        """Call a function with number, begin and end of each part, and wait; refused while another thread does so."""
         if self._process != getpid():
             self._pool, self._process, self._alone = None, getpid(), Lock()
         if not self._alone.acquire(blocking=False):
             raise InputError("another thread is in a step of this batch: give each thread a batch of its own")
         try:
-            parts = range(len(self.cuts) - 1), self.cuts[:-1], self.cuts[1:]
             if len(self.cuts) > 2 and self._pool is None:
-                self._pool = ThreadPoolExecutor(len(parts[0]))
-            list((map if self._pool is None else self._pool.map)(piece, *parts))
+                self._pool = ThreadPoolExecutor(len(self.cuts) - 1)
+            share = map if self._pool is None else self._pool.map
+            list(share(piece, range(len(self.cuts) - 1), self.cuts[:-1], self.cuts[1:]))
         finally:
             self._alone.release()
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import asdict
 from math import isfinite
 from threading import RLock
@@ -168,8 +167,10 @@ class GaitController(KeepsViews, ABC):
         """
         answer, target = self._answer_in_python if self._in_python else self._answer, None
         if -LONGEST < state.t < LONGEST:
-            with suppress(NothingObserved):
+            try:
                 target = self._plan(state)
+            except NothingObserved:
+                target = None
         if target is None:
             status = answer(self.target._record_, State(0.0, *self._nothing))
         else:

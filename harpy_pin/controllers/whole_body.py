@@ -277,9 +277,9 @@ class WholeBodyController(TaskController):
             state: as given to :meth:`prepare`.
         """
         state, targets = as_state(state, self.robot), self.targets
-        self.problem._fill(self.dynamics, state.v, self.dynamics.rotation, targets)
+        self.problem._fill(self.dynamics, state.v, self.dynamics._rotation_, targets)
         if self.added is not None and not targets.tilted:
-            self.added.build(self.dynamics, state, targets.held)
+            self.added.build(self.dynamics, state, targets._held_)
         elif self.added is not None:  # rows of added tasks are in world axes
             turn_feet(self.dynamics.record, np.ascontiguousarray(targets.frame.transpose(0, 2, 1)))
             self.added.build(self.dynamics, state, targets.held, frame=targets.frame)
@@ -301,7 +301,7 @@ class WholeBodyController(TaskController):
             self._copy_added()
             kernels.settle(record, *parts[1:], self._gave_way and self._solve_once(further=True))
         elif usable:
-            self.problem.kernels.inputs(*parts[1:], self._solution.z, self._inputs)
+            self.problem.kernels.inputs(*parts[1:], self._solution._z_, self._inputs)
         return self.solution
 
     def _solve_once(self, *, further: bool) -> bool:
@@ -318,7 +318,7 @@ class WholeBodyController(TaskController):
         if solution.status is not QPStatus.SOLVED and self._second is not None:
             second = self._second.solve(program)
             solution = second if second.usable else solution
-        self._solution.z[:] = solution.z
+        self._solution._z_[:] = solution._z_
         self._outcome[...], self._iterations[...] = solution.status, solution.iterations
         self._violation[...] = solution.violation
         return solution.usable
@@ -339,7 +339,7 @@ class WholeBodyController(TaskController):
             if self._lag is not None:
                 add_kept(self._lag, self._inputs)
             if self.added is not None:
-                self.added.read(solution.z)
+                self.added.read(solution._z_)
         kernels, parts, measured = self._kernels_of_tick, self._parts_of_program, (state.q, state.v)
         kernels.finish(self._record_, *parts, solution.usable, *measured)
         if self._command.law is not None:

@@ -79,6 +79,9 @@ class Dynamics(KeepsViews, EquationsRecord):
     """
 
     _record_: Records[Any]
+    _rotation_: Vector
+    _foot_position_: Vector
+    _foot_velocity_: Vector
     foot_velocity: Vector
     rotor_axis: Vector
 

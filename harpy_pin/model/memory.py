@@ -1,7 +1,8 @@
 """Memory of objects that kernels write into: arrays that stay where they are, and copies whose views are views again.
 
-NumPy copies each view by itself, and an attribute can be bound to any array. So kernels would write into a record that
-no attribute shows any more, or past the end of an array that is too short.
+NumPy copies each view by itself, an attribute can be bound to any array, and an array can be given another shape or
+length in place. So kernels would write into a record that no attribute shows any more, or past the end of an array that
+is too short.
 """
 
 from __future__ import annotations
@@ -17,43 +18,72 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["KeepsViews", "fixed_arrays", "move_array", "read_only", "shares_memory"]
+__all__ = ["KeepsViews", "fixed_arrays", "lasting", "move_array", "read_only", "room", "shares_memory"]
 
 _T = TypeVar("_T")
 _Kind = TypeVar("_Kind", bound=type)
 _Array = NDArray[Any]
+ALIGNED = 64
+"""Bytes: vectors of processors lie well there."""
 
 
-def fixed_arrays(*names: str) -> Callable[[_Kind], _Kind]:
+def fixed_arrays(*names: str, views: bool = True) -> Callable[[_Kind], _Kind]:
     """A decorator of classes: these attributes are arrays that stay where they are.
 
     The first assignment, in ``__init__``, makes the array an attribute. Every later one writes into it, after a check
-    of its shape and of its numbers. The array is kept as ``_name_``, which code of every tick reads: it is faster.
+    of its shape and of its numbers. The array is kept as ``_name_``, which code of every tick reads: it is faster, and
+    its shape is fixed. The attribute is a view of its memory, made at each access, and that memory cannot be resized.
 
     Args:
         names: of the attributes.
+        views: without, the attributes are the arrays themselves: of objects of a moment, whose readers check them.
     """
 
     def decorate(kind: _Kind) -> _Kind:
         for name in names:
-            setattr(kind, name, _fixed_array(name))
+            setattr(kind, name, _fixed_array(name, views=views))
         return kind
 
     return decorate
 
 
-def _fixed_array(name: str) -> property:
+def _fixed_array(name: str, *, views: bool) -> property:
     """An attribute that is an array, kept under another name."""
     kept = f"_{name}_"
 
     def write(holder: Any, value: ArrayLike) -> None:
         held = getattr(holder, kept, None)
-        if held is None:
-            object.__setattr__(holder, kept, value)  # through __dict__, every later access would be slower
-        elif value is not held:  # which is what ``holder.array += 1`` assigns
+        if held is None:  # through __dict__, every later access would be slower
+            owns = views and isinstance(value, np.ndarray) and value.base is None
+            object.__setattr__(holder, kept, lasting(np.asarray(value)) if owns else value)
+        elif not _same(value, held):  # which is what ``holder.array += 1`` assigns
             held[...] = _checked(name, value, held)
 
-    return property(attrgetter(kept), write)
+    array = attrgetter(kept)
+
+    def view(holder: Any) -> Any:
+        held = array(holder)
+        return held if held is None else held[...]
+
+    return property(view if views else array, write)
+
+
+def lasting(array: _Array) -> _Array:
+    """A copy of an array in memory that cannot be resized, nor can its own shape be changed through its ``base``."""
+    memory = room(array.nbytes + ALIGNED)
+    made = np.ndarray(array.shape, array.dtype, memory, -memory.ctypes.data % ALIGNED)
+    made[...] = array
+    return made
+
+
+def room(size: int) -> NDArray[np.uint8]:
+    """Bytes that NumPy does not own, so that it refuses to resize them."""
+    return np.ndarray((size,), np.uint8, bytearray(size))
+
+
+def _same(value: Any, held: _Array) -> bool:
+    """Whether a value is the held array, or a view of all of it."""
+    return isinstance(value, np.ndarray) and value.shape == held.shape and value.ctypes.data == held.ctypes.data
 
 
 def move_array(holder: Any, name: str, array: _Array) -> None:
@@ -121,10 +151,11 @@ class _Part:
     """An array that is a part of another one, or all of it, on its way through a copy or a pickle."""
 
     def __init__(self, part: _Array) -> None:
-        owner = part
-        while isinstance(owner.base, np.ndarray):
-            owner = owner.base
-        offset = int(part.__array_interface__["data"][0] - owner.__array_interface__["data"][0])
+        array = part
+        while isinstance(array.base, np.ndarray):
+            array = array.base
+        owner = array.base if isinstance(array.base, bytearray) else array
+        offset = int(part.__array_interface__["data"][0] - array.__array_interface__["data"][0])
         self._arguments: tuple[Any, ...] = (owner, part.dtype, part.shape, offset, part.strides, part.flags.writeable)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _Array:
@@ -147,11 +178,17 @@ def _packed(value: Any) -> Any:
 
 
 def _part_of(
-    owner: _Array, dtype: np.dtype[Any], shape: tuple[int, ...], offset: int, strides: tuple[int, ...], writeable: bool
+    owner: _Array | bytearray,
+    dtype: np.dtype[Any],
+    shape: tuple[int, ...],
+    offset: int,
+    strides: tuple[int, ...],
+    writeable: bool,
 ) -> _Array:
-    """The part of an array."""
-    part: _Array = np.ndarray(shape, _known(dtype), owner, offset, strides)
-    part.flags.writeable = writeable and owner.flags.writeable
+    """The part of an array, or of bytes."""
+    whole = np.ndarray((len(owner),), np.uint8, owner) if isinstance(owner, bytearray) else owner
+    part: _Array = np.ndarray(shape, _known(dtype), whole, offset, strides)
+    part.flags.writeable = writeable and whole.flags.writeable
     return part
 
 

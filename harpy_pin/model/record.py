@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
+from harpy_pin.model.memory import room
 
 __all__ = ["ZERO", "Record", "RecordOf", "Records", "field", "fields", "flag", "make_record", "same_layout", "sized"]
 
@@ -160,8 +161,8 @@ def make_record(kind: type[RecordOf] | None = None, sizes: Mapping[str, int] = N
     arrays = {name: np.asarray(value) for name, value in values.items()}
     shapes = {name: () if array.dtype.names else array.shape for name, array in arrays.items()}
     layout = _layout(tuple((name, _kind(value), shapes[name]) for name, value in values.items()))
-    room = np.zeros(layout.itemsize + ALIGNED, np.uint8)
-    record = np.ndarray((1,), layout, room, (PLACE - room.ctypes.data) % ALIGNED)
+    memory = room(layout.itemsize + ALIGNED)
+    record = np.ndarray((1,), layout, memory, (PLACE - memory.ctypes.data) % ALIGNED)
     for name, array in arrays.items():
         record[name] = array
     return record

@@ -63,7 +63,7 @@ class State:
         return State(self.t, *(array.copy() for array in arrays))
 
 
-@fixed_arrays("law", "thrust", "torque")
+@fixed_arrays("law", "thrust", "torque", views=False)
 class Command(KeepsViews):
     """What a controller returns at each tick. To assign to an attribute writes into its array.
 

@@ -97,6 +97,8 @@ class Plant(KeepsViews, ABC):
     """
 
     name: str  # in the log
+    _record_: Records[Any]
+    _counts_: NDArray[np.int64]
     _q_: Vector
     _v_: Vector
 
@@ -200,7 +202,7 @@ class Plant(KeepsViews, ABC):
         """
         self._check_placed()
         d = self.dynamics
-        return State(self.t, self.q, self.v, d.foot_position, d.foot_velocity, self._foot_force).copy()
+        return State(self.t, self._q_, self._v_, d._foot_position_, d._foot_velocity_, self._foot_force).copy()
 
     @property
     def static_penetration(self) -> float:
@@ -437,11 +439,8 @@ class Plant(KeepsViews, ABC):
 
     def _check_placed(self) -> None:
         if not self._placed:
-            raise InputError(
-                "the simulator has no state yet: call reset(q, v), such as "
-                "reset(*gait.initial_state(penetration=simulator.static_penetration))",
-                name="simulator",
-            )
+            such = "reset(*gait.initial_state(penetration=simulator.static_penetration))"
+            raise InputError(f"the simulator has no state yet: call reset(q, v), such as {such}", name="simulator")
 
 
 @kernel

@@ -93,7 +93,7 @@ class Simulator(Plant):
             return
         quiet = isinstance(pushes, tuple | list) and not pushes and steps <= len(NO_PUSH)
         push = NO_PUSH[:steps] if quiet else push_forces(pushes, self.t, self.dt, steps)
-        plant = (self.dynamics.record, self._ground, self.record, self.q, self.v)
+        plant = (self.dynamics._record_, self._ground, self._record_, self._q_, self._v_)
         self._take_law(command)
         try:
             sweeps = physics_steps(*plant, command.torque, command.thrust, push)

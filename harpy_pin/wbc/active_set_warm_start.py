@@ -125,7 +125,7 @@ class WarmStartedActiveSet(QPSolver):
         """See :meth:`QPSolver.prepare`."""
         self._refuse_other(program)
         start_tick.prepare(self.record)
-        solve_further.prepare(program.record, self.record, self.dual.record, self.solution.z, self.dual.solution.z)
+        solve_further.prepare(program.record, self.record, self.dual.record, self.solution._z_, self.dual.solution._z_)
         self.fallback.prepare(program)
         _guess.prepare(program.record, self.record, self.solution.z)
 
@@ -150,7 +150,7 @@ class WarmStartedActiveSet(QPSolver):
         """Solve one more program of the same tick: both share one bound."""
         self._refuse_other(program)
         solution, record = self.solution, self._record_
-        status = solve_further(program._record_, record, self.dual._record_, solution.z, self.dual.solution.z)
+        status = solve_further(program._record_, record, self.dual._record_, solution._z_, self.dual.solution._z_)
         solution.iterations, solution.violation = int(self._iterations), float(self._violation)
         if status != ASK:
             solution.status = QPStatus(status)

@@ -58,7 +58,7 @@ class InputSpaceProblem(WholeBodyProblem):
 
     def motion_map(self, held: Vector) -> tuple[Vector, Vector]:
         """See :meth:`WholeBodyProblem.motion_map`."""
-        count, terms = int(self.record["directions"][0]), self._views
+        count, terms = int(self._record_["directions"][0]), self._views
         forces, motion, at_zero = self.nv + terms["rows"][:count], self._motion, self._at_zero
         motion[self.nv :], at_zero[self.nv :] = 0.0, 0.0
         motion[: self.nv], at_zero[: self.nv] = terms["response"], terms["drive"]

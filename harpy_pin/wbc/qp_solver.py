@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -48,6 +48,10 @@ class QPSolution(KeepsViews):
     status: QPStatus = QPStatus.MAX_ITERATIONS
     iterations: int = 0
     violation: float = np.inf
+    if TYPE_CHECKING:
+
+        @property
+        def _z_(self) -> Vector: ...
 
     @property
     def usable(self) -> bool:
@@ -113,7 +117,7 @@ class QPSolver(KeepsViews, ABC):
 
     def _refuse_other(self, program: QuadraticProgram) -> None:
         """Refuse a program of other sizes: kernels would go past their arrays."""
-        record = getattr(program, "record", None)
+        record = getattr(program, "_record_", None)
         if record is None or record.dtype != self._layout:
             message = f"program must be one of the sizes that the solver was made for, got {shown(program)}"
             raise InputError(message, name="program", value=program)

@@ -142,6 +142,7 @@ class WholeBodyTargets(KeepsViews):
     """
 
     _record_: Records[TargetsRecord]
+    _held_: Vector
 
     @checked
     def __init__(self, robot: Robot, *, record: Record | None = None) -> None:
@@ -178,7 +179,7 @@ class WholeBodyTargets(KeepsViews):
     @property
     def tilted(self) -> bool:
         """Whether feet are expressed in the frames of their contacts."""
-        return bool(self.record["tilted"][0])
+        return bool(self._record_["tilted"][0])
 
     @checked
     def to_world(self, force: Vector) -> Vector:

@@ -4,43 +4,19 @@ from __future__ import annotations
 
 import copy
 import pickle
+import warnings
 from contextlib import suppress
 
 import numpy as np
 import pytest
-from stateful import CASES
+from in_place import CHANGES, change_all, public_arrays
+from stateful import CASES, ROBOT, Q, V
 
 import harpy_pin as hp
+from harpy_pin.contrib.batch import BatchTargets, CondensedBatch
+from harpy_pin.contrib.gym.batched_env import BatchedEnv
 
 COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda made: pickle.loads(pickle.dumps(made))}
-
-
-def holders(made, seen):
-    """An object and all objects of the library that it leads to."""
-    if id(made) in seen:
-        return
-    seen.add(id(made))
-    if isinstance(made, list | tuple):
-        parts = list(made)
-    elif isinstance(made, dict):
-        parts = list(made.values())
-    elif type(made).__module__.startswith("harpy_pin"):
-        yield made
-        parts = [getattr(made, name, None) for kind in type(made).__mro__ for name in getattr(kind, "__slots__", ())]
-        parts += list(getattr(made, "__dict__", {}).values())
-    else:
-        return
-    for part in parts:
-        yield from holders(part, seen)
-
-
-def public_arrays(made):
-    for holder in holders(made, set()):
-        names = {name for name in dir(holder) if not name.startswith("_")}
-        for name in sorted(names):
-            array = getattr(holder, name, None)
-            if isinstance(array, np.ndarray) and getattr(holder, name).ctypes.data == array.ctypes.data:
-                yield holder, name  # a property that makes a new one at each call has nothing to lose
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -60,6 +36,39 @@ def test_public_arrays_stay_where_they_are(name):
             assert after.ctypes.data == address, where
             assert after.shape == before.shape, where
             assert after.tobytes() == values.tobytes(), where
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_changes_in_place_change_nothing(name):
+    assert change_all(name) > 0
+
+
+def test_targets_of_a_batch_are_views():
+    """As are its results: kernels write where they did."""
+    batch, force = CondensedBatch(ROBOT, 2), np.zeros((2, 2, 3))
+    given = np.tile(Q, (2, 1)), np.tile(V, (2, 1)), force
+    before = batch.step(*given)[0].copy()
+    for name in BatchTargets.__slots__:
+        for change in CHANGES.values():
+            with suppress(ValueError, TypeError, AttributeError), warnings.catch_warnings(action="ignore"):
+                change(getattr(batch.targets, name))
+    batch.reset()
+    np.testing.assert_array_equal(batch.step(*given)[0], before)
+    batch.targets.body[:, 2] += 0.01
+    batch.reset()
+    assert (batch.step(*given)[0] != before).any()
+
+
+@pytest.mark.parametrize(
+    "idle", [np.zeros(3, bool), np.zeros(2), [False, False], np.zeros((2, 1), bool), None], ids=range(5)
+)
+def test_idle_worlds_are_as_many_truth_values(idle):
+    worlds = BatchedEnv(2)
+    with pytest.raises(hp.InputError, match="idle must be 2 truth values"):
+        worlds.step(np.zeros((2, 12)), idle)
+    for i in (-1, 2):
+        with pytest.raises(hp.InputError, match="i must be"):
+            worlds.reset(i, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("way", COPIES)

@@ -183,6 +183,15 @@ def environments() -> None:
             envs.step(envs.action_space.sample())
 
 
+@scene
+def in_place() -> None:
+    """All changes of public arrays in place."""
+    from in_place import CASES, change_all
+
+    for name in CASES:
+        change_all(name)
+
+
 SLANTED = hp.ground.HeightField(heights=((0.0, 0.1), (0.0, 0.1)))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -159,3 +159,22 @@ CASES |= {
     "Sensors": (lambda: hp.simulation.Sensors(ROBOT, hp.Noise.typical(), delay=2), _measure),
     "BatchedEnv": (lambda: BatchedEnv(150, threads=2), _act),
 }
+
+
+def holders(made: Any, seen: set[int]) -> Iterator[Any]:
+    """An object and all objects of the library that it leads to."""
+    if id(made) in seen:
+        return
+    seen.add(id(made))
+    if isinstance(made, list | tuple):
+        parts = list(made)
+    elif isinstance(made, dict):
+        parts = list(made.values())
+    elif type(made).__module__.startswith("harpy_pin"):
+        yield made
+        parts = [getattr(made, name, None) for kind in type(made).__mro__ for name in getattr(kind, "__slots__", ())]
+        parts += list(getattr(made, "__dict__", {}).values())
+    else:
+        return
+    for part in parts:
+        yield from holders(part, seen)

@@ -43,7 +43,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.contrib.threads import Threads
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
@@ -160,7 +160,7 @@ class BatchedEnv(KeepsViews):
         self._ground = s.ground.record
         self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
         self._steps = checks.multiple("period", s.period, "physics step", s.dt)
-        self.q, self.v = np.tile(self._start[0], (n, 1)), np.tile(self._start[1], (n, 1))
+        self.q, self.v = (np.tile(array, (n, 1)).copy() for array in self._start)
         self.t = np.zeros(n)
         self.observation, self.reward = np.zeros((n, OBSERVATIONS)), np.zeros(n)
         self.fallen = np.zeros(n, dtype=np.bool_)
@@ -182,7 +182,7 @@ class BatchedEnv(KeepsViews):
             i: which world.
             random: draws; six numbers.
         """
-        q, v = self._start
+        i, (q, v) = checks.whole("i", i, high=self.n - 1), self._start
         self.q[i], self.v[i], self.t[i] = q, v, 0.0
         self.q[i, 7:] += random.uniform(-SPREAD, SPREAD, len(q) - 7)
         self.fallen[i] = False
@@ -200,6 +200,8 @@ class BatchedEnv(KeepsViews):
             InputError: wrong shape, or an action that is not finite.
         """
         clipped = np.clip(checks.vector("action", action, (self.n, ACTIONS)), -1.0, 1.0)
+        if not (isinstance(idle, np.ndarray) and idle.dtype == np.bool_ and idle.shape == (self.n,)):
+            raise InputError(f"idle must be {self.n} truth values, got {shown(idle)}", name="idle", value=idle)
         push = self._push_forces() if self.scenario.disturbances.pushes else self._no_push
         arguments = self._arguments(clipped, push, idle)
         self._threads.run(lambda _, begin, end: _step_worlds(begin, end, *arguments))

@@ -162,7 +162,7 @@ class MujocoPlant(Plant):
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         command = self.checked(command)
         self._take_law(command)
-        self.counts[2] += read_thrusts(self.dynamics.record, command.thrust, self.record["thrust"][0])
+        self._counts_[2] += read_thrusts(self.dynamics._record_, command.thrust, self._record_["thrust"][0])
         push = push_forces(pushes, self.t, self.dt, steps) if pushes else None
         for n in range(steps):
             if not self._step(command.torque, None if push is None else push[n]):
@@ -184,20 +184,20 @@ class MujocoPlant(Plant):
         if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        drive_actuators(self.dynamics.record, self.record, torque, self.q, self.v, self.dt, self._forces)
-        inside.apply(self.record["motors"]["mean_torque"][0], self._forces, push)
+        drive_actuators(self.dynamics._record_, self._record_, torque, self._q_, self._v_, self.dt, self._forces)
+        inside.apply(self._record_["motors"]["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
         mj.mj_fwdConstraint(model, data)
         self._read_forces(contacts)
         mj.mj_Euler(model, data)
-        from_mujoco(inside.conventions.record, inside.qpos, inside.qvel, self.q, self.v)
-        self.dynamics.update(self.q, self.v)
-        position = self.dynamics.foot_position
+        from_mujoco(inside.conventions.record, inside.qpos, inside.qvel, self._q_, self._v_)
+        self.dynamics.update(self._q_, self._v_)
+        position = self.dynamics._foot_position_
         if self.foot_radius:
             self._roll()
             position = position + self._rolled
-        goes_on = bool(_note(self.record, self._terrain, position, self.v, self.dt))
+        goes_on = bool(_note(self._record_, self._terrain, position, self._v_, self.dt))
         for part in self.attached:
             part.after_step(self)
         return goes_on
@@ -268,8 +268,8 @@ class MujocoPlant(Plant):
                 self._inside.mujoco.mj_contactForce(self.model, data, i, found)
                 force[self._foot_of[geoms[i]]] += found[:3] @ frames[i].reshape(3, 3)
             iterations = int(data.solver_niter[0])
-            self.counts[0] = max(self.counts[0], iterations)
-            self.counts[1] += iterations >= ITERATIONS
+            self._counts_[0] = max(self._counts_[0], iterations)
+            self._counts_[1] += iterations >= ITERATIONS
 
 
 def _set_options(mujoco: Any, option: Any) -> None:

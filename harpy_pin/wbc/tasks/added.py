@@ -21,7 +21,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.memory import KeepsViews, fixed_arrays, move_array
+from harpy_pin.model.memory import KeepsViews, fixed_arrays, lasting, move_array
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.condensed.active_set import UNBOUNDED
 from harpy_pin.wbc.program import QuadraticProgram
@@ -57,6 +57,8 @@ class AddedTask(KeepsViews):
     matrix: Vector
     target: Vector
     error: Vector
+    _matrix_: Vector
+    _target_: Vector
     weight: Vector
     lower: Vector
     upper: Vector
@@ -80,7 +82,7 @@ class AddedTask(KeepsViews):
                 f"now {matrix.shape} and {target.shape}",
                 name="rows",
             )
-        self.matrix[:, : self._shape[1]], self.target[:] = matrix, target
+        self._matrix_[:, : self._shape[1]], self._target_[:] = matrix, target
 
     @property
     def name(self) -> str:
@@ -221,8 +223,8 @@ class AddedTasks(KeepsViews):
         """Add the weighted squares of the errors to the objective."""
         root = np.sqrt(self._arrays["weight"])
         rows = root[:, None] * self._rows
-        self.program.hessian += rows.T @ rows
-        self.program.gradient += (root * self._offset) @ rows
+        self.program._hessian_ += rows.T @ rows
+        self.program._gradient_ += (root * self._offset) @ rows
 
     def read(self, z: Vector) -> None:
         """Evaluate the errors at a solution of the program.
@@ -249,7 +251,7 @@ class AddedTasks(KeepsViews):
     def _enlarge(self, new: dict[str, Vector], size: int, *, limited: bool) -> None:
         """Append the rows of the last task."""
         first = len(self._offset)
-        self._arrays = {name: np.concatenate((old, new[name])) for name, old in self._arrays.items()}
+        self._arrays = {name: lasting(np.concatenate((old, new[name]))) for name, old in self._arrays.items()}
         row = 0
         for added in self.tasks:
             count = added._shape[0]

@@ -1,0 +1,65 @@
+"""Changes of arrays in place: of shape, length, type and flags, also of what an array is a view of."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from copy import deepcopy
+from itertools import product
+from typing import Any
+
+import numpy as np
+from stateful import CASES, holders
+
+import harpy_pin as hp
+
+CHANGES: dict[str, Callable[[Any], object]] = {
+    "flat": lambda array: setattr(array, "shape", (array.size,)),
+    "one more axis": lambda array: setattr(array, "shape", (1, *array.shape)),
+    "shorter": lambda array: array.resize((1,), refcheck=False),
+    "longer": lambda array: array.resize((100 * array.size + 1,), refcheck=False),
+    "no strides": lambda array: setattr(array, "strides", (0,) * array.ndim),
+    "bytes": lambda array: setattr(array, "dtype", np.uint8),
+    "read only": lambda array: array.setflags(write=False),
+}
+
+
+def public_arrays(made: Any) -> Iterator[tuple[Any, str]]:
+    """Public arrays of an object and of all that it leads to; those made at each access have nothing to lose."""
+    for holder in holders(made, set()):
+        for name in sorted(name for name in dir(holder) if not name.startswith("_")):
+            array = getattr(holder, name, None)
+            if isinstance(array, np.ndarray) and getattr(holder, name).ctypes.data == array.ctypes.data:
+                yield holder, name
+
+
+def change_all(name: str) -> int:
+    """Change every public array of a case in place, one after the other: errors are ours, or there is no effect.
+
+    Commands are left out: what a user makes of one is what plants check, and are given.
+
+    Returns:
+        How many changes NumPy let pass.
+    """
+    make, use = CASES[name]
+    made, count = make(), 0
+    use(made)
+    found, expected = list(public_arrays(made)), use(deepcopy(made))
+    for (holder, attribute), change in product(found, CHANGES):
+        if isinstance(holder, hp.Command):
+            continue
+        for array in (getattr(holder, attribute), getattr(holder, attribute).base):
+            try:
+                with warnings.catch_warnings(action="ignore"):
+                    CHANGES[change](array)
+            except (ValueError, TypeError, AttributeError):
+                continue
+            count += 1
+        try:
+            answers = use(deepcopy(made))
+        except hp.HarpyError:
+            continue
+        for answer, wanted in zip(answers, expected, strict=True):
+            same = np.array_equal(answer, wanted, equal_nan=True)
+            assert same, f"{type(holder).__name__}.{attribute}, {change}"
+    return count
