@@ -17,16 +17,7 @@ from harpy_pin.compiled.calls import Call, Chain
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import (
-    LONGEST,
-    FullGait,
-    Gait,
-    GaitTarget,
-    NothingObserved,
-    calls_of,
-    check_target,
-    own_target,
-)
+from harpy_pin.gaits.gait import LONGEST, FullGait, Gait, GaitTarget, Unobserved, calls_of, check_target, own_target
 from harpy_pin.model.entry import MISFIT, as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, field
@@ -169,7 +160,7 @@ class GaitController(KeepsViews, ABC):
         if -LONGEST < state.t < LONGEST:
             try:
                 target = self._plan(state)
-            except NothingObserved:
+            except Unobserved:
                 target = None
         if target is None:
             status = answer(self.target._record_, State(0.0, *self._nothing))

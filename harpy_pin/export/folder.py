@@ -84,19 +84,13 @@ def export(
 
 
 def write_folder(
-    what: Exportable,
-    recording: Recording,
-    folder: str | Path | OwnFolder,
-    *,
-    name: str,
-    single: bool,
-    readme: bool = True,
+    what: Exportable, given: Recording, folder: str | Path | OwnFolder, *, name: str, single: bool, readme: bool = True
 ) -> Exported:
     """Write a controller and recorded ticks of it.
 
     Args:
         what: the controller.
-        recording: the ticks.
+        given: the ticks.
         folder: where to; new, empty, or an exported one.
         name: of the files; functions and structs begin with it.
         single: whether numbers are floats.
@@ -112,7 +106,7 @@ def write_folder(
     place = folder if isinstance(folder, OwnFolder) else OwnFolder(folder)
     code = controller_code(what, name, single=single)
     names = {"name": name, "NAME": name.upper(), "real": code.real}
-    recorded = names | _ticks(what, code, recording)
+    recorded = names | _ticks(what, code, given)
     texts = {f"{name}.h": code.header, f"{name}.c": code.source, f"{name}.hpp": code.cpp}
     texts |= {own: shipped(own, **recorded) for own in ("vectors.h", "vectors.c")}
     texts |= {own: shipped(own, **names) for own in SHIPPED}
@@ -120,9 +114,9 @@ def write_folder(
     if readme:
         inputs = ", ".join(what.inputs)
         about = {"title": what.title, "robot": what.robot.name, "inputs": inputs}
-        texts["README.md"] = shipped("README.md", **names, **about, cost=_cost(code, texts, len(recording)))
+        texts["README.md"] = shipped("README.md", **names, **about, cost=_cost(code, texts, len(given)))
     place.write(texts)
-    return Exported(code, what, len(recording), place.path)
+    return Exported(code, what, len(given), place.path)
 
 
 def _cost(code: Code, texts: Mapping[str, str], ticks: int) -> str:

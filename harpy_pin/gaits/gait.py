@@ -27,7 +27,7 @@ LONGEST = 1e9
 """Time beyond which steps are no longer counted, s."""
 
 
-class NothingObserved(InputError):
+class Unobserved(InputError):
     """A gait that needs the measured state has seen none whose numbers are finite."""
 
 

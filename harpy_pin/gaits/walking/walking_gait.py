@@ -12,7 +12,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.gait import LONGEST, GaitTarget, NothingObserved, refuse_time
+from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity
 from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of, pace_of
@@ -254,12 +254,12 @@ class WalkingGait(FollowsVelocity):
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; the targets are those at the state that was observed last.
 
         Raises:
-            NothingObserved: no state whose numbers are finite.
+            Unobserved: no state whose numbers are finite.
             InputError: t is not finite or beyond 1e9 s, or the velocity's function returned no command.
         """
         if not self._measured["seen"][0]:
             message = "hp.WalkingGait needs the measured state: call observe(state) before update(t)"
-            raise NothingObserved(message, name="gait")
+            raise Unobserved(message, name="gait")
         if type(t) is not float:
             t = checks.number("t", t)
         if not abs(t) < LONGEST:
