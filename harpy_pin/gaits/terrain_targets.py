@@ -185,8 +185,10 @@ def lay_over(t: float, p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRec
         p.next_aside[:] = 0.0
         p.moving[:] = 0.0
     p.time = t
-    height, along, across = fit_plane(p.terrain, g.body[0], g.body[1], p.reach)
     copy_target(g, o)
+    if p.terrain.level:
+        return
+    height, along, across = fit_plane(p.terrain, g.body[0], g.body[1], p.reach)
     o.body[2] += height
     o.body[5] += along * g.body[3] + across * g.body[4]
     o.body[8] += along * g.body[6] + across * g.body[7]

@@ -16,7 +16,8 @@ from needs import PLANTS, needs_robots
 from walks import made_state, path_error, slip_per_step, walk
 
 import harpy_pin as hp
-from harpy_pin.ground.terrain import HeightField, Stairs
+from harpy_pin.gaits.on_terrain import OnTerrain
+from harpy_pin.ground.terrain import HeightField, Plane, Stairs
 
 PUSHES = [((0.6, 0.0),), ((-0.6, 0.0),), ((0.0, 0.6),), ((0.0, -0.6),)]
 """Velocities that pushes would give, m/s."""
@@ -193,9 +194,9 @@ def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
         log.append((p["in_air"].copy(), p["felt"].copy(), p["phase"].item(), state.foot_force[:, 2].copy()))
 
     robot = hp.load_robot(name)
-    gait = hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0))
-    stairs = Stairs(rise=rise, steps=1, depth=5.0, start=0.5, edge=0.002)
-    run = walk(gait, terrain=stairs, duration=3.5, on_tick=see)
+    blind = OnTerrain(hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0)), Plane(slope=0.0))
+    gait, stairs = blind.gait, Stairs(rise=rise, steps=1, depth=5.0, start=0.5, edge=0.002)
+    run = walk(blind, terrain=stairs, duration=3.5, on_tick=see)
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.1
     unknown = 0.03 * gait.record["height"][0]
