@@ -65,7 +65,7 @@ def _fixed_array(name: str, *, views: bool) -> property:
         held = array(holder)
         return held if held is None else held[...]
 
-    return property(view if views else array, write)
+    return property(view if views else array, write, doc="An array; see the attributes of its class.")
 
 
 def lasting(array: _Array) -> _Array:

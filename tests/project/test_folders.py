@@ -160,9 +160,10 @@ def test_printed_commands_work_in_a_folder_with_a_space(tmp_path, monkeypatch, c
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT], ids=lambda n: n.name)
 def test_compilers_end_with_the_command(number, tmp_path):
     """With the processes that they have started, whichever signal ends it."""
-    mark = f"4{os.getpid()}.{number:02d}"
+    mark, handler = f"4{os.getpid()}.{number:02d}", "default_int_handler" if number == signal.SIGINT else "SIG_DFL"
     script = (
-        "import sys, typer\nfrom harpy_pin.cli.signals import leave_at_signals\n"
+        f"import signal, sys, typer\nsignal.signal({number:d}, signal.{handler})  # a parent may ignore it\n"
+        "from harpy_pin.cli.signals import leave_at_signals\n"
         "from harpy_pin.cli.ending import stopping\nfrom harpy_pin.export import board\nleave_at_signals()\n"
         f"command = ['sh', '-c', 'sleep {mark} & echo > started; sleep {mark}']\n"
         "try:\n    stopping(lambda: board._call(command))()\nexcept typer.Exit as end:\n    sys.exit(end.exit_code)\n"
