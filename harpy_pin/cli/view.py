@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -153,8 +153,8 @@ def film(
     from harpy_pin.view.page.film import Film
 
     pixels = _pixels(size)
-    walk = {"friction": friction, "speed": speed, "push": push or (), "duration": duration}
-    scenario = options.read_scenario(settings or (), robot=robot, feet=feet, posture=posture, **walk)  # type: ignore[arg-type]
+    walk: dict[str, Any] = {"friction": friction, "speed": speed, "push": push or (), "duration": duration}
+    scenario = options.read_scenario(settings or (), robot=robot, feet=feet, posture=posture, **walk)
     with walking_bar(duration) as on_piece:
         run = build(scenario).run(on_piece=on_piece)
     with Film(run, words=False) as shot:

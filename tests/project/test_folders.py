@@ -169,7 +169,7 @@ def test_compilers_end_with_the_command(number, tmp_path):
         "try:\n    stopping(lambda: board._call(command))()\nexcept typer.Exit as end:\n    sys.exit(end.exit_code)\n"
     )
     process = subprocess.Popen([sys.executable, "-c", script], cwd=tmp_path, stderr=subprocess.DEVNULL)
-    while not (tmp_path / "started").exists():
+    while process.poll() is None and not (tmp_path / "started").exists():
         time.sleep(0.02)
     process.send_signal(number)
     assert process.wait(60) == 128 + number
