@@ -21,7 +21,7 @@ from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
 from harpy_pin.scenario import Governed, Scenario, walk
-from harpy_pin.simulation.simulator import GRAVITY
+from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.wbc import WholeBodyLimits
 from reproduction.claims import CLAIMS, Finding, judge
 from reproduction.gait.periodicity import analyse_periodicity

@@ -16,8 +16,6 @@ from harpy_pin.model.record import field
 from harpy_pin.model.state import State
 from harpy_pin.wbc.condensed.condensed_solver import CondensedSolver, condensed_record
 
-__all__ = ["CondensedController"]
-
 
 class CondensedController(TaskController):
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
     from harpy_pin.wbc.condensed.solve import CondensedRecord
 
-__all__ = ["CondensedTasksRecord", "CondensedTickRecord"]
-
 
 class CondensedTasksRecord(TasksRecord):
     """Tasks, and the optimum in contact forces."""

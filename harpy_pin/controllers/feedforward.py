@@ -30,8 +30,6 @@ from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
-__all__ = ["FORWARD_STEPS", "ForwardTickRecord", "forward_record"]
-
 
 class ForwardRecord(RecordOf, FeedforwardGains):
     """Gains and work space of this control law, for kernels."""

@@ -57,8 +57,6 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
 
-__all__ = ["friction_record"]
-
 LEAST_ESTIMATE = 0.03
 """The estimate is never below it, or below the assumed coefficient where that is lower."""
 SLIP_SPEED = 0.025

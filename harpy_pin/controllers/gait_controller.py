@@ -23,8 +23,6 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Command, State, Vector
 
-__all__ = ["GaitController"]
-
 
 class GaitController(KeepsViews, ABC):
     """A controller that follows a gait.

@@ -29,8 +29,6 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["FrictionEstimator", "GovernedController"]
-
 
 @fixed_arrays("applied", "bent", "out_of_reach", "reference")
 class GovernedController(GaitController):

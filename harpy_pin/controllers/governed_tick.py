@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from harpy_pin.governors.rows import ForceRowsRecord
     from harpy_pin.model.contact_map import ContactMapRecord
 
-__all__ = ["STEPS", "ControlRecord", "FilterTickRecord", "PaperTickRecord", "steps_of"]
-
 FULL = int(Law.FULL)
 
 

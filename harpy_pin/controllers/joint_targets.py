@@ -38,8 +38,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.solve import TORQUE_CLIPPED
 
-__all__: list[str] = []
-
 GRAVITY = 9.81
 """m/s²."""
 MAX_RATE = 500.0

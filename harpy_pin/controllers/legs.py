@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from harpy_pin.controllers.governed_tick import ControlRecord
     from harpy_pin.gaits.gait import GaitTargetRecord
 
-__all__: list[str] = []
-
 MAX_JOINT_RATE = 20.0
 """Largest joint velocity target, rad/s: near a straight leg the inverse Jacobian has no bound."""
 

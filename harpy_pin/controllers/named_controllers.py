@@ -14,22 +14,14 @@ from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParame
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait, check_gait
-from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
+from harpy_pin.governors.contact_force_filter import ContactForceFilter
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterParameters
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.robot import Robot
 from harpy_pin.wbc import WholeBodyLimits
-
-__all__ = [
-    "CONTROLLERS",
-    "GOVERNORS",
-    "make_controller",
-    "make_governor",
-    "make_governor_parameters",
-    "make_parameters",
-]
 
 Parameters = TypeVar("Parameters")
 

@@ -8,8 +8,6 @@ from harpy_pin import checks
 from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
 
-__all__ = ["LEGS", "FeedforwardGains", "GovernedParameters", "JointGains", "WholeBodyParameters"]
-
 LEGS = ("pid", "feedforward")
 """Control laws of the governed controller's legs: the paper's joint PID, or softer joints with feedforward torques."""
 

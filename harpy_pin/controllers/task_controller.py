@@ -18,8 +18,6 @@ from harpy_pin.model.dynamics import Dynamics, dynamics_record
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
 
-__all__ = ["TaskController", "tasks_record"]
-
 
 def tasks_record(
     gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike

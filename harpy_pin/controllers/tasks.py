@@ -45,8 +45,6 @@ from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_dri
 if TYPE_CHECKING:
     from harpy_pin.model.tree import TreeRecord
 
-__all__: list[str] = []
-
 MAX_LEAN = 0.4
 """Largest angle between the thrust that is desired and the vertical, rad."""
 _SLOPE = float(np.tan(MAX_LEAN))

@@ -42,8 +42,6 @@ if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
     from harpy_pin.model.dynamics import DynamicsRecord
 
-__all__: list[str] = []
-
 SMALL = 1e-9
 """Thrust without a direction, N."""
 LEAST = 1e-6

@@ -12,8 +12,6 @@ from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["BAD_SAMPLE", "FALLBACK", "VIOLATED", "TickRecord"]
-
 BAD_SAMPLE = 16
 """Status: the state or the targets are not finite, or the gait turns and the controller cannot."""
 FALLBACK = 8

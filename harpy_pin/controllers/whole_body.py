@@ -46,8 +46,6 @@ from harpy_pin.wbc import (
 )
 from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
 
-__all__ = ["WholeBodyController"]
-
 
 class WholeBodyController(TaskController):
     """Walks by solving a quadratic program at every tick.

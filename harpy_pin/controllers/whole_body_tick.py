@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from harpy_pin.wbc.condensed.active_set import ProgramRecord
     from harpy_pin.wbc.problem import FormulationRecord
 
-__all__ = ["QP_TICKS", "ProgramTickRecord", "WholeBodyTickRecord"]
-
 STIFFNESS, DAMPING = 50.0, 1.0
 """Stiffness and damping of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
 

@@ -26,8 +26,6 @@ from harpy_pin.model.record import field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["CommandedGait", "CommandedParameters", "make_commanded_gait"]
-
 SPARE = 0.02
 """How much of the legs' reach is never asked for, m."""
 

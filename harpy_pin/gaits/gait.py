@@ -17,8 +17,6 @@ from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["CompletedGait", "FullGait", "Gait", "GaitTarget", "calls_of", "check_target", "own_target"]
-
 CHANGE_OVER = 0.3
 """Share of a swing in which :attr:`GaitTarget.world_frame_blend` rises."""
 MAX_FEET = 1000

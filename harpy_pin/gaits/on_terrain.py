@@ -36,8 +36,6 @@ from harpy_pin.model.record import make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["OnFeltGround", "OnTerrain"]
-
 STEPS, DAMPING = 100, 1e-6
 """Steps and damping of the iteration that finds the legs' joints at the start."""
 LEAST_REACH = 0.15

@@ -20,8 +20,6 @@ from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Hovering", "Standing"]
-
 GRAVITY = 9.81
 """m/s²."""
 MIN_SHARE, SOLE_SHARE = 0.02, 0.1

@@ -23,8 +23,6 @@ from harpy_pin.gaits.velocity import is_still, take_command
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
 
-__all__ = ["FEET_APART", "FROZEN", "LONGEST_GAP", "MAX_TURN"]
-
 MAX_TURN = 1.0
 """Largest turning velocity, rad/s."""
 FEET_APART = 0.1

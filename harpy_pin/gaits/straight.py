@@ -24,8 +24,6 @@ from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["GaitParameters", "StepParameters", "StraightGait", "make_gait", "penetration_offset_on"]
-
 TUNED_OFFSET, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
 """Penetration offset of the tuned walk, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
 MAX_OFFSET = 0.1

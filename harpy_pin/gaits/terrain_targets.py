@@ -24,8 +24,6 @@ from harpy_pin.ground.surface import (
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 
-__all__: list[str] = []
-
 POINTS = 2
 """Points of the square that a plane is fitted to, on each side of its middle."""
 RADIUS, SAMPLES = 0.12, 6

@@ -18,8 +18,6 @@ from harpy_pin.model.memory import KeepsViews, read_only
 from harpy_pin.model.record import RecordOf, Records, field, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["FollowsVelocity", "Velocity", "VelocityRecord", "read_velocity"]
-
 MAX_COMMAND = 1e6
 """Largest entry of a command: far beyond what is clipped, and far from numbers that overflow."""
 

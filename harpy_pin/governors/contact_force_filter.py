@@ -43,8 +43,6 @@ from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 
-__all__ = ["ContactForceFilter", "ContactForceFilterParameters"]
-
 
 @fixed_arrays("bend", "force", "friction", "normal", "record", "terms")
 class ContactForceFilter(KeepsViews):

@@ -22,8 +22,6 @@ from harpy_pin.model.terms import update_terms
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
 
-__all__ = ["ContactForceFilterParameters"]
-
 BAD_STATE, MISFIT_SIZES = -2.0, -3.0
 """What :func:`filter_forces` says of a state, and of arrays that do not fit; −1 is of forces and commands."""
 

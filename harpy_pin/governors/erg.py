@@ -22,8 +22,6 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import field, make_record, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["CONDITIONS", "ErgRecord", "ExplicitReferenceGovernor", "PaperGovernorParameters", "explicit_update"]
-
 FEASIBLE, INFEASIBLE, STUCK, BAD, MISFIT = 0, 1, 2, 3, 4
 """Outcome of an update; the last two for arguments that are not finite, or do not fit."""
 STUCK_AFTER = 0.1

@@ -13,8 +13,6 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import ZERO, Record, RecordOf, flag, make_record
 from harpy_pin.model.state import Vector
 
-__all__ = ["Governor", "GovernorStatus", "StatusRecord", "check_update"]
-
 
 def check_update(x: Vector, x_r: Vector, size: int, dt: float) -> None:
     """Say what is wrong with the arguments of an ``update``, which may hold NaN, if anything is.

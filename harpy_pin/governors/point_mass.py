@@ -16,8 +16,6 @@ from harpy_pin.governors.thrust import CentreGains, CentreGainsRecord
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 
-__all__ = ["Law", "axial_force", "model_record"]
-
 
 class Law(IntEnum):
     """Which control law closes the loop around the model."""

@@ -21,8 +21,6 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 
-__all__ = ["EVALUATE_AT", "ConstraintRows", "ForceRows", "StackedRows", "own_rows"]
-
 EVALUATE_AT = ("measured", "tracked")
 
 

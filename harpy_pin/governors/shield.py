@@ -17,8 +17,13 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.governors.contact_force_filter import ContactForceFilter, ContactForceFilterParameters
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms, friction_limit
+from harpy_pin.governors.contact_force_filter import ContactForceFilter
+from harpy_pin.governors.contact_force_kernels import (
+    ContactForceFilterParameters,
+    ContactForceFilterRecord,
+    answer_terms,
+    friction_limit,
+)
 from harpy_pin.governors.thrust import limit_thrust
 from harpy_pin.model.contact_map import sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord
@@ -31,8 +36,6 @@ from harpy_pin.model.terms import update_terms
 
 if TYPE_CHECKING:
     from harpy_pin.model.contact_map import ContactMapRecord
-
-__all__ = ["Shield", "ShieldAnswer", "ShieldLoop", "ShieldReport"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,8 +11,6 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
-__all__ = ["AttitudeGains", "CentreGains", "allocate", "centre_feedback", "limit_thrust", "roll_yaw"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CentreGains:

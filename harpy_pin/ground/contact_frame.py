@@ -17,8 +17,6 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
 
-__all__: list[str] = []
-
 LENGTH = 1e-6
 """Largest error of a normal's squared length."""
 

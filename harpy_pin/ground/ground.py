@@ -27,8 +27,6 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Ground", "walking_stiffness"]
-
 CONES = ("circular", "per_axis")
 MAX_STIFFNESS = 1e9
 """N/m: a robot of 4 kg sinks by 40 nm."""

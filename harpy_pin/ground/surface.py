@@ -15,8 +15,6 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 
-__all__ = ["MAX_CELLS", "MAX_PIECES", "TerrainRecord", "flat_terrain"]
-
 MAX_PIECES = 64
 """Straight pieces of a profile."""
 MAX_CELLS = 64

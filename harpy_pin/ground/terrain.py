@@ -27,8 +27,6 @@ from harpy_pin.ground.surface import (
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 
-__all__ = ["TERRAINS", "HeightField", "Plane", "Ramp", "Rough", "Stairs", "Terrain", "read_terrain"]
-
 STEEPEST = 1.2
 """Largest angle of a plane or a ramp, rad (69°)."""
 HIGHEST = 1e3

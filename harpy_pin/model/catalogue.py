@@ -35,8 +35,6 @@ from harpy_pin.model.flat_foot import FlatFoot
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 
-__all__ = ["CATALOGUE", "CatalogueRobot", "catalogue_robot", "check_robot_name", "installed_data", "known_name"]
-
 DATA = "cmeel.prefix/share/example-robot-data/robots"
 
 

@@ -13,8 +13,6 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.model.state import Vector
 
-__all__ = ["factorise", "solve_factor", "solve_transposed", "solve_vector"]
-
 
 @kernel(matrix=("n", "n"), lower=("n", "n"))
 def factorise(matrix: Vector, lower: Vector, floor: float = 0.0) -> None:

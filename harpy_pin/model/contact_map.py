@@ -32,8 +32,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 
-__all__ = ["ContactForceMap", "contact_terms"]
-
 REDUNDANT = 1e-5
 """Contacts are redundant where a pivot of J_f M⁻¹ J_fᵀ is below this share of its largest diagonal entry; ε is the same
 share. In a walk of Harpy no pivot is below a third."""

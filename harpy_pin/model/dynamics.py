@@ -24,8 +24,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 from harpy_pin.model.tree import TreeRecord, tree_record
 
-__all__ = ["Dynamics", "dynamics_record"]
-
 
 class EquationsRecord(RecordOf):
     """Terms of the equations of motion that a time step needs, of a robot in space or in the plane.

@@ -22,8 +22,6 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 
-__all__ = ["FlatFoot"]
-
 LARGEST = 10.0
 """Longest side of a flat foot, m."""
 MIN_SPREAD = 1e-3

@@ -16,8 +16,6 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Vector
 
-__all__ = ["IKResult", "IKStatus", "solve_ik"]
-
 
 class IKStatus(Enum):
     """How an iterative inverse kinematics ended."""

@@ -15,8 +15,6 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["LegGeometry", "leg_forward", "leg_inverse", "leg_inverse_kinematics", "leg_jacobian"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class LegGeometry:

@@ -23,8 +23,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import build_model, check_bodies, number_in, read_xml
 
-__all__ = ["FREE", "build_any_model", "find_joints", "free_joint", "known_joints", "peak_torques", "plain_name"]
-
 FREE = 0
 """``mujoco.mjtJoint.mjJNT_FREE``."""
 

@@ -13,8 +13,6 @@ from harpy_pin.model.ik import solve_ik
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["find_posture", "leg_joints"]
-
 BENT, SOLE_BENT = (0.75, 0.85, 0.65, 0.92), (0.92, 0.85, 0.75)
 """Heights of the hips above point feet and soles that are tried one after the other, in lengths of the leg."""
 STARTS, ITERATIONS, CLOSE = 12, 60, 1e-6

@@ -25,20 +25,6 @@ from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 from harpy_pin.model.urdf import check_file
 
-__all__ = [
-    "HARPY_FEET",
-    "HARPY_THRUSTERS",
-    "HARPY_THRUST_LIMIT",
-    "KnownRobot",
-    "Robot",
-    "configuration",
-    "harpy_urdf",
-    "heavier",
-    "load_harpy",
-    "load_robot",
-    "robots",
-]
-
 HARPY_FEET = ("left_foot", "right_foot")
 HARPY_THRUSTERS = ("left_thruster", "right_thruster")
 HARPY_THRUST_LIMIT = 53.0

@@ -22,8 +22,6 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
 
-__all__ = ["Rotor"]
-
 SAME = 1e-6
 """Largest difference between the force that is commanded of a rotor and the one it has that counts as none, relative to
 1 N + the command."""

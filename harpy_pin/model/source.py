@@ -17,8 +17,6 @@ from harpy_pin.model.flat_foot import FlatFoot
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.model.rotor import Rotor
 
-__all__ = ["loaded_robot", "named_robot", "plain_source", "read_robot"]
-
 ENTRIES = {"file", "model", *signature(load_robot).parameters} - {"urdf"}
 CHANGED = ("armature", "damping", "upperDryFrictionLimit", "effortLimit")
 """Arrays of the model that methods of :class:`Robot` change."""

@@ -11,8 +11,6 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 
-__all__ = ["Command", "State", "Vector"]
-
 Vector = NDArray[np.float64]
 """float64 array; the shape is given where it is used."""
 

@@ -19,8 +19,6 @@ from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
 if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
 
-__all__: list[str] = []
-
 GOOD, BAD, MISFIT = 0, 1, 2
 """What a kernel says of its arguments: fine, a bad sample, of the wrong size."""
 MAX_SAMPLE = 1e6

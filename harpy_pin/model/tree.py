@@ -16,8 +16,6 @@ from harpy_pin.errors import RobotError
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["REVOLUTE", "SLIDING", "UNBOUNDED", "tree_record"]
-
 REVOLUTE, UNBOUNDED, SLIDING = 0, 1, 2
 """Kinds of joints: an angle; cosine and sine of an angle; a displacement."""
 

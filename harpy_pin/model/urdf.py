@@ -16,8 +16,6 @@ import pinocchio as pin
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError, shown
 
-__all__ = ["build_model", "check_bodies", "check_file", "number_in", "read_xml"]
-
 _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
 """Pinocchio's reader calls itself once per link of a chain; its stack ends somewhere above 3000."""

@@ -19,8 +19,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.thrusters import Thrusters
 
-__all__ = ["Actuators"]
-
 MAX_BANDWIDTH = 1e6
 """Hz."""
 MAX_TORQUE = 1e6

@@ -11,8 +11,6 @@ from harpy_pin.compiled import kernel
 from harpy_pin.ground.ground import GroundRecord, stribeck
 from harpy_pin.model.state import Vector
 
-__all__ = ["contact_step"]
-
 TINY = 1e-30
 """Keeps quotients of two zeros finite."""
 

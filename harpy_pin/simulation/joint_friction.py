@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from harpy_pin.ground.ground import GroundRecord
     from harpy_pin.simulation.step import StepRecord
 
-__all__ = ["JointFrictionRecord", "joint_friction_record"]
-
 ROUNDS = 200
 """Most rounds of a step."""
 TOLERANCE = 1e-9

@@ -18,8 +18,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.loop import about
 
-__all__ = ["Recorder"]
-
 
 class Recorder:
     """Records a loop of one's own as a run, to be saved, measured and seen like any other.

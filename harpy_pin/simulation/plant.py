@@ -43,8 +43,6 @@ from harpy_pin.simulation.thrusters import settle_thrusters
 if TYPE_CHECKING:
     from harpy_pin.simulation.ticks import CompiledLoop
 
-__all__ = ["GRAVITY", "Attachment", "Plant"]
-
 GRAVITY = 9.81
 """Standard magnitude used throughout, m/s² (equations.md §3)."""
 

@@ -13,8 +13,6 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 
-__all__ = ["Push", "check_pushes", "push_forces"]
-
 MAX_IMPULSE = 1e6
 """N·s along an axis."""
 

@@ -22,12 +22,10 @@ from harpy_pin.model.memory import read_only
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.actuators import motors_of, take_law
-from harpy_pin.simulation.plant import GRAVITY, Plant
+from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import MISFIT_COMMAND, StepRecord, physics_steps, step_record
 from harpy_pin.simulation.ticks import CompiledLoop, lasting_signals
-
-__all__ = ["GRAVITY", "Simulator"]
 
 NO_PUSH = read_only(np.zeros((64, 3)))
 """Forces of physics steps in which nobody pushes; for more steps than these an array is made."""

@@ -36,17 +36,6 @@ from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
 from harpy_pin.simulation.thrusters import ThrustersRecord, drive_thrusters, thrusters_record
 
-__all__ = [
-    "MAX_SWEEPS",
-    "MISFIT_COMMAND",
-    "VERDICTS",
-    "implicit_step",
-    "physics_steps",
-    "stands",
-    "step_record",
-    "upright",
-]
-
 MIN_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500

@@ -19,8 +19,6 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-__all__ = ["Thrusters"]
-
 MAX_LAG = 1e3
 """s."""
 MAX_THRUST = 1e6

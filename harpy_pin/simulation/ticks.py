@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from harpy_pin.log.recorder import Recorder
     from harpy_pin.simulation.simulator import Simulator
 
-__all__ = ["CompiledLoop", "lasting_signals"]
-
 KINDS = {np.dtype(np.float64): 0, np.dtype(np.int64): 1, np.dtype(np.bool_): 2}
 """Elements of signals, as in ticks.c."""
 HANDED_OVER = -1

@@ -34,8 +34,6 @@ from harpy_pin.wbc.condensed.active_set import (
 from harpy_pin.wbc.program import QuadraticProgram, worst_violation
 from harpy_pin.wbc.qp_solver import ACCEPTED, QPSolution, QPSolver, QPStatus
 
-__all__ = ["DualActiveSet", "WarmStartedActiveSet"]
-
 SOLVED, INACCURATE, MAX_ITERATIONS, INFEASIBLE = (int(status) for status in QPStatus)
 ASK = 4
 """What :func:`solve_further` says where another solver may help."""

@@ -42,8 +42,6 @@ from harpy_pin.wbc.condensed.limits import input_map
 from harpy_pin.wbc.problem import FormulationKernels, FormulationRecord, WholeBodyProblem, enter_pyramids
 from harpy_pin.wbc.program import QuadraticProgram
 
-__all__ = ["ContactForceProblem"]
-
 
 class ContactForceRecord(RecordOf):
     """What the formulation in contact forces keeps of the last state."""

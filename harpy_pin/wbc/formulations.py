@@ -11,8 +11,6 @@ from harpy_pin.wbc.input_space import InputSpaceProblem
 from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyWeights
 
-__all__ = ["FORMULATIONS", "make_problem"]
-
 FORMULATIONS: dict[str, type[WholeBodyProblem]] = {
     kind.name: kind for kind in (FullProblem, InputSpaceProblem, ContactForceProblem)
 }

@@ -27,8 +27,6 @@ from harpy_pin.wbc.problem import (
 )
 from harpy_pin.wbc.program import QuadraticProgram
 
-__all__ = ["FullProblem"]
-
 
 class FullRecord(RecordOf):
     """What the formulation keeps of the last state."""

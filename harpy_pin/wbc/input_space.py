@@ -34,8 +34,6 @@ from harpy_pin.wbc.problem import (
 )
 from harpy_pin.wbc.program import QuadraticProgram
 
-__all__ = ["InputSpaceProblem"]
-
 
 class InputSpaceProblem(WholeBodyProblem):
     """No equalities; bounds on thrusts and torques; the pyramid and the normal force as rows of each foot."""

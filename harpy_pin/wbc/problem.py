@@ -46,8 +46,6 @@ from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms, thrust_box
 
-__all__ = ["WholeBodyProblem"]
-
 
 class FormulationRecord(ProblemRecord):
     """The problem in a formulation."""

@@ -15,8 +15,6 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.program import QuadraticProgram, worst_violation
 
-__all__ = ["QPSolution", "QPSolver", "QPStatus"]
-
 ACCEPTED = 1e-2
 """Violation (N, N·m, m/s²) with which an unfinished solve still counts as usable."""
 

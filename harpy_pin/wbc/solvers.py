@@ -22,9 +22,6 @@ from harpy_pin.wbc.condensed.active_set import UNBOUNDED
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.qp_solver import QPSolver, QPStatus
 
-__all__ = ["SOLVERS", "installed_solvers", "make_solver"]
-
-
 OUTCOMES = {
     **dict.fromkeys(("PROXQP_SOLVED", "PIQP_SOLVED", "OSQP_SOLVED", "Solved"), QPStatus.SOLVED),
     **dict.fromkeys(("PROXQP_MAX_ITER_REACHED", "PIQP_MAX_ITER_REACHED"), QPStatus.MAX_ITERATIONS),

@@ -16,9 +16,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_drift
 
-__all__ = ["WholeBodyLimits", "WholeBodyTargets", "WholeBodyWeights", "targets_record", "thrust_box"]
-
-
 MAX_FRICTION = 10.0
 """Largest friction coefficient: rubber on rubber has less than two."""
 MAX_FACES = 64

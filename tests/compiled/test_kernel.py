@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 import pytest
+from public_calls import public_names
 
 import harpy_pin
 import reproduction
@@ -24,30 +25,20 @@ from reproduction.gait.planar_model import PlanarModel
 from reproduction.gait.planar_walk import PlanarJoints, walk_record
 
 GUARD, CANARY = 32, 1.2345e67
-COMPILED = {
-    "harpy_pin.wbc.condensed.condense",
-    "harpy_pin.simulation.step",
-    "harpy_pin.simulation.ticks",
-    "harpy_pin.wbc.condensed.solve",
-}
-"""Modules whose kernels are for kernels, and take what other objects have checked."""
 
 
-def public_kernels():
-    """Compiled functions among the public names, checked or not; of the reproduction all that are checked."""
+def checked_kernels():
+    """Kernels that say the sizes of their arrays, but for those whose sizes are of a controller's record."""
     both = (pkgutil.walk_packages(package.__path__, f"{package.__name__}.") for package in (harpy_pin, reproduction))
     for module in chain(*both):
-        if module.name.endswith("__main__"):
-            continue
-        found = importlib.import_module(module.name)
-        listed = getattr(found, "__all__", ())
-        for name, value in vars(found).items():
-            own = isinstance(value, Kernel) and value.__module__ == module.name
-            if own and (name in listed or (module.name.startswith("reproduction.") and value._shapes)):
-                yield f"{module.name}.{name}", value
+        if not module.name.endswith("__main__"):
+            for name, value in vars(importlib.import_module(module.name)).items():
+                own = isinstance(value, Kernel) and value.__module__ == module.name and not name.startswith("_")
+                if own and value._shapes and not any(str(shape).startswith("r.") for shape in value._shapes.values()):
+                    yield f"{module.name}.{name}", value
 
 
-KERNELS = dict(public_kernels())
+KERNELS = dict(checked_kernels())
 
 
 @pytest.fixture(scope="module")
@@ -131,13 +122,11 @@ def shortened(array, shape):
 
 
 def test_public_kernels_are_checked():
-    for path, function in KERNELS.items():
-        module = path.rpartition(".")[0]
-        assert function._shapes or module in COMPILED, path
+    assert all(value._shapes for value in public_names().values() if isinstance(value, Kernel))
     assert len(KERNELS) > 25
 
 
-@pytest.mark.parametrize("path", [path for path, function in KERNELS.items() if function._shapes])
+@pytest.mark.parametrize("path", KERNELS)
 def test_wrong_arrays_are_refused_and_right_ones_leave_their_surroundings(path, records, fuzz):
     function, name = KERNELS[path], path.rpartition(".")[2]
     given, intact = arguments_of(name, function, records)

@@ -30,8 +30,6 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__: list[str] = []
-
 SWIFT = 10.0 / sqrt(3.0)
 """Largest acceleration of a quintic from rest to rest over one metre in one second, m/s²."""
 

@@ -15,8 +15,6 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__: list[str] = []
-
 REACH = 0.25
 """How much longer than in standing the legs are in the air, in heights of the body."""
 LEGS = 0.3

@@ -14,8 +14,6 @@ from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__: list[str] = []
-
 LOADED, MIN_LOADED = 0.1, 3.5
 """Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times the noise of a
 typical sensor."""

@@ -14,8 +14,6 @@ from harpy_pin.gaits.walking.swinging import DESCENT
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
 
-__all__: list[str] = []
-
 VELOCITY_GAIN = 1.1
 """Gain of the velocity of the centre of mass, as a share of ω."""
 PLACE_GAIN = 0.7

@@ -18,8 +18,6 @@ from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR, UPRIGHT_END, t
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Build", "Pace"]
-
 NARROW, SOLE_NARROW = 0.27, 0.15
 """Largest distance of the two centres of pressure between which the body sways, on points and on soles, in heights of
 the centre of mass: a pendulum needs half of it as friction."""

@@ -11,8 +11,6 @@ from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.swinging import lift_foot
 from harpy_pin.model.state import Vector
 
-__all__: list[str] = []
-
 EARLIEST = 0.6
 """Share of its swing from which on a foot that is loaded has landed."""
 BLOCKED, RESTS = 0.005, 0.3

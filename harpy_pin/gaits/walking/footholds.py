@@ -11,8 +11,6 @@ from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import ACROSS
 from harpy_pin.model.state import Vector
 
-__all__: list[str] = []
-
 APART = 0.4
 """Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
 FROZEN = 0.25

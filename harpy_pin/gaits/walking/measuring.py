@@ -13,8 +13,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import place_bodies
 from harpy_pin.model.tree import TreeRecord
 
-__all__: list[str] = []
-
 LOAD_SHARE = 0.5
 """Share of the last sample in the load of a foot: noise must not look like a touchdown."""
 

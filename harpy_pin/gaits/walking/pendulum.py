@@ -18,8 +18,6 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     from harpy_pin.gaits.walking.record import WalkingRecord
 
-__all__: list[str] = []
-
 SAME = 1e-6
 """Distance below which two points are one, m."""
 TINY = 1e-12

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from harpy_pin.ground.surface import TerrainRecord
     from harpy_pin.model.tree import TreeRecord
 
-__all__: list[str] = []
-
 
 class MeasuredRecord(RecordOf):
     """What the last good state says. A foot is a point, or a sole with several contact points."""

@@ -16,8 +16,6 @@ from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_heigh
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 
-__all__: list[str] = []
-
 SETTLE = 0.9
 """Share of its swing after which a foot is at the ground, or almost; from there on it goes down slowly, so as not to
 land hard."""

@@ -19,8 +19,6 @@ from harpy_pin.gaits.walking.swinging import swing_foot
 if TYPE_CHECKING:
     from harpy_pin.gaits.gait import GaitTargetRecord
 
-__all__: list[str] = []
-
 LONGEST_GAP = 0.05
 """Time that counts between two updates, at most, s."""
 LONG_AGO = 1e3

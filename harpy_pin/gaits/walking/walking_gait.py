@@ -29,8 +29,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
 
-__all__ = ["WalkingGait"]
-
 START = 1.6
 """Time for which it stands on every foot before the first step, in √(leg / g)."""
 CLEARANCE = 0.075

@@ -22,8 +22,6 @@ from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors
 from harpy_pin.simulation.mujoco.conventions import Conventions, ConventionsRecord, from_mujoco, import_mujoco
 from harpy_pin.simulation.mujoco.differences import differences
 
-__all__ = ["MujocoBridge"]
-
 CLOSING = {0: "connect", 1: "weld", 2: "joint"}
 """Equality constraints that hold bodies or joints together, ``mujoco.mjtEq``."""
 

@@ -28,8 +28,6 @@ from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
 from harpy_pin.simulation.mujoco.differences import AtZero
 
-__all__ = ["Conventions", "import_mujoco", "installed_version"]
-
 ROOT = 1
 """Index of the floating base's joint in Pinocchio's model."""
 

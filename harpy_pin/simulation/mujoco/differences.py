@@ -15,8 +15,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 
-__all__ = ["AtZero", "differences"]
-
 ROOT = 1
 """Index of the floating base's joint in Pinocchio's model."""
 SHARE = 0.01

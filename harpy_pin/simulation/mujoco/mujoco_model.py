@@ -17,8 +17,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, tree_record
 from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco, to_mujoco
 
-__all__ = ["MujocoModel"]
-
 NO_MOMENT = np.zeros(3)
 MIN_MASS, MIN_INERTIA = 1e-12, 1e-12
 """Least mass and inertia of a body that moves, kg and kg·m²: MuJoCo takes no smaller ones, whatever the

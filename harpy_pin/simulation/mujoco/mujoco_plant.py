@@ -47,8 +47,6 @@ from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import PlantRecord
 from harpy_pin.simulation.thrusters import drive_thrusters
 
-__all__ = ["MujocoPlant"]
-
 FOOT_RADIUS = 1e-4
 """Radius of the spheres that find the contacts, m."""
 IMPRATIO = 1e4

@@ -29,8 +29,6 @@ from harpy_pin.errors import InputError
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.state import Vector
 
-__all__ = ["CONTACTS", "DEFAULT_PRESET", "PRESETS", "SoftContact", "preset_ground"]
-
 LEAST, MOST = 1e-4, 0.9999
 """Impedances that MuJoCo takes."""
 SMALLEST = 1e-15

@@ -22,8 +22,6 @@ from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, 
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 
-__all__: list[str] = []
-
 UNBOUNDED = 1e20
 """A bound of this size or more counts as infinite."""
 EXCHANGES = 6

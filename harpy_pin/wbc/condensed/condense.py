@@ -51,8 +51,6 @@ if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
     from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
 
-__all__: list[str] = []
-
 MIN_DETERMINANT = 1e-6
 """Least determinant of a limb's J_kl, m³; below it (a straight leg) the inverse is damped and the foot not held."""
 MIN_PIVOT = 1e-8

@@ -23,9 +23,6 @@ from harpy_pin.wbc.problem import enter_pyramids, problem_values
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, check_terms
 
-__all__ = ["CondensedSolver", "CondensedStatus", "condensed_record"]
-
-
 _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
 

@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from harpy_pin.wbc.condensed.condense import CondensationRecord
     from harpy_pin.wbc.condensed.solve import CondensedRecord
 
-__all__: list[str] = []
-
 
 class ProblemRecord(RecordOf):
     """Weights and limits of a whole-body problem, for kernels.

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
     from harpy_pin.wbc.condensed.solve import CondensedRecord
 
-__all__: list[str] = []
-
 SPAN = 0.1
 """Excess of a torque over its limit, as a share of it, over which swing feet give way."""
 NEAR = 1e-6

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from harpy_pin.model.dynamics import DynamicsRecord
     from harpy_pin.wbc.condensed.force_program import TargetsRecord
 
-__all__: list[str] = []
-
 AT_LIMIT = 1e-9
 """Distance below its limit, as a share of it, at which a torque counts as limited."""
 BEYOND = 1e-6

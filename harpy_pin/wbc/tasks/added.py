@@ -31,8 +31,6 @@ from harpy_pin.wbc.weights import MAX_WEIGHT
 if TYPE_CHECKING:
     from harpy_pin.wbc.problem import WholeBodyProblem
 
-__all__ = ["AddedTask", "AddedTasks"]
-
 
 @fixed_arrays("error", "lower", "matrix", "target", "upper", "weight")
 class AddedTask(KeepsViews):

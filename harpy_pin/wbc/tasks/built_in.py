@@ -30,8 +30,6 @@ from harpy_pin.wbc.tasks.joint import JointTask
 from harpy_pin.wbc.tasks.task import MotionTask, Task
 from harpy_pin.wbc.weights import WholeBodyTargets
 
-__all__ = ["BuiltInTask", "built_in_tasks", "joint_weights"]
-
 
 @dataclass(frozen=True)
 class BuiltInTask:

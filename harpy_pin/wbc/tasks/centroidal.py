@@ -13,8 +13,6 @@ from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tasks.task import MotionTask, reference, reference_position
 
-__all__ = ["CentreOfMassTask", "MomentumTask"]
-
 MOMENTA = {"linear": slice(0, 3), "angular": slice(3, 6), "both": slice(0, 6)}
 
 

@@ -11,8 +11,6 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["FootForceTask"]
-
 
 @fixed_arrays("force")
 class FootForceTask:

@@ -16,8 +16,6 @@ from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tasks.task import MotionTask, check_stiffness, reference_position
 
-__all__ = ["FrameTask"]
-
 AXES = ("world", "local")
 PARTS = {"position": slice(0, 3), "orientation": slice(3, 6), "both": slice(0, 6)}
 

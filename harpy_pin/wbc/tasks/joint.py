@@ -15,8 +15,6 @@ from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tasks.task import MotionTask, reference_position
 
-__all__ = ["JointTask"]
-
 
 @fixed_arrays("acceleration", "position", "velocity")
 class JointTask(MotionTask):

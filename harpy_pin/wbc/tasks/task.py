@@ -17,8 +17,6 @@ from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["MotionTask", "Task"]
-
 
 class Task(Protocol):
     """What a whole-body problem asks of a task; the number of its rows never changes."""
