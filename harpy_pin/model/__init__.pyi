@@ -1,7 +1,6 @@
 """What ``harpy_pin.model`` offers; :mod:`lazy_loader` reads this file."""
 
 from .catalogue import CATALOGUE, CatalogueRobot
-from .contact_map import ContactForceMap
 from .dynamics import Dynamics
 from .ik import IKResult, IKStatus, solve_ik
 from .kinematics import LegGeometry, leg_inverse_kinematics
@@ -12,7 +11,6 @@ __all__ = [
     "CATALOGUE",
     "CatalogueRobot",
     "Command",
-    "ContactForceMap",
     "Dynamics",
     "IKResult",
     "IKStatus",

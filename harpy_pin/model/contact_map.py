@@ -19,17 +19,13 @@ not depend on the choice as long as no corner leaves its pyramid.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from harpy_pin import checks
-from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
-from harpy_pin.model.dynamics import Dynamics, DynamicsRecord, EquationsRecord
-from harpy_pin.model.memory import KeepsViews, fixed_arrays
-from harpy_pin.model.record import ZERO, RecordOf, Records, field, make_record, sized
+from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
+from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 
 REDUNDANT = 1e-5
@@ -58,84 +54,6 @@ class ContactMapRecord(RecordOf):
 def contact_terms(robot: Robot) -> Records[ContactMapRecord]:
     """A new :class:`ContactMapRecord`."""
     return make_record(ContactMapRecord, robot.sizes)
-
-
-@fixed_arrays("force", "response", "thrust_gain", "torque_gain")
-class ContactForceMap(KeepsViews):
-    """Contact forces of feet that stick, and how thrusts and torques change them.
-
-    All arrays are overwritten by :meth:`update`; the rows of feet that do not touch are zero.
-
-    Args:
-        robot: any robot with feet.
-        damping: κ, rate at which a touching foot is taken to lose its velocity, 1/s.
-
-    Attributes:
-        force: (feet, 3) f at the command given, world axes, N.
-        thrust_gain: (3 feet, thrust variables) G; for the variables see :mod:`harpy_pin.model.rotor`.
-        torque_gain: (3 feet, joints) H, 1/m.
-        response: (nv, thrust variables + joints) change of the generalised acceleration per change of [u; τ].
-
-    Raises:
-        InputError: a negative damping.
-    """
-
-    def __init__(self, robot: Robot, *, damping: float = 0.0) -> None:
-        checks.instance("robot", robot, Robot)
-        self.robot = robot
-        self.damping = checks.number("damping", damping, low=0.0)
-        feet, split = len(robot.feet), robot.n_thrust
-        self._terms = contact_terms(robot)
-        self._thrust = np.zeros(split)
-        self.force: Vector = np.zeros((feet, 3))
-        self._gain = np.zeros((3 * feet, split + len(robot.joints)))
-        self.thrust_gain: Vector = self._gain[:, :split]
-        self.torque_gain: Vector = self._gain[:, split:]
-        self.response: Vector = field(self._terms, "response")
-
-    @checked
-    def update(self, dynamics: Dynamics, v: Vector, *, torque: Vector, thrust: Vector, touching: ArrayLike) -> Vector:
-        """Evaluate the map.
-
-        Args:
-            dynamics: terms at the present state.
-            v: (nv,) generalised velocity.
-            torque: (joints,) joint torques of the command, N·m.
-            thrust: (thrusters, 3) thruster forces of the command, world axes, N.
-            touching: (feet,) which feet touch the ground.
-
-        Returns:
-            (feet, 3) the force that sticking demands under this command, N: the array :attr:`force` itself.
-
-        Raises:
-            InputError: an argument has the wrong shape, or is not finite.
-        """
-        v = checks.vector("v", v, self.robot.model.nv)
-        torque = checks.vector("torque", torque, len(self.robot.joints))
-        thrust = checks.vector("thrust", thrust, (len(self.robot.thrusters), 3))
-        feet = np.flatnonzero(checks.vector("touching", touching, len(self.robot.feet)))
-        count = 3 * len(feet)
-        rows = field(self._terms, "rows")
-        rows[:count] = (3 * feet[:, None] + np.arange(3)).ravel()
-        settling = -dynamics.foot_drift - self.damping * dynamics.foot_velocity.ravel()
-        field(self._terms, "settling")[:count] = settling[rows[:count]]
-        _evaluate(dynamics.record, self._terms, v, torque, thrust, self._thrust, count)
-        self.force[:] = 0.0
-        self._gain[:] = 0.0
-        self.force.reshape(-1)[rows[:count]] = field(self._terms, "force")[:count]
-        self._gain[rows[:count]] = field(self._terms, "gain")[:count]
-        return self.force
-
-
-@kernel
-def _evaluate(
-    d: DynamicsRecord, w: ContactMapRecord, v: Vector, torque: Vector, thrust: Vector, variables: Vector, count: int
-) -> None:
-    """The map at a command, for the first ``count`` rows of the terms."""
-    read_thrusts(d, thrust, variables)
-    unconstrained_drive(d, v, torque, variables, w.drive)
-    sticking_force(d, w, count)
-    contact_gain(d, w, count)
 
 
 @kernel

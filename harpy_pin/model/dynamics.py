@@ -19,7 +19,6 @@ from harpy_pin.model.entry import GOOD, MISFIT
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, RecordOf, Records, field, make_record, same_layout, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 from harpy_pin.model.tree import TreeRecord, tree_record
@@ -88,7 +87,6 @@ class Dynamics(KeepsViews, EquationsRecord):
         self.robot = self._robot = robot
         self.finite = False
         self.model = _model(robot, gravity)
-        self._data = self.model.createData()
         own = dynamics_record(robot, gravity=gravity)
         self.record = own if record is None else same_layout(record, own)
         for name in TERMS:
@@ -114,40 +112,6 @@ class Dynamics(KeepsViews, EquationsRecord):
             q, v = checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv)
             verdict = update_terms(self.record, q, v)
         self.finite = verdict == GOOD
-
-    def acceleration(self, q: Vector, v: Vector, generalised_force: Vector) -> Vector:
-        """Forward dynamics (ABA): M a + n = generalised_force.
-
-        Args:
-            q: (nq,) configuration.
-            v: (nv,) generalised velocity.
-            generalised_force: (nv,) τ + J_fᵀ f + J_tᵀ u_t.
-
-        Returns:
-            (nv,) generalised acceleration (a copy).
-        """
-        nv = self.model.nv
-        q, v = checks.array("q", q, self.model.nq), checks.array("v", v, nv)
-        return np.array(pin.aba(self.model, self._data, q, v, checks.array("generalised_force", generalised_force, nv)))
-
-    def generalised_force(self, torque: Vector, foot_force: Vector, thrust: Vector) -> Vector:
-        """S τ + J_fᵀ f + J_tᵀ u_t at the state of the last update.
-
-        Args:
-            torque: (joints,) joint torques, N·m.
-            foot_force: (feet, 3) forces of the ground on the feet, world axes, N.
-            thrust: (thrusters, 3) thruster forces, world axes, N; of a rotor's, what it can do of it.
-
-        Returns:
-            (nv,) generalised force; of a free flyer the first six entries are the wrench on the body, body axes.
-        """
-        feet, thrusters, joints = len(self.robot.feet), len(self.robot.thrusters), len(self.robot.joints)
-        force: Vector = checks.array("foot_force", foot_force, (feet, 3)).ravel() @ self.foot_jacobian
-        variables = np.zeros(self.robot.n_thrust)
-        read_thrusts(self.record, checks.array("thrust", thrust, (thrusters, 3)), variables)
-        force += variables @ self.thruster_jacobian
-        force[len(force) - joints :] += checks.array("torque", torque, joints)
-        return force
 
 
 class DynamicsRecord(EquationsRecord):

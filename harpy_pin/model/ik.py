@@ -35,14 +35,12 @@ class IKResult:
         status: how it ended.
         error: norm of the stacked task error at ``q`` (m, and rad for orientations).
         iterations: steps tried, over all starts.
-        at_limit: names of the joints at a position limit.
     """
 
     q: Vector
     status: IKStatus
     error: float
     iterations: int
-    at_limit: tuple[str, ...]
 
     @property
     def converged(self) -> bool:
@@ -56,19 +54,17 @@ def solve_ik(
     targets: Mapping[str, pin.SE3 | ArrayLike],
     q: ArrayLike,
     *,
-    move_base: bool = False,
     tolerance: float = 1e-10,
     max_iterations: int = 200,
     restarts: int = 5,
     seed: int = 0,
 ) -> IKResult:
-    """Configuration that puts frames at targets, by Levenberg–Marquardt with joint limits.
+    """Configuration that puts frames at targets, by Levenberg–Marquardt with joint limits; the base stays.
 
     Args:
         robot: any robot.
         targets: for each frame name a (3,) position, world, m, or a ``pinocchio.SE3`` pose.
         q: (nq,) starting configuration; joints outside their limits are first moved onto them.
-        move_base: whether the floating base may move.
         tolerance: norm of the stacked error at which the problem counts as solved, m and rad.
         max_iterations: limit of steps tried from each start.
         restarts: how often to start again, joints drawn within their limits, when the descent from ``q`` ends in a
@@ -83,7 +79,7 @@ def solve_ik(
     """
     if not targets:
         raise InputError("solve_ik needs at least one target", name="targets")
-    problem = _Problem(robot, targets, move_base=move_base)
+    problem = _Problem(robot, targets)
     start = problem.bounded(configuration(robot.model, q))
     best = problem.descend(start, tolerance=tolerance, max_iterations=max_iterations)
     rng, tried = np.random.default_rng(checks.whole("seed", seed)), best.iterations
@@ -95,19 +91,15 @@ def solve_ik(
         tried += other.iterations
         if other.converged or other.error < best.error:
             best = other
-    return IKResult(best.q, best.status, best.error, tried, best.at_limit)
+    return IKResult(best.q, best.status, best.error, tried)
 
 
 class _Problem:
     """Errors, Jacobian and limits of one inverse kinematics."""
 
-    def __init__(self, robot: Robot, targets: Mapping[str, pin.SE3 | ArrayLike], *, move_base: bool) -> None:
-        self.robot, self.model, self.data = robot, robot.model, robot.model.createData()
-        base = robot.model.joints[1]
-        self._nq, self._nv = base.nq, base.nv  # of the floating base
+    def __init__(self, robot: Robot, targets: Mapping[str, pin.SE3 | ArrayLike]) -> None:
+        self.model, self.data = robot.model, robot.model.createData()
         self._lower, self._upper = robot.joint_lower, robot.joint_upper
-        self._free = np.ones(self.model.nv, dtype=bool)
-        self._free[: self._nv] = move_base
         self._tasks: list[tuple[int, pin.SE3 | None, Vector]] = []
         for name, target in targets.items():
             pose = target if isinstance(target, pin.SE3) else None
@@ -119,14 +111,14 @@ class _Problem:
     def bounded(self, q: Vector) -> Vector:
         """A configuration with its joints moved within their limits."""
         clipped = q.copy()
-        clipped[self._nq :] = np.clip(clipped[self._nq :], self._lower, self._upper)
+        clipped[7:] = np.clip(clipped[7:], self._lower, self._upper)
         return clipped
 
     def draw(self, q: Vector, rng: np.random.Generator) -> Vector:
         """A configuration with the joints that move a target drawn within their limits (±π where there are none)."""
         drawn = q.copy()
         joints = rng.uniform(np.maximum(self._lower, -np.pi), np.minimum(self._upper, np.pi))
-        drawn[self._nq :][self._moving] = joints[self._moving]
+        drawn[7:][self._moving] = joints[self._moving]
         return self.bounded(drawn)
 
     def errors(self, q: Vector) -> Vector:
@@ -166,11 +158,10 @@ class _Problem:
             if iterations >= max_iterations:
                 break
             full = self.jacobian(current)
-            slope = (full.T @ residual)[self._nv :]
-            joints = current[self._nq :]
+            slope = (full.T @ residual)[6:]
+            joints = current[7:]
             held = ((joints <= self._lower) & (slope > 0.0)) | ((joints >= self._upper) & (slope < 0.0))
-            active = self._free.copy()
-            active[self._nv :] &= ~held
+            active = np.append(np.zeros(6, dtype=bool), ~held)
             reduced = full[:, active]
             improved = False
             while iterations < max_iterations and damping < 1e12:
@@ -188,7 +179,4 @@ class _Problem:
             if not improved:
                 status = IKStatus.STALLED if damping >= 1e12 else IKStatus.MAX_ITERATIONS
                 break
-        joints = current[self._nq :]
-        touching = (joints <= self._lower) | (joints >= self._upper)
-        names = tuple(name for name, hit in zip(self.robot.joints, touching, strict=True) if hit)
-        return IKResult(current, status, float(np.linalg.norm(residual)), iterations, names)
+        return IKResult(current, status, float(np.linalg.norm(residual)), iterations)

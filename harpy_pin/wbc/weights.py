@@ -14,7 +14,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_drift
+from harpy_pin.wbc.condensed.force_program import TargetsRecord
 
 MAX_FRICTION = 10.0
 """Largest friction coefficient: rubber on rubber has less than two."""
@@ -159,19 +159,6 @@ class WholeBodyTargets(KeepsViews):
     def centred(self) -> bool:
         """Whether the horizontal part of ``body`` is the acceleration of the centre of mass."""
         return bool(self.record["centred"][0])
-
-    def demand_of_centre(self, dynamics: Dynamics) -> None:
-        """Take the horizontal part of ``body`` as the acceleration of the centre of mass, at one state.
-
-        Args:
-            dynamics: terms at that state.
-
-        Raises:
-            InputError: terms of another robot.
-        """
-        check_terms(self._robot, dynamics, self)
-        self.record["centred"] = 1
-        note_centre_drift(dynamics.record, self.record)
 
     @property
     def tilted(self) -> bool:

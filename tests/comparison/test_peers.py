@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from forward_dynamics import forward_dynamics, generalised_force
 
 from comparison.benchmark import Settings
 from comparison.cli import app
@@ -116,8 +117,8 @@ def test_expected_solutions_obey_the_equations_of_motion(robot: Robot, problem: 
     for i in range(0, len(problem), 37):
         q, v = problem.q[i], problem.v[i]
         dynamics.update(q, v)
-        force = dynamics.generalised_force(expected.torque[i], expected.force[i], expected.thrust[i])
-        motion = dynamics.acceleration(q, v, force - problem.damping_force[i])
+        force = generalised_force(dynamics, expected.torque[i], expected.force[i], expected.thrust[i])
+        motion = forward_dynamics(dynamics, q, v, force - problem.damping_force[i])
         np.testing.assert_allclose(motion, expected.acceleration[i], atol=1e-4)
         held = problem.held[i] > 0.0
         feet = (dynamics.foot_jacobian @ motion + dynamics.foot_drift).reshape(-1, 3)

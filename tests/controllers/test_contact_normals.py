@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import forward_dynamics, generalised_force
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tilted_cases import GivenTargets, fill, foot_terms, parameters, random_state, smallest_rotation, targets_in_world
@@ -102,8 +103,8 @@ def test_promise_about_any_normals(fuzz):
             clipped += 1
             continue
         dynamics.update(state.q, state.v)
-        given = dynamics.generalised_force(command.torque, force, command.thrust)
-        acceleration = dynamics.acceleration(state.q, state.v, given - ROBOT.model.damping * state.v)
+        given = generalised_force(dynamics, command.torque, force, command.thrust)
+        acceleration = forward_dynamics(dynamics, state.q, state.v, given - ROBOT.model.damping * state.v)
         size = 1.0 + np.abs(force).max() + np.abs(acceleration).max()
         for k, (jacobian, drift) in enumerate(foot_terms(state.q, state.v)):
             if not target.stance[k]:
@@ -172,7 +173,7 @@ def test_the_filter_keeps_forces_in_cones_about_the_normals(fuzz):
         jacobian = np.vstack([j for j, _ in terms])
         damping = contact_filter.parameters.contact_damping
         settle = np.concatenate([-damping * j @ state.v - d for j, d in terms])
-        free = dynamics.generalised_force(command.torque, np.zeros((2, 3)), command.thrust)
+        free = generalised_force(dynamics, command.torque, np.zeros((2, 3)), command.thrust)
         free -= dynamics.bias + ROBOT.model.damping * state.v
         inverse = np.linalg.inv(np.tril(dynamics.mass_matrix) + np.tril(dynamics.mass_matrix, -1).T)
         force = np.linalg.solve(jacobian @ inverse @ jacobian.T, settle - jacobian @ inverse @ free).reshape(2, 3)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from forward_dynamics import ContactForceMap
 
 import harpy_pin as hp
 from harpy_pin.controllers.parameters import FeedforwardGains
-from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 
 SOFT = {"stance_p": (0.0,) * 3, "stance_d": (0.0,) * 3, "swing_p": (0.0,) * 3, "swing_d": (0.0,) * 3}

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import ContactForceMap
 from hypothesis import given
 from hypothesis import strategies as st
 from needs import needs_robots
@@ -16,7 +17,6 @@ from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.joint_targets import MAX_RATE, JointTargetsRecord, joint_gains, move_targets
 from harpy_pin.errors import InputError
-from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FADE, HOLD_TICKS
 from harpy_pin.model.record import make_record

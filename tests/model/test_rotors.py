@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import generalised_force
 from needs import needs_robots
 from pages import content_of
 from places import places
@@ -108,8 +109,8 @@ def test_what_a_rotor_cannot_do_is_projected_and_counted(mixed, draw_state):
     dynamics.update(q, v)
     axis, torque, feet = axes(mixed, q), np.zeros(6), np.zeros((2, 3))
     aside = np.cross(axis[0], (1.0, 2.0, 3.0))
-    given = dynamics.generalised_force(torque, feet, np.array([np.zeros(3), 7.0 * axis[0] + aside, 20.0 * axis[1]]))
-    done = dynamics.generalised_force(torque, feet, np.array([np.zeros(3), 7.0 * axis[0], 12.0 * axis[1]]))
+    given = generalised_force(dynamics, torque, feet, np.array([np.zeros(3), 7.0 * axis[0] + aside, 20.0 * axis[1]]))
+    done = generalised_force(dynamics, torque, feet, np.array([np.zeros(3), 7.0 * axis[0], 12.0 * axis[1]]))
     np.testing.assert_allclose(given, done, atol=1e-12)
     simulator = hp.Simulator(mixed)
     simulator.reset(q, v)

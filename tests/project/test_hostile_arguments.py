@@ -111,7 +111,7 @@ HOSTILE = (
 THOROUGHLY = {
     *("Scenario", "Ground", "Push", "Disturbances", "simulation.Sensors", "load_robot", "load_harpy", "Simulator"),
     *("make_gait", "make_controller", "CondensedController", "controllers.GovernedController", "Dynamics", "build"),
-    *("WholeBodyController.add", "model.ContactForceMap", "JointTask", "FrameTask", "Run.load", "measure"),
+    *("WholeBodyController.add", "JointTask", "FrameTask", "Run.load", "measure"),
     *("contrib.shield_batch.ShieldBatch.reset", "gaits.StraightGait", "gaits.StraightGait.update"),
     *("gaits.StraightGait.initial_state", "log.chattering"),
 }

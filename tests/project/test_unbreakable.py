@@ -149,8 +149,6 @@ def test_dynamics_check_their_state(robot, draw_state):
     for bad in ((q[:12], v), (q, v[:11]), (np.tile(q, 2), v), (None, v), ("q", v), (q, np.zeros((2, 12)))):
         with pytest.raises(hp.InputError, match=r"[qv] must"):
             dynamics.update(*bad)
-        with pytest.raises(hp.InputError, match=r"[qv] must"):
-            dynamics.acceleration(*bad, np.zeros(12))
     for i in range(13 + 12):
         both = np.concatenate((q, v))
         both[i] = np.nan
@@ -158,23 +156,6 @@ def test_dynamics_check_their_state(robot, draw_state):
         assert not dynamics.finite, i
     dynamics.update(q, v)
     assert dynamics.finite
-    force, thrust = np.zeros((2, 3)), np.zeros((2, 3))
-    for bad in ((np.zeros(3), force, thrust), (np.zeros(6), np.zeros(3), thrust), (np.zeros(6), force, np.zeros(12))):
-        with pytest.raises(hp.InputError, match="must have shape"):
-            dynamics.generalised_force(*bad)
-
-
-def test_contact_map_checks_its_arguments(robot, draw_state):
-    q, v = draw_state(np.random.default_rng(4))
-    dynamics, force = hp.Dynamics(robot), hp.model.ContactForceMap(robot)
-    dynamics.update(q, v)
-    right = {"torque": np.zeros(6), "thrust": np.zeros((2, 3)), "touching": (1.0, 1.0)}
-    force.update(dynamics, v, **right)
-    for name, value in (("torque", np.zeros(12)), ("torque", np.zeros(3)), ("thrust", np.zeros((4, 3)))):
-        with pytest.raises(hp.InputError, match=name):
-            force.update(dynamics, v, **{**right, name: value})
-    with pytest.raises(hp.InputError, match="v must"):
-        force.update(dynamics, np.zeros(24), **right)
 
 
 def test_simulator_checks_commands(robot, gait, simulator):

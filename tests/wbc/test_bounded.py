@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import ContactForceMap, generalised_force
 from hostile_states import draw_hostile
 from random_states import LEGS, draw
 from scipy.optimize import linprog
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.model.contact_map import ContactForceMap
 from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.active_set_warm_start import SYSTEM, WORK, DualActiveSet
 from harpy_pin.wbc.condensed.active_set import EXCHANGES
@@ -189,7 +189,7 @@ def test_redundant_contacts_have_the_least_force(flat_footed, speed):
         jacobian = dynamics.foot_jacobian
         free = np.linalg.solve(
             mass,
-            dynamics.generalised_force(tau - robot.model.damping[6:] * v[6:], 0.0 * contact.force, u) - dynamics.bias,
+            generalised_force(dynamics, tau - robot.model.damping[6:] * v[6:], np.zeros((8, 3)), u) - dynamics.bias,
         )
         desired = -dynamics.foot_drift - 20.0 * dynamics.foot_velocity.ravel() - jacobian @ free
         delassus = jacobian @ np.linalg.solve(mass, jacobian.T)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 from condensed_cases import NV, ROBOT, WEIGHTS, random_case
+from forward_dynamics import demand_of_centre
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,7 +20,7 @@ def centred_case(seed, spread=0.2):
     q, v, targets = random_case(rng, spread=spread)
     dynamics = hp.Dynamics(ROBOT)
     dynamics.update(q, v)
-    targets.demand_of_centre(dynamics)
+    demand_of_centre(targets, dynamics)
     return rng, q, v, targets, dynamics
 
 

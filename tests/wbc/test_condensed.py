@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from condensed_cases import NV, ROBOT, SUPPORTS, WEIGHTS, random_case
+from forward_dynamics import demand_of_centre
 
 import harpy_pin as hp
 from harpy_pin.log.measures import chattering
@@ -127,7 +128,7 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, centred, fu
         q, v, targets = random_case(rng, spread=0.05)
         dynamics.update(q, v)
         if centred:
-            targets.demand_of_centre(dynamics)
+            demand_of_centre(targets, dynamics)
         for one in (problem, force):
             one.build(dynamics, v, dynamics.rotation, targets)
         solution = solver.solve(problem.program)
