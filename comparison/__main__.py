@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from harpy_pin.cli.signals import leave_at_signals
+from harpy_pin.errors import install_line
 
 
 def main() -> None:
@@ -16,7 +17,7 @@ def main() -> None:
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith(("comparison", "harpy_pin")):
             raise
-        raise SystemExit(f"error: the comparison needs '{error.name}': pip install -e '.[compare]'") from None
+        raise SystemExit(f"error: the comparison needs '{error.name}': {install_line('compare')}") from None
     run()
 
 

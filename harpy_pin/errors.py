@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from importlib.metadata import requires
+from pathlib import Path
 from typing import Any
 
 __all__ = [
@@ -148,3 +150,19 @@ class Interrupted(KeyboardInterrupt):
     def __init__(self, message: str, *, run: Any = None) -> None:
         super().__init__(message)
         self.run = run
+
+
+PUBLISHED = False
+"""Whether package indices know harpy-pin: set it on the day of publishing."""
+
+
+def install_line(extra: str) -> str:
+    """What installs an extra: from the clone that this package is in, else from the indices."""
+    clone = Path(__file__).resolve().parents[1]
+    project = clone / "pyproject.toml"
+    if project.is_file() and 'name = "harpy-pin"' in project.read_text(encoding="utf-8"):
+        return f'pip install -e "{"." if clone == Path.cwd() else clone}[{extra}]"'
+    if PUBLISHED:
+        return f'pip install "harpy-pin[{extra}]"'
+    needed = [line.split(";")[0] for line in requires("harpy-pin") or () if f"extra == '{extra}'" in line]
+    return " ".join(["pip install", *(f'"{name.strip()}"' for name in needed)])

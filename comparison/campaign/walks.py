@@ -32,7 +32,7 @@ from comparison.contenders import controller_part, label
 from comparison.measure.walking import ALONE, Progress, silent, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Straight, load_harpy, make_gait, measure
-from harpy_pin.errors import HarpyError
+from harpy_pin.errors import HarpyError, install_line
 from harpy_pin.files import finite
 from harpy_pin.gaits import StraightGait
 from harpy_pin.model.robot import harpy_urdf
@@ -181,8 +181,7 @@ def execute(tasks: Sequence[Task], store: Store, *, progress: Progress = silent)
     planned = {task.key(code): task for task in tasks}
     missing = [task for key, task in planned.items() if key not in store.rows]
     if installed_version() is None and any(isinstance(ENGINES[task.plant], Mujoco) for task in missing):
-        message = "some of the campaign's walks are in MuJoCo, which is not installed: pip install 'harpy-pin[mujoco]'"
-        raise HarpyError(message)
+        raise HarpyError(f"some of the walks are in MuJoCo, which is not installed: {install_line('mujoco')}")
     if len(missing) > ALONE:
         for task in {(task.contender, task.plant): task for task in missing}.values():
             # A moment of each contender's walk compiles here, once, what the workers then read from the cache.

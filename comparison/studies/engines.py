@@ -11,7 +11,7 @@ from comparison.contenders import label
 from comparison.measure.walking import scenario_of
 from comparison.study import Job, Study, Value, View, shown
 from harpy_pin import walk
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, install_line
 from harpy_pin.log.run import Run
 from harpy_pin.simulation.mujoco import installed_version
 
@@ -25,7 +25,7 @@ NOTE = (
 
 def _jobs(s: Any) -> Iterator[Job]:
     if installed_version() is None:
-        raise InputError("the second engine is not installed: pip install 'harpy-pin[mujoco]'", name="plant")
+        raise InputError(f"the second engine is not installed: {install_line('mujoco')}", name="plant")
     yield from ({"walker": walker, "duration": s.duration} for walker in s.walkers)
 
 

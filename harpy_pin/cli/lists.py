@@ -12,6 +12,7 @@ from rich.table import Table
 from harpy_pin import __version__
 from harpy_pin.cli.output import console
 from harpy_pin.cli.walk_options import UrdfOption
+from harpy_pin.errors import install_line
 
 __all__ = ["info", "robots", "settings"]
 
@@ -58,7 +59,7 @@ def robots() -> None:
     from harpy_pin.model.robot import robots as known_robots
 
     installed = installed_data()
-    found = "is not installed: pip install 'harpy-pin[robots]'" if installed is None else f"{installed} is installed"
+    found = f"is not installed: {install_line('robots')}" if installed is None else f"{installed} is installed"
     table = Table("robot", "mass kg", "joints", "feet or rotors", "licence")
     for column in table.columns[1:3]:
         column.justify = "right"

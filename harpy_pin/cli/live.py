@@ -15,7 +15,7 @@ import typer
 from harpy_pin import checks
 from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.output import INTERRUPTED, TERMINATED, console
-from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.files import check_outputs, journal_path, write_json
 
 __all__ = ["live"]
@@ -72,7 +72,7 @@ def live(
         {"--save": save, "--json": json}, inputs={"the journal of --save": None if save is None else journal_path(save)}
     )
     if find_spec("viser") is None:
-        raise HarpyError("driving needs viser, which is not installed: pip install 'harpy-pin[live]'")
+        raise HarpyError(f"driving needs viser, which is not installed: {install_line('live')}")
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.model.source import loaded_robot
     from harpy_pin.view.live.drive import Drive, listen

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.compiler import version as compiler_version
-from harpy_pin.errors import InputError, RunFileError, RunFileWarning, shown
+from harpy_pin.errors import InputError, RunFileError, RunFileWarning, install_line, shown
 from harpy_pin.files import check_writable, journal_path, replacing
 from harpy_pin.log.journal import is_journal, read_journal
 from harpy_pin.log.run_file import check_log, read_run, write_run
@@ -145,7 +145,7 @@ class Run:
         try:
             import pandas
         except ImportError as error:
-            raise InputError(f"pandas cannot be imported ({error}): pip install pandas", name="pandas") from error
+            raise InputError(f"pandas cannot be imported ({error}): {install_line('pandas')}", name="pandas") from error
         return pandas.DataFrame(dict(columns(self))).set_index("t")
 
     def to_csv(self, path: str | Path, *, every: int = 1) -> None:

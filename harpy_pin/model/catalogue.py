@@ -30,7 +30,7 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError, RobotError
+from harpy_pin.errors import InputError, RobotError, install_line
 from harpy_pin.model.flat_foot import FlatFoot
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
@@ -67,7 +67,7 @@ class CatalogueRobot:
         try:
             folder = distribution("example-robot-data").locate_file(DATA)
         except PackageNotFoundError:
-            raise RobotError(f"'{self.file}' is in example-robot-data: pip install 'harpy-pin[robots]'") from None
+            raise RobotError(f"'{self.file}' is in example-robot-data: {install_line('robots')}") from None
         return Path(str(folder)) / self.file
 
     @checked

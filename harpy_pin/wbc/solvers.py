@@ -15,7 +15,7 @@ from scipy.sparse import csc_matrix
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, install_line
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.condensed.active_set import UNBOUNDED
@@ -304,7 +304,7 @@ def make_solver(name: str, program: QuadraticProgram, *, reuse: bool = False) ->
     try:
         solver = SOLVERS[name](program)
     except ImportError as error:
-        message = f"solver {name!r} is not installed; 'pip install harpy-pin[compare]' brings it ({error})"
+        message = f"solver {name!r} is not installed ({error}): {install_line('compare')}"
         raise InputError(message, name="solver", value=name) from error
     return WarmStartedActiveSet(program, solver) if reuse else solver
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import __version__, checks
-from harpy_pin.errors import HarpyError, RunFileError, shown
+from harpy_pin.errors import HarpyError, RunFileError, install_line, shown
 from harpy_pin.files import check_writable, write_json
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -182,7 +182,7 @@ def _cma() -> Any:
     try:
         import cma
     except ImportError as error:
-        raise HarpyError("the search for a gait needs the package 'cma': pip install cma") from error
+        raise HarpyError(f"the search for a gait needs the package 'cma': {install_line('gait')}") from error
     return cma
 
 

@@ -16,6 +16,7 @@ from command_line import ROOT
 
 import harpy_pin as hp
 from harpy_pin.cli import walk as walk_command
+from harpy_pin.errors import install_line
 
 
 @pytest.fixture
@@ -128,7 +129,7 @@ def test_bad_input_is_one_clear_line(command, files, line, says):
 
 def test_without_viser_it_says_how_to_install(command, monkeypatch):
     monkeypatch.setattr("harpy_pin.cli.live.find_spec", lambda name: None)
-    says = "harpy: driving needs viser, which is not installed: pip install 'harpy-pin[live]'\n"
+    says = f"harpy: driving needs viser, which is not installed: {install_line('live')}\n"
     assert command("live")[2] == says
 
 

@@ -13,6 +13,7 @@ import pytest
 from comparison.cli import main
 from comparison.measure.replay import WBC_PHASES
 from comparison.measure.walking import CONTENDERS
+from harpy_pin.errors import install_line
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -73,4 +74,4 @@ def test_what_is_not_installed_is_one_line() -> None:
     script = "import runpy, sys; sys.modules['pandas'] = None; runpy.run_module('comparison', run_name='__main__')"
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 1
-    assert done.stderr == "error: the comparison needs 'pandas': pip install -e '.[compare]'\n"
+    assert done.stderr == f"error: the comparison needs 'pandas': {install_line('compare')}\n"

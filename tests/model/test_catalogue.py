@@ -14,6 +14,7 @@ from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.cli.app import main
+from harpy_pin.errors import install_line
 from harpy_pin.model import catalogue
 from harpy_pin.model.catalogue import CATALOGUE, installed_data, known_name
 
@@ -192,12 +193,10 @@ def absent(name):
 
 def test_without_the_extra(monkeypatch, capsys):
     monkeypatch.setattr(catalogue, "distribution", absent)
-    with pytest.raises(
-        hp.RobotError, match=r"solo12.urdf' is in example-robot-data: pip install 'harpy-pin\[robots\]'"
-    ):
+    with pytest.raises(hp.RobotError, match=r'solo12.urdf. is in example-robot-data: pip install -e ".*\[robots\]"'):
         hp.load_robot("solo12")
     listed = robots_command(monkeypatch, capsys)
-    assert "is not installed: pip install 'harpy-pin[robots]'" in listed
+    assert f"is not installed: {install_line('robots')}" in listed
     assert all(name in listed for name in CATALOGUE)
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
+from harpy_pin import errors
 
 
 class Failing:
@@ -46,3 +48,16 @@ def test_parts_that_a_robot_has_not() -> None:
     refused(
         lambda: hp.Scenario(robot="go2", gait=hp.Walking(schedule="walk")), "valid names: bound, crawl, pace, stand"
     )
+
+
+def test_install_lines_fit_how_it_was_installed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    clone = Path(__file__).resolve().parents[2]
+    monkeypatch.chdir(tmp_path)
+    assert errors.install_line("live") == f'pip install -e "{clone}[live]"'
+    monkeypatch.chdir(clone)
+    assert errors.install_line("live") == 'pip install -e ".[live]"'
+    monkeypatch.setattr(errors, "__file__", str(tmp_path / "harpy_pin" / "errors.py"))
+    monkeypatch.setattr(errors, "requires", lambda name: ["numpy>=2.0", "a<2,>=1; extra == 'live'", "b; extra == 'x'"])
+    assert errors.install_line("live") == 'pip install "a<2,>=1"'
+    monkeypatch.setattr(errors, "PUBLISHED", True)
+    assert errors.install_line("live") == 'pip install "harpy-pin[live]"'

@@ -223,7 +223,7 @@ def test_terms_and_filters_say_that_a_state_is_impossible(robot, state):
 
 def test_gaits_that_look_at_the_state_ignore_bad_samples():
     if installed_data() is None:
-        pytest.skip("the robots are an extra: pip install 'harpy-pin[robots]'")
+        pytest.skip("the robots are the extra robots")
     robot = hp.load_robot("bolt")
     gait, clean = hp.WalkingGait(robot), hp.WalkingGait(robot)
     state = hp.State(0.0, *gait.initial_state(), *np.ones((3, 2, 3)))

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site: unknown links, anchors and parameters are errors, and so are pages outside nav."""
-    pytest.importorskip("mkdocs", reason="the site is an extra: pip install 'harpy-pin[docs]'")
+    pytest.importorskip("mkdocs", reason="the site is the extra docs")
     folder = tmp_path_factory.mktemp("site")
     build = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, timeout=600)

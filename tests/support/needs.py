@@ -8,10 +8,10 @@ from harpy_pin.model.catalogue import installed_data
 from harpy_pin.simulation.mujoco import installed_version
 
 needs_robots = pytest.mark.skipif(
-    installed_data() is None, reason="the robots are an extra: pip install 'harpy-pin[robots]'"
+    installed_data() is None, reason="the robots are the extra robots"
 )
 needs_mujoco = pytest.mark.skipif(
-    installed_version() is None, reason="MuJoCo is an extra: pip install 'harpy-pin[mujoco]'"
+    installed_version() is None, reason="MuJoCo is the extra mujoco"
 )
 PLANTS = ("compliant", pytest.param("mujoco", marks=needs_mujoco))
 """Plants by name, for tests of both."""

@@ -1,13 +1,13 @@
 """Robots for reinforcement learning: Gymnasium environments around a :class:`~harpy_pin.scenario.Scenario`.
 
-``pip install 'harpy-pin[gym]'``, then ``gymnasium.make("harpy_pin.contrib.gym:Harpy-v0")`` or ``:Robot-v0``. Actions,
+With the extra ``gym``: ``gymnasium.make("harpy_pin.contrib.gym:Harpy-v0")`` or ``:Robot-v0``. Actions,
 observations and rewards of Harpy: :mod:`harpy_pin.contrib.gym.batched_env`; of other robots:
 :mod:`harpy_pin.contrib.gym.robot_env`.
 """
 
 import lazy_loader
 
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, install_line
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
@@ -21,7 +21,7 @@ def register_envs() -> None:
     try:
         from gymnasium import register, registry
     except ImportError as error:
-        message = f"Gymnasium cannot be imported ({error}): pip install 'harpy-pin[gym]'"
+        message = f"Gymnasium cannot be imported ({error}): {install_line('gym')}"
         raise InputError(message, name="gymnasium") from error
     where = "harpy_pin.contrib.gym.env"
     if "Harpy-v0" not in registry:

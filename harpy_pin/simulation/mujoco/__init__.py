@@ -1,6 +1,6 @@
 """MuJoCo as a second plant: the same robot, scenarios, controllers and logs in another engine.
 
-``pip install 'harpy-pin[mujoco]'``, then ``walk(Scenario(plant="mujoco"))`` or ``harpy walk --set plant=mujoco``.
+With the extra ``mujoco``: ``walk(Scenario(plant="mujoco"))`` or ``harpy walk --set plant=mujoco``.
 MuJoCo itself is imported when the first model is made.
 """
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, install_line
 from harpy_pin.model.mjcf import find_joints, free_joint
 from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
@@ -46,7 +46,7 @@ def import_mujoco() -> Any:
     try:
         import mujoco
     except ImportError as error:
-        message = f"MuJoCo cannot be imported ({error}): pip install 'harpy-pin[mujoco]'"
+        message = f"MuJoCo cannot be imported ({error}): {install_line('mujoco')}"
         raise InputError(message, name="plant", value="mujoco") from error
     return mujoco
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.files import check_writable, replacing
 from harpy_pin.view.page.replay import write_html
 from harpy_pin.view.page.shown import Runs
@@ -102,7 +102,7 @@ class Film(AbstractContextManager["Film"]):
         try:
             from playwright.sync_api import Error
         except ImportError:
-            raise HarpyError("pictures and films need Playwright: pip install 'harpy-pin[film]'") from None
+            raise HarpyError(f"pictures and films need Playwright: {install_line('film')}") from None
         self._error = Error
         self._thread = ThreadPoolExecutor(1, "playwright")
         self._playwright: Any = None
@@ -178,7 +178,7 @@ class Film(AbstractContextManager["Film"]):
         try:
             import imageio_ffmpeg
         except ImportError:
-            raise HarpyError("a film needs an encoder: pip install 'harpy-pin[film]'") from None
+            raise HarpyError(f"a film needs an encoder: {install_line('film')}") from None
         width, height = kind.size if size is None else size
         size = (width // kind.step * kind.step, height // kind.step * kind.step)
         times = self._clock(begin, end, kind.rate)

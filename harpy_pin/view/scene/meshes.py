@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from harpy_pin.errors import install_line
 from harpy_pin.model.state import Vector
 from harpy_pin.view.scene.nodes import Mesh
 
@@ -111,7 +112,7 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[tuple[Mesh, C
 def _warn_of_wrong_surfaces() -> None:
     """Say once that meshes are drawn from wrong triangles."""
     message = "mesh files of several parts are drawn with wrong surfaces where trimesh and pycollada cannot read them"
-    warnings.warn(f"{message}: pip install 'harpy-pin[robots]'", stacklevel=2)
+    warnings.warn(f"{message}: {install_line('robots')}", stacklevel=2)
 
 
 def _colour(mesh: Any) -> Colour:
