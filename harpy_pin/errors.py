@@ -152,17 +152,13 @@ class Interrupted(KeyboardInterrupt):
         self.run = run
 
 
-PUBLISHED = False
-"""Whether package indices know harpy-pin: set it on the day of publishing."""
+PUBLISHED = False  # on the day of publishing True, with the addresses in pyproject.toml
 
 
 def install_line(extra: str) -> str:
-    """What installs an extra: from the clone that this package is in, else from the indices."""
+    """What installs an extra: from the clone that this package is in, else from package indices."""
     clone = Path(__file__).resolve().parents[1]
-    project = clone / "pyproject.toml"
-    if project.is_file() and 'name = "harpy-pin"' in project.read_text(encoding="utf-8"):
+    if (clone / "constraints.txt").is_file():
         return f'pip install -e "{"." if clone == Path.cwd() else clone}[{extra}]"'
-    if PUBLISHED:
-        return f'pip install "harpy-pin[{extra}]"'
-    needed = [line.split(";")[0] for line in requires("harpy-pin") or () if f"extra == '{extra}'" in line]
-    return " ".join(["pip install", *(f'"{name.strip()}"' for name in needed)])
+    lines = [f"harpy-pin[{extra}]; extra == '{extra}'"] if PUBLISHED else requires("harpy-pin") or ()
+    return " ".join(["pip install", *(f'"{r.split(";")[0].strip()}"' for r in lines if f"extra == '{extra}'" in r)])

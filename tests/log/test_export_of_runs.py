@@ -42,7 +42,7 @@ def test_without_pandas_it_says_how_to_install(run, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(hp.InputError, match="pip install .*pandas"):
+    with pytest.raises(hp.InputError, match=r"pip install .*pandas"):
         run.to_pandas()
 
 

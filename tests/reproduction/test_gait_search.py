@@ -103,7 +103,7 @@ def test_bad_task(model, bad):
 
 def test_search_without_its_library(robot, model, monkeypatch):
     monkeypatch.setitem(sys.modules, "cma", None)
-    with pytest.raises(HarpyError, match="pip install .*gait"):
+    with pytest.raises(HarpyError, match=r"pip install .*gait"):
         optimise_gait(robot, task=task(model), budget=3)
 
 
