@@ -304,8 +304,7 @@ def make_solver(name: str, program: QuadraticProgram, *, reuse: bool = False) ->
     try:
         solver = SOLVERS[name](program)
     except ImportError as error:
-        message = f"solver {name!r} is not installed ({error}): {install_line('compare')}"
-        raise InputError(message, name="solver", value=name) from error
+        raise InputError(f"no {name} ({error}): {install_line('compare')}", name="solver", value=name) from error
     return WarmStartedActiveSet(program, solver) if reuse else solver
 
 

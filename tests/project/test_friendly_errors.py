@@ -25,10 +25,8 @@ class Failing:
 def refused(call: Callable[[], object], *says: str) -> None:
     with pytest.raises((hp.InputError, TypeError)) as error:
         call()
-    message = str(error.value)
-    assert "\n" not in message
-    for words in says:
-        assert words in message
+    assert "\n" not in str(error.value)
+    assert all(words in str(error.value) for words in says)
 
 
 @pytest.mark.parametrize("walk", [hp.walk, hp.scenario.build])

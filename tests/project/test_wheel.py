@@ -13,17 +13,11 @@ from pathlib import Path
 
 def test_wheel_walks_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
-    assert "harpy_pin/urdf/harpy.urdf" in names
-    assert "harpy_pin/py.typed" in names
-    assert "harpy_pin/__init__.pyi" in names
-    assert {"harpy_pin/examples/first_walk.py", "harpy_pin/tutorials/first_walk.md"} <= set(names)
+    others = ("urdf/harpy.urdf", "py.typed", "__init__.pyi", "examples/first_walk.py", "tutorials/first_walk.md")
     page = ("page.html", "page.css", "player.js", "uPlot.iife.min.js", "uPlot.min.css", "uPlot-LICENSE.txt")
-    assert {f"harpy_pin/view/page/assets/{name}" for name in page} <= set(names)
-    assert not [
-        n
-        for n in names
-        if n.startswith(("tests", "comparison", "reproduction")) or n.endswith((".nbi", ".nbc", ".pyc"))
-    ]
+    assert {f"harpy_pin/{n}" for n in (*others, *(f"view/page/assets/{name}" for name in page))} <= set(names)
+    foreign, compiled = ("tests", "comparison", "reproduction"), (".nbi", ".nbc", ".pyc")
+    assert not [n for n in names if n.startswith(foreign) or n.endswith(compiled)]
 
     environment, folder = tmp_path / "env", tmp_path / "empty"
     folder.mkdir()

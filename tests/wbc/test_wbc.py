@@ -193,7 +193,7 @@ def test_unknown_or_absent_solver(monkeypatch):
     with pytest.raises(hp.InputError, match="unknown formulation"):
         make_problem("sparse", ROBOT)
     monkeypatch.setitem(sys.modules, "daqp", None)
-    with pytest.raises(hp.InputError, match=r"not installed .*: pip install"):
+    with pytest.raises(hp.InputError, match=r"no daqp .*: pip install"):
         make_solver("daqp", program)
     assert "daqp" not in installed_solvers()
     assert "proxqp" in installed_solvers()

@@ -21,8 +21,7 @@ def register_envs() -> None:
     try:
         from gymnasium import register, registry
     except ImportError as error:
-        message = f"Gymnasium cannot be imported ({error}): {install_line('gym')}"
-        raise InputError(message, name="gymnasium") from error
+        raise InputError(f"no Gymnasium ({error}): {install_line('gym')}", name="gymnasium") from error
     where = "harpy_pin.contrib.gym.env"
     if "Harpy-v0" not in registry:
         register("Harpy-v0", f"{where}:HarpyEnv", vector_entry_point=f"{where}:HarpyVectorEnv")

@@ -46,8 +46,7 @@ def import_mujoco() -> Any:
     try:
         import mujoco
     except ImportError as error:
-        message = f"MuJoCo cannot be imported ({error}): {install_line('mujoco')}"
-        raise InputError(message, name="plant", value="mujoco") from error
+        raise InputError(f"no MuJoCo ({error}): {install_line('mujoco')}", name="plant", value="mujoco") from error
     return mujoco
 
 

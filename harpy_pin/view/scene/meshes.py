@@ -111,8 +111,7 @@ def _read_parts(path: str, scale: tuple[float, ...]) -> tuple[list[tuple[Mesh, C
 @cache
 def _warn_of_wrong_surfaces() -> None:
     """Say once that meshes are drawn from wrong triangles."""
-    message = "mesh files of several parts are drawn with wrong surfaces where trimesh and pycollada cannot read them"
-    warnings.warn(f"{message}: {install_line('robots')}", stacklevel=2)
+    warnings.warn(f"meshes of several parts are drawn with wrong surfaces: {install_line('robots')}", stacklevel=2)
 
 
 def _colour(mesh: Any) -> Colour:
