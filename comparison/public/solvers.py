@@ -18,8 +18,7 @@ from comparison.measure.walking import Progress, silent
 from harpy_pin.model.record import field
 from harpy_pin.wbc.active_set_warm_start import EXCHANGES_PER_ROW, DualActiveSet
 from harpy_pin.wbc.condensed.active_set import UNBOUNDED
-from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.qp_solver import QPStatus
+from harpy_pin.wbc.program import QPStatus, QuadraticProgram
 
 KEYS = ("P", "q", "G", "h", "A", "b", "lb", "ub")
 """Fields of a program, of qpsolvers and in files."""

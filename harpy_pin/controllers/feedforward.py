@@ -20,8 +20,7 @@ from dataclasses import asdict
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.controllers.governed_tick import ControlRecord, steps_of, thrusts
-from harpy_pin.controllers.legs import solve_three, track_foot
+from harpy_pin.controllers.governed_tick import ControlRecord, solve_three, steps_of, thrusts, track_foot
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import FullGait, GaitTargetRecord

@@ -15,7 +15,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTarget, GaitTargetRecord
-from harpy_pin.model.posture import LEVEL, find_posture
+from harpy_pin.model.ik import LEVEL, find_posture
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector

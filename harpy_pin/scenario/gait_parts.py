@@ -21,7 +21,7 @@ from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.posture import leg_joints
+from harpy_pin.model.ik import leg_joints
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import named_robot
 from harpy_pin.scenario.parts import Part

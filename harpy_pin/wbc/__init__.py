@@ -2,16 +2,11 @@
 
 from harpy_pin.wbc.formulations import FORMULATIONS, make_problem
 from harpy_pin.wbc.problem import WholeBodyProblem
-from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.qp_solver import QPSolution, QPSolver, QPStatus
+from harpy_pin.wbc.program import QPSolution, QPSolver, QPStatus, QuadraticProgram
 from harpy_pin.wbc.solvers import SOLVERS, installed_solvers, make_solver
 from harpy_pin.wbc.tasks.added import AddedTask, AddedTasks
 from harpy_pin.wbc.tasks.built_in import BuiltInTask, built_in_tasks
-from harpy_pin.wbc.tasks.centroidal import CentreOfMassTask, MomentumTask
-from harpy_pin.wbc.tasks.foot_force import FootForceTask
-from harpy_pin.wbc.tasks.frame import FrameTask
-from harpy_pin.wbc.tasks.joint import JointTask
-from harpy_pin.wbc.tasks.task import Task
+from harpy_pin.wbc.tasks.task import CentreOfMassTask, FootForceTask, FrameTask, JointTask, MomentumTask, Task
 from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
 
 __all__ = [

@@ -31,8 +31,7 @@ from harpy_pin.wbc.condensed.active_set import (
     exchange,
     row_value,
 )
-from harpy_pin.wbc.program import QuadraticProgram, worst_violation
-from harpy_pin.wbc.qp_solver import ACCEPTED, QPSolution, QPSolver, QPStatus
+from harpy_pin.wbc.program import ACCEPTED, QPSolution, QPSolver, QPStatus, QuadraticProgram, worst_violation
 
 SOLVED, INACCURATE, MAX_ITERATIONS, INFEASIBLE = (int(status) for status in QPStatus)
 ASK = 4

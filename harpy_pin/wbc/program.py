@@ -1,11 +1,20 @@
-"""A dense quadratic program of constant size: ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u."""
+"""A dense quadratic program of constant size, ½ zᵀH z + gᵀz, A z = b, l ≤ C z ≤ u, its solutions and solvers.
+
+Every solution has a status, which callers have to check.
+"""
 
 from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.state import Vector
@@ -94,3 +103,113 @@ def worst_violation(qp: ProgramRecord, z: Vector) -> float:
             return np.inf
         worst = max(worst, below, above)
     return worst
+
+
+ACCEPTED = 1e-2
+"""Violation (N, N·m, m/s²) with which an unfinished solve still counts as usable."""
+
+
+class QPStatus(IntEnum):
+    """Outcome of a solve."""
+
+    SOLVED = 0
+    INACCURATE = 1
+    """The solver did not finish, but the constraints hold to the accepted violation."""
+    MAX_ITERATIONS = 2
+    INFEASIBLE = 3
+    """Primal or dual infeasible, or not finite."""
+
+
+@fixed_arrays("z")
+@dataclass
+class QPSolution(KeepsViews):
+    """Result of a solve; overwritten by the next.
+
+    Attributes:
+        z: (n,) primal solution; meaningful if :attr:`usable`.
+        status: how it ended.
+        iterations: of the solver, in its own unit.
+        violation: largest violation of a constraint by z, in the constraint's unit (N, N·m, m/s²).
+    """
+
+    z: Vector
+    status: QPStatus = QPStatus.MAX_ITERATIONS
+    iterations: int = 0
+    violation: float = np.inf
+    if TYPE_CHECKING:
+
+        @property
+        def _z_(self) -> Vector: ...
+
+    @property
+    def usable(self) -> bool:
+        """Whether ``z`` satisfies the constraints."""
+        return self.status <= QPStatus.INACCURATE
+
+
+class QPSolver(KeepsViews, ABC):
+    """A solver for programs of one size, which keeps its memory and its warm start between solves.
+
+    Args:
+        program: gives the sizes; may be filled later.
+
+    Attributes:
+        solution: of the last solve.
+    """
+
+    name: ClassVar[str]
+
+    def __init__(self, program: QuadraticProgram) -> None:
+        self.solution = QPSolution(np.zeros(checks.instance("program", program, QuadraticProgram).shape[0]))
+        self._layout = program.record.dtype
+
+    def prepare(self, program: QuadraticProgram) -> None:
+        """Begin to compile what solving a program of this size needs.
+
+        Args:
+            program: an example.
+
+        Raises:
+            InputError: it has other sizes.
+        """
+        self._refuse_other(program)
+        worst_violation.prepare(program.record, self.solution.z)
+
+    def reset(self) -> None:
+        """Forget the last solution: the next solve starts cold."""
+        self.solution.status = QPStatus.MAX_ITERATIONS
+
+    def solve(self, program: QuadraticProgram) -> QPSolution:
+        """Solve a program, from the last solution where the solver can.
+
+        Args:
+            program: filled, and of the sizes that the solver was made for.
+
+        Returns:
+            The solution, the object :attr:`solution` itself. Its violation is measured here, not taken from the solver.
+
+        Raises:
+            InputError: the program has other sizes.
+        """
+        self._refuse_other(program)
+        solution = self.solution
+        solution.status = self._solve(program)
+        solution.violation = violation = worst_violation(program._record_, solution.z)
+        if not violation < np.inf:
+            solution.status = QPStatus.INFEASIBLE
+        elif solution.status is QPStatus.MAX_ITERATIONS and violation <= ACCEPTED:
+            solution.status = QPStatus.INACCURATE
+        elif solution.status is QPStatus.SOLVED and violation > ACCEPTED:
+            solution.status = QPStatus.MAX_ITERATIONS
+        return solution
+
+    def _refuse_other(self, program: QuadraticProgram) -> None:
+        """Refuse a program of other sizes: kernels would go past their arrays."""
+        record = getattr(program, "_record_", None)
+        if record is None or record.dtype != self._layout:
+            message = f"program must be one of the sizes that the solver was made for, got {shown(program)}"
+            raise InputError(message, name="program", value=program)
+
+    @abstractmethod
+    def _solve(self, program: QuadraticProgram) -> QPStatus:
+        """Fill ``z`` and ``iterations`` of the solution."""

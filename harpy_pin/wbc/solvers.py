@@ -19,8 +19,7 @@ from harpy_pin.errors import InputError, install_line
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.condensed.active_set import UNBOUNDED
-from harpy_pin.wbc.program import QuadraticProgram
-from harpy_pin.wbc.qp_solver import QPSolver, QPStatus
+from harpy_pin.wbc.program import QPSolver, QPStatus, QuadraticProgram
 
 OUTCOMES = {
     **dict.fromkeys(("PROXQP_SOLVED", "PIQP_SOLVED", "OSQP_SOLVED", "Solved"), QPStatus.SOLVED),

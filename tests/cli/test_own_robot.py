@@ -15,7 +15,7 @@ from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.posture import leg_joints
+from harpy_pin.model.ik import leg_joints
 from harpy_pin.model.robot import heavier
 from harpy_pin.model.source import read_robot
 from harpy_pin.view.identity import robot_of

@@ -17,7 +17,7 @@ from random_states import draw
 import harpy_pin as hp
 from harpy_pin.wbc import FORMULATIONS, installed_solvers
 from harpy_pin.wbc.condensed.active_set import EXCHANGES
-from harpy_pin.wbc.qp_solver import ACCEPTED
+from harpy_pin.wbc.program import ACCEPTED
 
 STATES = 1000
 CONTROLLERS = {

@@ -24,10 +24,7 @@ from dataclasses import dataclass
 from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.tasks.foot_force import FootForceTask
-from harpy_pin.wbc.tasks.frame import FrameTask
-from harpy_pin.wbc.tasks.joint import JointTask
-from harpy_pin.wbc.tasks.task import MotionTask, Task
+from harpy_pin.wbc.tasks.task import FootForceTask, FrameTask, JointTask, MotionTask, Task
 from harpy_pin.wbc.weights import WholeBodyTargets
 
 

@@ -1,4 +1,4 @@
-"""What a task is: rows A x ≈ b in x = [a; f], accelerations and contact forces.
+"""Tasks: rows A x ≈ b in x = [a; f], accelerations and contact forces, of joints, frames, momentum and feet.
 
 Every task of a whole-body problem is of this kind: those that every problem has
 (:mod:`harpy_pin.wbc.tasks.built_in`) and those that users add (:mod:`harpy_pin.wbc.tasks.added`).
@@ -7,15 +7,23 @@ Every task of a whole-body problem is of this kind: those that every problem has
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Protocol
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.state import State, Vector
+
+AXES = ("world", "local")
+PARTS = {"position": slice(0, 3), "orientation": slice(3, 6), "both": slice(0, 6)}
+MOMENTA = {"linear": slice(0, 3), "angular": slice(3, 6), "both": slice(0, 6)}
 
 
 class Task(Protocol):
@@ -112,3 +120,259 @@ def check_stiffness(name: str, gains: tuple[float, float]) -> None:
     """
     if gains[0] == 0.0:
         raise InputError(f"a {name} needs a gain k_p, such as gains=(100, 20)", name="gains", value=gains)
+
+
+@fixed_arrays("acceleration", "position", "velocity")
+class JointTask(MotionTask):
+    """Accelerations of joints.
+
+    Args:
+        joints: their names, or one name. The references below have their order; for one joint a number will do.
+        position: (m,) angles to go to, rad.
+        velocity: (m,) reference, rad/s; zero by default.
+        acceleration: (m,) reference, rad/s²; zero by default.
+        gains: (k_p, k_d), 1/s² and 1/s.
+
+    Attributes:
+        position, velocity, acceleration, gains: as given; they may be overwritten between ticks.
+
+    Raises:
+        InputError: a k_p without positions, or positions without a k_p; references of another length than ``joints``.
+            Unknown joints are refused when the task is added.
+    """
+
+    def __init__(
+        self,
+        joints: str | Sequence[str],
+        *,
+        position: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gains: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        self.joints = (joints,) if isinstance(joints, str) else checks.names("joints", joints)
+        super().__init__(len(self.joints), velocity, acceleration, gains)
+        self.position = reference_position(position, len(self.joints), self.gains)
+        self._robot: Any = None
+        self._columns: list[int] = []
+
+    @checked
+    def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
+        """See :meth:`Task.rows`."""
+        if self._robot is not dynamics.robot:
+            names = dynamics.robot.joints
+            for name in self.joints:
+                checks.one_of("joint", name, names)
+            self._robot, self._columns = dynamics.robot, [6 + names.index(name) for name in self.joints]
+        columns = np.array(self._columns, dtype=np.int64)
+        matrix = np.zeros((len(columns), len(state.v)))
+        matrix[np.arange(len(columns)), columns] = 1.0
+        error = None if self.position is None else self.position - state.q[columns + 1]
+        return matrix, self.desired(error, state.v[columns])
+
+
+@fixed_arrays("acceleration", "position", "rotation", "velocity")
+class FrameTask(MotionTask):
+    """Acceleration of a frame of the robot: of its origin, of its axes, or of both (linear first).
+
+    Args:
+        frame: its name in the model: a link, a joint, a foot, a thruster.
+        part: ``position``, ``orientation`` or ``both``.
+        axes: in which the rows are written: ``world``, or ``local`` for those of the frame.
+        position: (3,) where the origin should be, world, m.
+        rotation: (3, 3) frame to world as it should be.
+        velocity: (3,) or (6,) reference in ``axes``, m/s and rad/s; zero by default.
+        acceleration: (3,) or (6,) reference in ``axes``, m/s² and rad/s²; zero by default.
+        gains: (k_p, k_d), 1/s² and 1/s.
+
+    Attributes:
+        position, rotation, velocity, acceleration, gains: as given; they may be overwritten between ticks.
+
+    Raises:
+        InputError: an unknown part or axes; a k_p without the reference it needs; a position or a rotation without a
+            k_p. An unknown frame is refused when the task is added.
+    """
+
+    def __init__(
+        self,
+        frame: str,
+        *,
+        part: str = "position",
+        axes: str = "world",
+        position: ArrayLike | None = None,
+        rotation: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gains: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        checks.one_of("part", part, PARTS)
+        checks.one_of("axes", axes, AXES)
+        self.frame, self.part, self.axes = frame, part, axes
+        self._rows = PARTS[part]
+        super().__init__(self._rows.stop - self._rows.start, velocity, acceleration, gains)
+        if part != "orientation":
+            self.position = reference_position(position, 3, self.gains)
+        else:  # which reads none
+            self.position = None if position is None else checks.vector("position", position, 3)
+        if rotation is None and part != "position" and self.gains[0] != 0.0:
+            raise InputError("a gain k_p needs a rotation to go to", name="rotation")
+        self.rotation = None if rotation is None else checks.vector("rotation", rotation, (3, 3))
+        if self.rotation is not None and part != "position":
+            check_stiffness("rotation", self.gains)
+        self._model: Any = None
+        self._data: Any = None
+        self._frame = 0
+
+    @checked
+    def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
+        """See :meth:`Task.rows`."""
+        model = dynamics.model
+        if self._model is not model:
+            self._frame = dynamics.robot.frame_id(self.frame)
+            self._model, self._data = model, model.createData()
+        data, frame, world = self._data, self._frame, pin.LOCAL_WORLD_ALIGNED
+        jacobian = pin.computeFrameJacobian(model, data, state.q, frame, world)
+        pin.forwardKinematics(model, data, state.q, state.v, np.zeros(model.nv))
+        place = pin.updateFramePlacement(model, data, frame)
+        drift = pin.getFrameClassicalAcceleration(model, data, frame, world).vector
+        error = np.zeros(6)
+        if self.position is not None:
+            error[:3] = self.position - place.translation
+        if self.rotation is not None:
+            error[3:] = pin.log3(self.rotation @ place.rotation.T)
+        stacked = np.column_stack((jacobian, jacobian @ state.v, drift, error))
+        if self.axes == "local":
+            stacked = (place.rotation.T @ stacked.reshape(2, 3, -1)).reshape(6, -1)
+        stacked = stacked[self._rows]
+        velocity, drift, error = stacked[:, -3:].T
+        return stacked[:, :-3], self.desired(error, velocity) - drift
+
+
+@fixed_arrays("acceleration", "position", "velocity")
+class CentreOfMassTask(MotionTask):
+    """Acceleration of the centre of mass, world axes.
+
+    Args:
+        position: (3,) where it should be, m.
+        velocity: (3,) reference, m/s; zero by default.
+        acceleration: (3,) reference, m/s²; zero by default.
+        gains: (k_p, k_d), 1/s² and 1/s.
+
+    Attributes:
+        position, velocity, acceleration, gains: as given; they may be overwritten between ticks.
+
+    Raises:
+        InputError: a k_p without a position.
+    """
+
+    def __init__(
+        self,
+        *,
+        position: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+        gains: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        super().__init__(3, velocity, acceleration, gains)
+        self.position = reference_position(position, 3, self.gains)
+
+    @checked
+    def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
+        """See :meth:`Task.rows`."""
+        rotation, mass = dynamics.rotation, dynamics.mass_matrix[0, 0]
+        matrix = rotation @ dynamics.mass_matrix[:3] / mass
+        drift = rotation @ dynamics.bias[:3] / mass + dynamics.model.gravity.linear
+        error = None
+        if self.position is not None:
+            error = self.position - state.q[:3] - dynamics.rotation @ _centre(dynamics)
+        return matrix, self.desired(error, matrix @ state.v) - drift
+
+
+@fixed_arrays("momentum", "rate")
+class MomentumTask:
+    """Rate of the robot's momentum, the angular one about the centre of mass, world axes.
+
+    Args:
+        part: ``linear``, ``angular`` or ``both`` (linear first).
+        momentum: (3,) or (6,) reference, kg·m/s and kg·m²/s; zero by default.
+        rate: (3,) or (6,) reference of its rate, N and N·m; zero by default.
+        gain: of the difference of momentum, 1/s.
+
+    Attributes:
+        momentum, rate, gain: as given; they may be overwritten between ticks.
+
+    Raises:
+        InputError: an unknown part, or a negative gain.
+    """
+
+    def __init__(
+        self,
+        *,
+        part: str = "angular",
+        momentum: ArrayLike | None = None,
+        rate: ArrayLike | None = None,
+        gain: float = 0.0,
+    ) -> None:
+        checks.one_of("part", part, MOMENTA)
+        self._rows = MOMENTA[part]
+        size = self._rows.stop - self._rows.start
+        self.part = part
+        self.momentum = reference("momentum", momentum, size)
+        self.rate = reference("rate", rate, size)
+        self.gain = checks.number("gain", gain, low=0.0)
+
+    @checked
+    def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
+        """See :meth:`Task.rows`."""
+        matrix, drift = _momentum_rows(dynamics)
+        matrix, drift = matrix[self._rows], drift[self._rows]
+        return matrix, self.rate + self.gain * (self.momentum - matrix @ state.v) - drift
+
+
+def _centre(dynamics: Dynamics) -> Vector:
+    """(3,) centre of mass from the body's origin, body axes, m: the mass matrix has −m [c]× beside m I."""
+    m = dynamics.mass_matrix
+    return np.array((-m[2, 4], -m[0, 5], -m[1, 3]), dtype=np.float64) / float(m[0, 0])
+
+
+def _momentum_rows(dynamics: Dynamics) -> tuple[Vector, Vector]:
+    """(6, nv) A and (6,) d with ḣ = A a + d and h = A v, h the linear and angular momentum, world axes.
+
+    The floating base's six rows of M a + n are the wrench on the robot about the base's origin without gravity, in body
+    axes. About the centre of mass c its moment is less by c × force, and gravity has none.
+    """
+    rotation, matrix = dynamics.rotation, np.column_stack((dynamics.mass_matrix[:6], dynamics.bias[:6]))
+    matrix[3:] -= pin.skew(_centre(dynamics)) @ matrix[:3]
+    matrix = (rotation @ matrix.reshape(2, 3, -1)).reshape(6, -1)
+    matrix[:3, -1] += dynamics.mass_matrix[0, 0] * dynamics.model.gravity.linear
+    return matrix[:, :-1], matrix[:, -1]
+
+
+@fixed_arrays("force")
+class FootForceTask:
+    """Force of the ground on a foot, world axes. In swing the task is inactive.
+
+    Args:
+        foot: its name.
+        force: (3,) desired, N; zero by default.
+
+    Attributes:
+        force: as given; it may be overwritten between ticks.
+
+    Raises:
+        InputError: a force that is not a vector of three numbers. An unknown foot is refused when the task is added.
+    """
+
+    def __init__(self, foot: str, *, force: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        self.foot = foot
+        self.force = checks.vector("force", force, 3)
+
+    @checked
+    def rows(self, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
+        """See :meth:`Task.rows`."""
+        feet, nv = dynamics.robot.feet, len(state.v)
+        checks.one_of("foot", self.foot, feet)
+        first = nv + 3 * feet.index(self.foot)
+        matrix = np.zeros((3, nv + 3 * len(feet)))
+        matrix[:, first : first + 3] = np.eye(3)
+        return matrix, self.force.copy()
