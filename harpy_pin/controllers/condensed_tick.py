@@ -30,17 +30,9 @@ class CondensedTickRecord(CondensedTasksRecord, TickRecord):
 
 @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")  # arrays of the record that have the same shape
 def condensed_step(r: CondensedTickRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
-    """A tick: terms, tasks, optimum, command.
+    """A tick: terms, tasks, optimum, command, of the measured q (nq,), v (nv,) and forces on the feet (feet, 3), N.
 
-    Args:
-        r: of the controller.
-        target: of the gait at this time.
-        q: (nq,) as measured.
-        v: (nv,) as measured.
-        foot_force: (feet, 3) as measured, N.
-
-    Returns:
-        The status: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or ``BAD_SAMPLE``.
+    Returns the status: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or ``BAD_SAMPLE``.
     """
     d, optimum = r.dynamics, r.condensed
     r.verdict = task_terms(r, target, q, v, foot_force)

@@ -67,11 +67,7 @@ class GaitController(KeepsViews, ABC):
         self._convert = False  # whether states come in a form that kernels do not take
 
     def _begin(self, record: Records[Any]) -> None:
-        """Take up the record of the controller, and begin to compile its tick.
-
-        Args:
-            record: with the fields of a :class:`~harpy_pin.controllers.tick.TickRecord`.
-        """
+        """Take up the record of the controller, and begin to compile its tick."""
         self._record_ = record
         self._command = Command(field(record, "torque"), field(record, "thrust"))
         self.command: tuple[Vector, ...] = (self._command.torque, self._command.thrust)
@@ -218,14 +214,7 @@ class GaitController(KeepsViews, ABC):
         self._chain = Chain(calls, measured, longest=LONGEST)
 
     def _refuse_misfit(self, state: State) -> None:
-        """Raise where a sample was no bad one, but one of another robot, or the gait's targets are no numbers.
-
-        Args:
-            state: that was given.
-
-        Raises:
-            InputError: the message says whether the state or the gait's targets are wrong.
-        """
+        """Raise where a sample was no bad one, but one of another robot, or the gait's targets are no numbers."""
         if self._verdict == MISFIT:
             as_state(state, self.robot)
             turns = all(isfinite(x) for x in self.target.body) and bool(self.target.heading[0])

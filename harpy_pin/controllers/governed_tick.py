@@ -80,14 +80,7 @@ class FilterTickRecord(RecordOf):
 def control_record(
     parameters: GovernedParameters, robot: Robot, kind: type[ControlRecord] = ControlRecord, **parts: ArrayLike
 ) -> Records[ControlRecord]:
-    """A new :class:`ControlRecord`.
-
-    Args:
-        parameters: of the controller.
-        robot: that it controls.
-        kind: class of the record, with further parts.
-        parts: these parts, by name.
-    """
+    """A new :class:`ControlRecord`, or one of another ``kind`` with further parts."""
     p, joints = parameters, parameters.joints
     left, right = (LegGeometry.from_robot(robot, foot).record for foot in robot.feet)
     limit = robot.thrust_limit if p.limits else np.inf
@@ -265,11 +258,7 @@ def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
 
 
 def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
-    """The kernels of a tick with one control law of the legs, by governor.
-
-    Args:
-        actuate: kernel that writes the command of an applied reference.
-    """
+    """The kernels of a tick by governor, with a kernel that writes the command of an applied reference."""
 
     @kernel
     def plain_step(

@@ -98,12 +98,7 @@ def joint_gains(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Vector
 def move_targets(m: JointTargetsRecord, acceleration: Vector, usable: bool, q: Vector, v: Vector) -> None:
     """The law of this tick, and the targets at the beginning of the next.
 
-    Args:
-        m: element of the record.
-        acceleration: (nv,) of the optimum.
-        usable: whether there is one.
-        q: (nq,) as measured.
-        v: (nv,) as measured.
+    They follow the acceleration (nv,) of the optimum, where it is ``usable``, from the measured q (nq,) and v (nv,).
     """
     h, s = m.period, m.lead
     fresh = m.follows == 0 or not usable

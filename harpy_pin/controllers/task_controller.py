@@ -22,14 +22,7 @@ from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
 def tasks_record(
     gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike
 ) -> Records[TasksRecord]:
-    """A new :class:`TasksRecord`.
-
-    Args:
-        gait: where body and feet should be.
-        parameters: gains and ranges of forces.
-        kind: class of the record, with further parts.
-        parts: these parts, by name.
-    """
+    """A new :class:`TasksRecord`, or one of another ``kind`` with further parts."""
     robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
     lift, feet = robot.lift_axis, len(robot.feet)
     tasks = make_record(
@@ -89,12 +82,9 @@ class TaskController(GaitController):
             expect_lag(p.thrust_lag)
 
     def _begin_tasks(self, kind: type[TasksRecord], with_targets: type[TasksRecord], **parts: ArrayLike) -> None:
-        """Make the record of the controller, and take it up; see :func:`tasks_record`.
+        """Make the record of the controller, and take it up.
 
-        Args:
-            kind: class of the record.
-            with_targets: that with joint targets.
-            parts: further parts, by name.
+        Its class is ``kind``, or with joint targets another one; see :func:`tasks_record`.
         """
         motors = joint_targets_record(self.robot, self.parameters, self.gait.initial_state()[0])
         if motors is not None:

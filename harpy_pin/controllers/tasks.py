@@ -86,17 +86,9 @@ class TasksRecord(RecordOf):
 def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector) -> int:
     """Terms, task accelerations, which feet are held, and the range of their normal forces.
 
-    Where the ground is not level, what concerns feet is left in the frames of their contacts: there z is the normal.
-
-    Args:
-        r: element of a :class:`TasksRecord`.
-        g: element of the gait's.
-        q: (nq,) configuration.
-        v: (nv,) generalised velocity.
-        foot_force: (feet, 3) as measured, N.
-
-    Returns:
-        What the state is, see :mod:`harpy_pin.model.entry`.
+    They are those of the measured q (nq,), v (nv,) and forces on the feet (feet, 3), N. Where the ground is not level,
+    what concerns feet is left in the frames of their contacts: there z is the normal. Returns what the state is, see
+    :mod:`harpy_pin.model.entry`.
     """
     d, p, t = r.dynamics, r.tasks, r.targets
     if foot_force.shape != t.feet.shape:
@@ -311,17 +303,9 @@ def lean(
 ) -> tuple[float, float, float, float]:
     """Take the desired tilt out of the body's orientation, and what is out of reach now out of its acceleration.
 
-    Args:
-        rotation: (3, 3) body to world.
-        gravity: (3,) world axes, m/s².
-        lift: (3,) l, of unit length, body axes.
-        heading: yaw of the upright body, rad.
-        body: (3,) a_d in, after :func:`limit_push`; a out; world axes, m/s².
-        quaternion: (4,) of the body: x, y, z, w.
-
-    Returns:
-        (x, y, z, w), the body's orientation turned back by the desired tilt: where the body has that tilt, this is the
-        upright one with that heading.
+    ``lift`` is l, ``heading`` the yaw of the upright body, and ``body`` (3,) a_d in, after :func:`limit_push`, and a
+    out, in world axes. Returns the body's quaternion (x, y, z, w) turned back by the desired tilt: where the body has
+    that tilt, this is the upright one with that heading.
     """
     x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
     desired = np.empty(3)

@@ -74,12 +74,7 @@ class ThrustLagRecord(RecordOf):
 
 
 def thrust_lag_record(robot: Robot, parameters: WholeBodyParameters) -> Records[ThrustLagRecord] | None:
-    """What is known of a robot's thrusts; None where they have no lag.
-
-    Args:
-        robot: who has them.
-        parameters: of its controller.
-    """
+    """What is known of a robot's thrusts; None where they have no lag."""
     lag, turning, period = parameters.thrust_lag, parameters.thrust_turning_lag, parameters.period
     if lag == turning == 0.0 or not robot.n_thrust:
         return None
@@ -112,12 +107,7 @@ def advance_thrusts(r: ThrustLagRecord) -> None:
 
 @kernel
 def keep_thrusts(r: ThrustLagRecord, rotation: Vector) -> None:
-    """What is kept of the thrusts.
-
-    Args:
-        r: element of the record.
-        rotation: (3, 3) of the body, to world axes.
-    """
+    """What is kept of the thrusts, for a body of this rotation (3, 3) to world axes."""
     count = r.goal.shape[0]
     free = (r.least.shape[0] - count) // 2  # three variables of each, one of each rotor
     for k in range(count):
@@ -134,12 +124,9 @@ def keep_thrusts(r: ThrustLagRecord, rotation: Vector) -> None:
 
 @kernel
 def count_from_kept(r: ThrustLagRecord, d: DynamicsRecord, sign: float) -> None:
-    """Make the thrusts beyond those kept the variables of the programs, by an external force; or undo it.
+    """Make the thrusts beyond those kept the variables of the programs, by an external force in the bias.
 
-    Args:
-        r: element of the record.
-        d: of the robot's dynamics, whose bias changes.
-        sign: 1, or −1 to undo it.
+    The sign is 1, or −1 to undo it.
     """
     for i in range(d.bias.shape[0]):
         for c in range(r.kept.shape[0]):
@@ -148,13 +135,9 @@ def count_from_kept(r: ThrustLagRecord, d: DynamicsRecord, sign: float) -> None:
 
 @kernel
 def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, command: Vector) -> None:
-    """Command the thrusts of a program, and find those of this tick, ``present``.
+    """Command the thrusts of a program's variables, N, and find those of this tick, ``present``.
 
-    Args:
-        r: element of the record.
-        d: of the robot's dynamics.
-        variables: (thrust variables, or more) of the program, N.
-        command: (thrusters, 3) out: world axes, N.
+    ``command`` (thrusters, 3) is written: world axes, N.
     """
     count = r.goal.shape[0]
     free = (r.least.shape[0] - count) // 2
@@ -225,14 +208,7 @@ def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, c
 
 @kernel
 def bound_thrusts(r: ThrustLagRecord, fixed: bool, lower: Vector, upper: Vector) -> None:
-    """Bounds of a program: those of free thrusts, or the thrusts of this tick.
-
-    Args:
-        r: element of the record.
-        fixed: whether they are those of this tick.
-        lower: (thrust variables, or more) of the program, out.
-        upper: (thrust variables, or more) of the program, out.
-    """
+    """Bounds of a program: those of free thrusts, or, where these are ``fixed``, the thrusts of this tick."""
     for c in range(r.present.shape[0]):
         lower[c] = (r.present[c] if fixed else r.least[c]) - r.kept[c]
         upper[c] = (r.present[c] if fixed else r.largest[c]) - r.kept[c]
@@ -240,12 +216,7 @@ def bound_thrusts(r: ThrustLagRecord, fixed: bool, lower: Vector, upper: Vector)
 
 @kernel
 def add_kept(r: ThrustLagRecord, variables: Vector) -> None:
-    """Make thrusts of a program's variables.
-
-    Args:
-        r: element of the record.
-        variables: (thrust variables, or more) N.
-    """
+    """Make thrusts, N, of a program's variables."""
     for c in range(r.kept.shape[0]):
         variables[c] += r.kept[c]
 

@@ -45,10 +45,7 @@ def fading(r: TickRecord) -> float:
 def write_inputs(r: TickRecord, inputs: Vector, apart: bool) -> None:
     """The torques of inputs [u; τ]; after a bad sample the last command, which fades.
 
-    Args:
-        r: element of the tick's record; its thrusts are those of this tick.
-        inputs: (thrust variables + joints,) N and N·m.
-        apart: whether the thrusts of the command are other numbers than those of the inputs.
+    ``apart`` says whether the thrusts of the command, those of this tick, are other numbers than those of the inputs.
     """
     first = inputs.shape[0] - r.torque.shape[0]
     factor = fading(r)

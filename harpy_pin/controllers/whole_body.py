@@ -305,8 +305,7 @@ class WholeBodyController(TaskController):
     def _solve_once(self, *, further: bool) -> bool:
         """Solve the program as it is, where its solver does not finish by the dual method; whether that was possible.
 
-        Args:
-            further: whether it is not the first of the tick.
+        It is a ``further`` one where it is not the first of the tick.
         """
         solver, program = self._solver, self._program
         if further and isinstance(solver, WarmStartedActiveSet):

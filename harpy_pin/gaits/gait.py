@@ -195,12 +195,7 @@ def check_gait(gait: object) -> None:
 
 
 def calls_of(gait: Gait, state: State) -> Sequence[Call] | None:
-    """The kernels of an update of a gait; None where Python takes part.
-
-    Args:
-        gait: any.
-        state: arrays of the measured state, which stay where they are.
-    """
+    """The kernels of an update of a gait, at a state whose arrays stay where they are; None where Python takes part."""
     calls: Callable[[State], Sequence[Call] | None] = getattr(gait, "calls", lambda _: None)
     return calls(state)
 

@@ -61,11 +61,7 @@ class FollowsVelocity(KeepsViews):
     script: Script
 
     def _follow(self, velocity: Velocity) -> None:
-        """Take what is to be followed; warn, in one line, of the first command beyond the limits of the record.
-
-        Raises:
-            InputError: see :func:`read_velocity`.
-        """
+        """Take what is to be followed; warn, in one line, of the first command beyond the limits of the record."""
         self._given: Vector = field(self.record, "command")
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
         self.command = self._given if self._function is None else read_only(self._given)
@@ -105,11 +101,7 @@ class FollowsVelocity(KeepsViews):
         self.record["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
 
     def _ask_function(self, t: float) -> None:
-        """Command what the function says, if there is one; entries that are not finite are refused later, and counted.
-
-        Raises:
-            InputError: it returned no command.
-        """
+        """Command what the function says, if there is one; an entry that is not finite is later refused and counted."""
         if self._function is None:
             return
         given = self._function(t)

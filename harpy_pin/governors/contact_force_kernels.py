@@ -234,19 +234,9 @@ def answer_terms(
 ) -> float:
     """:func:`hold_forces`; after a bad state or command the last change, which fades.
 
-    Args:
-        d: terms of the state.
-        w: of the contact-force map.
-        g: of the filter.
-        verdict: what the state is, as :func:`~harpy_pin.model.dynamics.update_terms` says.
-        v: as measured.
-        foot_force: as measured.
-        torque: of the command, in and out.
-        thrust: of the command, in and out.
-
-    Returns:
-        The violation left, N; ``BAD_STATE`` for a state that no robot can have, −1 for such forces or a command, and
-        ``MISFIT_SIZES``, with nothing done, where an array does not fit.
+    ``verdict`` is what :func:`~harpy_pin.model.terms.update_terms` said of the state; torques and thrusts are changed
+    in place. Returns the violation left, N; ``BAD_STATE`` for a state that no robot can have, −1 for such forces or a
+    command, and ``MISFIT_SIZES``, with nothing done, where an array does not fit.
     """
     if verdict == MISFIT or foot_force.shape != g.force.shape:
         return MISFIT_SIZES

@@ -343,11 +343,7 @@ def _mark(most: LimitsRecord, torque: Vector, thrust: Vector, beyond: NDArray[np
 
 @kernel
 def within_limits(most: LimitsRecord, torque: Vector, thrust: Vector) -> bool:
-    """Bring a command within ``torque_limit`` and ``thrust_limit`` of a record, in place.
-
-    Returns:
-        Whether it was beyond them.
-    """
+    """Bring a command within ``torque_limit`` and ``thrust_limit``, in place; returns whether it was beyond them."""
     over = False
     for j in range(torque.shape[0]):
         if abs(torque[j]) > most.torque_limit[j]:

@@ -67,12 +67,7 @@ def to_world(frame: Vector, vector: Vector) -> None:
 
 
 def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
-    """Vectors of world axes in the frames of their contacts.
-
-    Args:
-        normal: (feet, 3) of the ground.
-        vectors: (feet, 3).
-    """
+    """Vectors (feet, 3) of world axes in the frames of their contacts, by the normals of the ground (feet, 3)."""
     frames = np.zeros((len(normal), 3, 3))
     for (x, y, z), frame in zip(normal.tolist(), frames, strict=True):
         contact_frame(x, y, z, frame)

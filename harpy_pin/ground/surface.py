@@ -55,12 +55,7 @@ def flat_terrain() -> Records[TerrainRecord]:
 
 
 def greatest_rise(terrain: Records[TerrainRecord], way: float) -> float:
-    """Greatest difference of heights of the ground, but for its plane, within a way along x, and of the grid anywhere.
-
-    Args:
-        terrain: the record.
-        way: m.
-    """
+    """Greatest difference of the ground's heights within a way along x, of the grid anywhere, without the plane, m."""
     pieces, rise = int(terrain["pieces"][0]), 0.0
     if pieces:
         begin, height, slope = terrain["profile"][0, :pieces].T

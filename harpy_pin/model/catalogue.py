@@ -102,10 +102,9 @@ def installed_data() -> str | None:
 
 
 def known_name(name: Any) -> Any:
-    """The name by which a robot is known here: other spellings and usual short names are understood.
+    """The name by which a robot is known here: ``Go2``, ``unitree_g1``, ``ANYmal-C`` and ``solo`` are understood, too.
 
-    Args:
-        name: such as ``Go2``, ``unitree_g1``, ``ANYmal-C`` or ``solo``; whatever is no such name stays as it is.
+    Whatever is no such name stays as it is.
     """
     if not isinstance(name, str) or name in CATALOGUE:
         return name

@@ -94,18 +94,11 @@ def add_flat_feet(
 def flat_foot_rows(
     jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector
 ) -> None:
-    """Six rows that hold a flat foot as a rigid body: ``rows`` a = ``value``.
+    """Six rows that hold a flat foot as a rigid body: ``rows`` (6, nv) a = ``value`` (6,), both out.
 
-    Of the accelerations desired of its corners they are the rigid motion nearest to them: mean and first moment about
-    the middle of the corners,  Σ (J_i a + J̇_i v − α_i) = 0  and  Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.
-
-    Args:
-        jacobian: (3 n, nv) of the corners, world axes.
-        drift: (3 n,) J̇ v, m/s².
-        desired: (n, 3) α, m/s².
-        position: (n, 3) of the corners, world, m.
-        rows: (6, nv) out.
-        value: (6,) out.
+    Of the accelerations α (n, 3) desired of its corners they are the rigid motion nearest to them: mean and first
+    moment about the middle of the corners, Σ (J_i a + J̇_i v − α_i) = 0 and Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.
+    Jacobian, drift J̇ v and positions are those of the corners, in world axes.
     """
     n, nv = position.shape[0], jacobian.shape[1]
     rows[:6] = 0.0

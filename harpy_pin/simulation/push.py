@@ -63,14 +63,7 @@ def _are_pushes(pushes: Sequence[Push]) -> None:
 
 
 def push_forces(pushes: Sequence[Push], t: float, dt: float, steps: int) -> Vector:
-    """(steps, 3) mean force of pushes over each of the coming physics steps, world axes, N.
-
-    Args:
-        pushes: forces on the body.
-        t: time at which the first step begins, s.
-        dt: step, s.
-        steps: how many.
-    """
+    """(steps, 3) mean force of pushes over each of the physics steps dt, s, from the time t on, world axes, N."""
     _are_pushes(pushes)
     force = np.zeros((steps, 3))
     for push in pushes:

@@ -2,7 +2,7 @@
 
 A step solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at
 the end of the step (:func:`harpy_pin.simulation.contact_step`). B is the joint damping. Coulomb friction in the joints,
-where there is any, is found with them (:mod:`harpy_pin.simulation.joint_friction`). The velocity of a foot includes
+where there is any, is found with them (:mod:`harpy_pin.simulation.implicit_contact`). The velocity of a foot includes
 ½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
 
 On ground that is not flat motion and force of every foot are in the frame of its contact. There the third axis is the
@@ -32,8 +32,12 @@ from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import integrate, update_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
-from harpy_pin.simulation.implicit_contact import contact_step
-from harpy_pin.simulation.joint_friction import JointFrictionRecord, joint_friction_record, step_with_friction
+from harpy_pin.simulation.implicit_contact import (
+    JointFrictionRecord,
+    contact_step,
+    joint_friction_record,
+    step_with_friction,
+)
 from harpy_pin.simulation.thrusters import ThrustersRecord, drive_thrusters, thrusters_record
 
 MIN_MOBILITY = 1e-9

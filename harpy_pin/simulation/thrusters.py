@@ -75,14 +75,10 @@ class Thrusters:
         return self != Thrusters()
 
     def _response(self, dt: float) -> tuple[Vector, Vector]:
-        """How a magnitude follows a constant goal over a step; a lag of second order has another.
+        """How a magnitude follows a constant goal over a step dt, s; a lag of second order has another.
 
-        Args:
-            dt: step, s.
-
-        Returns:
-            The transition (2, 2) of [distance to the goal; rate of change], and the mean distance to the goal (2,) by
-            those at the beginning.
+        Returns the transition (2, 2) of [distance to the goal; rate of change], and the mean distance to the goal (2,)
+        by those at the beginning.
         """
         transition, mean = np.zeros((2, 2)), np.zeros(2)
         if self.lag > 0.0:

@@ -180,15 +180,8 @@ def start_tick(w: ActiveSetRecord) -> None:
 def solve_further(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, found: Vector) -> int:
     """One more program of a tick, by the last active set and its exchange, then by the dual method.
 
-    Args:
-        qp: the program.
-        w: the last active set; bounds and account of the tick.
-        dual: work space of the dual method.
-        z: solution, out.
-        found: work space for that of the dual method.
-
-    Returns:
-        A :class:`QPStatus`; ``ASK`` where none was found and another solver may help.
+    ``w`` has the last active set, and bounds and account of the tick; z is the solution, out, and ``found`` work space
+    for that of the dual method. Returns a :class:`QPStatus`; ``ASK`` where none was found and another solver may help.
     """
     w.iterations = 0
     if w.left >= min(w.budget, SPARING):  # else a search was needed before, so the last active set will not do

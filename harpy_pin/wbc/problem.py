@@ -224,11 +224,7 @@ class WholeBodyProblem(KeepsViews):
         """
 
     def _solution(self, z: Vector) -> Vector:
-        """A solution of the program, as kernels take it.
-
-        Raises:
-            InputError: it has another size.
-        """
+        """A solution of the program, as kernels take it; refuses one of another size."""
         return as_array("z", z, self.program.gradient.shape)
 
 

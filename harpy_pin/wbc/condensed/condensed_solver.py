@@ -46,11 +46,7 @@ def condensed_record(
 ) -> Records[CondensedRecord]:
     """A new :class:`CondensedRecord`; arguments and errors as of :class:`CondensedSolver`.
 
-    Args:
-        robot: see there.
-        weights: see there.
-        limits: see there.
-        hold_ticks: ticks in a row for which :func:`hold_last` gives the last inputs in the place of clipped ones.
+    For ``hold_ticks`` ticks in a row :func:`hold_last` gives the last inputs in the place of clipped ones.
     """
     feet, sizes = len(robot.feet), condensed_sizes(robot)
     return make_record(
