@@ -37,19 +37,6 @@ def test_arithmetic(x, y, n, m):
 
 
 @kernel
-def powers(x: float):
-    return x**3, x**4
-
-
-@given(st.floats(-1e3, 1e3))
-def test_higher_powers_are_products(x):
-    """Python asks its library, whose digits may differ."""
-    ours = powers(x)
-    np.testing.assert_array_max_ulp(np.array(ours), np.array(powers.python(x)), maxulp=2)
-    assert ours == (x * (x * x), (x * x) * (x * x))
-
-
-@kernel
 def functions(a, out):
     x, y = a[0], a[1]
     out[0], out[1], out[2] = np.sqrt(x), np.sin(x), np.cos(y)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import subprocess
+from functools import cache
 from pathlib import Path
 
 import pytest
 from long import long_but
 from needs import needs_robots
-from oracle import compared
+from oracle import Comparison, compared
 from scenes import SCENES, library_kernels
 
 from harpy_pin.compiled import BACKEND, compiler
@@ -20,11 +21,24 @@ pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-Wno-unused-function")
 
 
+IN_PLACE = "in_place"
+"""A scene of batches that work in threads: their arrays change while they are compared."""
+NAMES = [name for name in SCENES if name != IN_PLACE]
+
+
+@cache
+def comparison_in(name: str) -> Comparison:
+    """Calls of a scene, in C and in Python."""
+    with compared(most=3) as comparison:
+        SCENES[name]()
+    return comparison
+
+
 @pytest.fixture(scope="module")
 def called():
     """Kernels that were called, with the types of their arguments."""
-    for scene in SCENES.values():
-        scene()
+    for name in NAMES:
+        comparison_in(name)
     return [(kernel, types) for kernel in library_kernels().values() for types in kernel._versions]
 
 
@@ -41,11 +55,9 @@ def in_double(called):
     return together(called, single=False)
 
 
-# Batches of the scene "in_place" work in threads: their arrays change while they are compared.
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "in_place"])
+@pytest.mark.parametrize("name", NAMES)
 def test_every_bit_is_that_of_plain_python(name):
-    with compared(most=3) as comparison:
-        SCENES[name]()
+    comparison = comparison_in(name)
     assert comparison.compared or installed_data() is None
     assert comparison.different == []
 

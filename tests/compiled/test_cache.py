@@ -206,21 +206,32 @@ ATTACKS = {
 }
 
 
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A library in its folder, its content, and the library of another kernel."""
+    folder = tmp_path_factory.mktemp("attacked")
+    write(folder)
+    run(SCRIPT, folder)
+    run("from edited import inner; inner(1.0)", folder)
+    (path,), (other,) = libraries(folder), libraries(folder, "inner")
+    return folder, path, path.read_bytes(), other
+
+
 @pytest.mark.parametrize("attack", ATTACKS)
-def test_what_is_no_library_of_ours_is_made_again(attack, tmp_path):
+def test_what_is_no_library_of_ours_is_made_again(attack, compiled):
     """In bounded time; the next process finds the new one."""
-    write(tmp_path)
-    run(SCRIPT, tmp_path)
-    run("from edited import inner; inner(1.0)", tmp_path)
-    (path,), (other,) = libraries(tmp_path), libraries(tmp_path, "inner")
-    data = path.read_bytes()
+    folder, path, data, other = compiled
     path.unlink()
+    path.with_suffix(".lock").unlink(missing_ok=True)
     ATTACKS[attack](path, data, other)
-    printed, notice = run(SCRIPT, tmp_path)
+    printed, notice = run(SCRIPT, folder)
     assert (printed, notice.count("compiling kernels")) == ("6.5", 1)
-    if attack != "a folder":
-        assert run(SCRIPT, tmp_path) == ("6.5", "")
-        assert path.lstat().st_mode & 0o077 == 0
+    if attack == "a folder":
+        path.rmdir()
+        path.write_bytes(data)
+        path.chmod(0o600)
+    assert run(SCRIPT, folder) == ("6.5", "")
+    assert path.lstat().st_mode & 0o077 == 0
 
 
 @pytest.mark.parametrize("mode", [0o777, 0o775])

@@ -13,7 +13,6 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from harpy_pin import InputError
 from harpy_pin.compiled import BACKEND, compiler, kernel
 from harpy_pin.compiled.bridge import MAX_RESULTS
 from harpy_pin.errors import KernelError
@@ -38,13 +37,6 @@ def note(p):
     p.mass += p.force[1]
     p.count += 1
     return p.mass
-
-
-@kernel(a=("n",), out=("n", 2), k="n")
-def checked(a, out, k):
-    for i in range(k):
-        out[i, 1] = a[i]
-    return k
 
 
 @kernel
@@ -168,28 +160,6 @@ def test_read_only_arrays_are_read_and_not_written():
     with pytest.raises(TypeError):
         note(record[0:1].reshape(()))
     assert a[0] == record["mass"][0] == 0.0
-
-
-def test_sizes_agree_in_every_call():
-    for n in (3, 5, 3):
-        assert checked(np.ones(n), np.zeros((n, 2)), n) == n
-    for arguments in (
-        (np.ones(3), np.zeros((4, 2)), 3),
-        (np.ones(3), np.zeros((3, 3)), 3),
-        (np.ones(3), np.zeros((3, 2)), 4),
-        (np.ones(3), np.zeros((3, 2)), -1),
-        (np.ones(3), np.zeros((3, 2)), 2.0),
-    ):
-        with pytest.raises(InputError):
-            checked(*arguments)
-
-
-def test_nothing_is_written_behind_an_array():
-    buffer = np.full(20, 7.0)
-    checked(np.ones(3), buffer[4:10].reshape(3, 2), 3)
-    expected = np.full(20, 7.0)
-    expected[[5, 7, 9]] = 1.0
-    np.testing.assert_array_equal(buffer, expected)
 
 
 def test_arrays_of_four_axes():

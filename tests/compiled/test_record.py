@@ -56,13 +56,6 @@ def test_views_write_through():
     assert field(record, "nothing").shape == (3, 0)
 
 
-def test_a_copy_is_apart():
-    record = example()
-    other = record.copy()
-    field(other, "table")[:] = 0.0
-    assert field(record, "table")[1, 1] == 4.0
-
-
 def test_a_larger_record_holds_the_fields_of_a_smaller_one():
     larger = make_record(further=np.arange(2.0), **fields(example()))
     smaller = example()

@@ -6,6 +6,7 @@ import csv
 
 import numpy as np
 import pytest
+from command_line import harpy
 from pages import make_run
 
 import harpy_pin as hp
@@ -62,17 +63,10 @@ def test_csv(run, tmp_path):
 
 
 def test_command_line(run, tmp_path, monkeypatch, capsys):
-    from harpy_pin.cli.app import main
-
-    log = tmp_path / "run.npz"
-    run.save(log)
-    words = ["harpy", "view", str(log), "--csv", str(tmp_path / "a.csv")]
-    monkeypatch.setattr("sys.argv", words)
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert not ended.value.code
+    run.save(tmp_path / "run.npz")
+    code, out, _ = harpy(monkeypatch, capsys, "view", tmp_path / "run.npz", "--csv", tmp_path / "a.csv")
+    assert (code, out.count("wrote")) == (0, 1)
     assert (tmp_path / "a.csv").stat().st_size > 1000
-    assert capsys.readouterr().out.count("wrote") == 1
 
 
 def test_objects_in_one_line(robot, run):

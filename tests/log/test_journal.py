@@ -355,19 +355,3 @@ def test_device_that_is_full(simulator):
         simulator.run(Counting(), 0.01, save="/dev/full")
     check(caught.value.run, 10)
     assert not Path("/dev/full.part").exists()
-
-
-def test_a_second_run_leaves_the_journal_of_the_first_alone(simulator, tmp_path):
-    """The second one says so before its first tick, and the first one loses nothing."""
-    second = hp.Simulator(simulator.robot)
-    late = Counting()
-
-    def begin():
-        with pytest.raises(RunFileError, match=r"run\.npz': another run is writing it") as caught:
-            second.run(late, 0.01, save=tmp_path / "run.npz")
-        assert "\n" not in str(caught.value)
-
-    simulator.run(Counting(1200, begin), 2.5, save=tmp_path / "run.npz")
-    assert late.tick == 0
-    assert names(tmp_path) == ["run.npz"]
-    check(hp.Run.load(tmp_path / "run.npz"), 2500)
