@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import pytest
 from pages import ATTACKS, make_run
 from PIL import Image
 
-from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view import write_html
@@ -347,7 +348,7 @@ def test_no_browser_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_no_playwright_is_a_clear_error(monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
     monkeypatch.setitem(__import__("sys").modules, "playwright.sync_api", None)
-    with pytest.raises(HarpyError, match=r"harpy-pin\[film\]"):
+    with pytest.raises(HarpyError, match=re.escape(install_line("film"))):
         Film([(run, robot)])
 
 
@@ -355,7 +356,7 @@ def test_no_encoder_is_a_clear_error(
     browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-    with Film([(run, robot)]) as film, pytest.raises(HarpyError, match=r"harpy-pin\[film\]"):
+    with Film([(run, robot)]) as film, pytest.raises(HarpyError, match=re.escape(install_line("film"))):
         film.save(tmp_path / "walk.mp4")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
+from harpy_pin.errors import install_line
 from harpy_pin.view.page.charts import charts_of
 from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.scene import meshes
@@ -91,7 +93,7 @@ def test_without_trimesh_wrong_surfaces_are_said_once(monkeypatch):
     shapes = [s for s in load_visuals(hp.load_robot("go2")) if Path(s.meshPath).suffix == ".dae"]
     monkeypatch.setattr(meshes, "_read_parts", lambda path, scale: None)
     meshes._warn_of_wrong_surfaces.cache_clear()
-    with pytest.warns(UserWarning, match="trimesh and pycollada") as said:
+    with pytest.warns(UserWarning, match=re.escape(install_line("robots"))) as said:
         parts = [mesh_parts(shape) for shape in [*shapes, *shapes]]
     assert len(parts) > 1
     assert len(said) == 1
