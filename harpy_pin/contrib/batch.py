@@ -14,6 +14,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.contrib.threads import Threads
 from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
+from harpy_pin.controllers.joint_targets import JointTargetsRecord, joint_targets_record, move_targets
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import tasks_record
 from harpy_pin.controllers.tasks import forces_in_world, task_terms
@@ -28,12 +29,12 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts
 from harpy_pin.wbc.condensed.condensed_solver import condensed_record
-from harpy_pin.wbc.condensed.solve import solve_condensed
+from harpy_pin.wbc.condensed.solve import TORQUE_CLIPPED, solve_condensed
 
 __all__ = ["BatchTargets", "CondensedBatch"]
 
 BAD_STATE = -1
-"""Status of a robot whose state or targets are not finite: its torques and thrusts are zero."""
+"""Status of a robot whose state or targets are not finite: its torques, thrusts and gains are zero."""
 Array = NDArray[Any]
 
 
@@ -84,7 +85,7 @@ class BodyRecord(RecordOf):
     inertia: Vector  # (3, 3) about the centre of mass, body axes, kg·m²
 
 
-@fixed_arrays("force", "mass_error", "mu", "status", "thrust", "torque")
+@fixed_arrays("force", "law", "mass_error", "mu", "status", "thrust", "torque")
 class CondensedBatch(KeepsViews):
     """n robots of one kind: tasks, then the whole-body optimum in contact forces, in one compiled loop.
 
@@ -95,7 +96,7 @@ class CondensedBatch(KeepsViews):
         robot: each foot on a limb of its own.
         n: how many robots.
         parameters: gains, weights and limits. There is no friction estimate here: give each robot its
-            friction in ``mu``.
+            friction in ``mu``. Gains of joint targets are those of ``robot``, whatever the errors of the mass.
         double_support: share of a step with both feet on the ground, over which the load goes from one foot to the
             other; zero where it may go at once.
         dtype: float64 or float32, of all arrays; the arithmetic is float64.
@@ -106,6 +107,8 @@ class CondensedBatch(KeepsViews):
         mass_error: (n,) relative error of the body's mass and inertia that each controller knows of.
         torque: (n, joints) of the last step, N·m.
         thrust: (n, thrusters, 3) of the last step, world axes, N.
+        law: (n, 4, joints) of the motors in the last step: q*, v*, stiffness and damping, as in
+            :class:`~harpy_pin.model.state.Command`; zero without ``joint_stiffness`` and ``joint_damping``.
         force: (n, feet, 3) contact forces of the last step, world axes, N.
         status: (n,) of the last step: :class:`~harpy_pin.wbc.condensed.CondensedStatus`, or −1 for a bad state.
 
@@ -131,9 +134,8 @@ class CondensedBatch(KeepsViews):
         checks.one_of("dtype", getattr(dtype, "__name__", str(dtype)), ("float64", "float32"))
         self.dtype = np.dtype(dtype)
         self.parameters = p = parameters if parameters is not None else WholeBodyParameters(estimate_friction=False)
-        lags, targets = p.thrust_lag or p.thrust_turning_lag, p.joint_stiffness or p.joint_damping
-        if p.estimate_friction or p.estimate_joint_friction or lags or targets:
-            message = "a batch estimates no friction (estimate_friction=False), knows no lag and has no joint targets"
+        if p.estimate_friction or p.estimate_joint_friction or p.thrust_lag or p.thrust_turning_lag:
+            message = "a batch estimates no friction (estimate_friction=False) and knows no lag"
             raise InputError(message, name="parameters", value=p)
         gait: FullGait
         if robot.name == "harpy":
@@ -148,6 +150,11 @@ class CondensedBatch(KeepsViews):
         record["condensed"]["mu"] = np.inf  # that of each robot counts
         self._records = [record.copy() for _ in range(pieces)]
         self._target_records = [gait.target.record.copy() for _ in range(pieces)]
+        motors = joint_targets_record(robot, p, gait.initial_state()[0])
+        if motors is None:
+            gains, sizes = np.zeros((2, 0)), {**robot.sizes, "joints": 0}
+            motors = make_record(JointTargetsRecord, sizes, period=p.period, share=0.0, lead=0.0, gains=gains)
+        self._motors = [motors.copy() for _ in range(pieces)]
         tree = record["dynamics"]["tree"]
         self._body = make_record(BodyRecord, mass=tree["mass"][0, 0], inertia=tree["inertia"][0, 0])
         feet, joints = len(robot.feet), len(robot.joints)
@@ -157,10 +164,12 @@ class CondensedBatch(KeepsViews):
         self.mu, self.mass_error = np.full(n, p.limits.mu), np.zeros(n)
         self.torque = np.zeros((n, joints), self.dtype)
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
+        self.law = np.zeros((n, 4, joints), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
         searches = [record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")]
-        self._memory = tuple(np.zeros((n, rows), np.int64) for rows in searches)
+        active, follows = [np.zeros((n, rows), np.int64) for rows in searches], np.zeros(n, np.int64)
+        self._memory = (*active, follows, np.zeros((n, *motors["target"].shape[1:])))
         model = robot.model
         self._shapes = {"q": (n, model.nq), "v": (n, model.nv), "foot_force": (n, feet, 3)}
 
@@ -170,7 +179,7 @@ class CondensedBatch(KeepsViews):
         return BatchTargets(*(array[...] for array in self._targets))
 
     def reset(self, which: ArrayLike | None = None) -> None:
-        """Forget the active sets.
+        """Forget the active sets and joint targets.
 
         Args:
             which: indices or mask of the robots; all by default.
@@ -200,10 +209,10 @@ class CondensedBatch(KeepsViews):
         errors = checks.vector("mass_error", self.mass_error, self.n)
         checks.number("least mass_error", errors.min(), low=-1.0, strict=True)
         targets, robots = self._targets, (self.mu, self.mass_error)
-        results = (self.torque, self.thrust, self.force, self.status)
+        results = (self.torque, self.thrust, self.force, self.law, self.status)
 
         def piece(k: int, begin: int, end: int) -> None:
-            parts = (self._records[k], self._target_records[k], self._body)
+            parts = (self._records[k], self._target_records[k], self._motors[k], self._body)
             step_batch(begin, end, parts, self._memory, robots, given, targets, results)
 
         self._threads.run(piece)
@@ -232,20 +241,22 @@ class CondensedBatch(KeepsViews):
 def step_batch(
     begin: int,
     end: int,
-    parts: tuple[Records[CondensedTasksRecord], Records[GaitTargetRecord], Records[BodyRecord]],
-    memory: tuple[NDArray[np.int64], NDArray[np.int64]],
+    parts: tuple[
+        Records[CondensedTasksRecord], Records[GaitTargetRecord], Records[JointTargetsRecord], Records[BodyRecord]
+    ],
+    memory: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Vector],
     robots: tuple[Vector, Vector],
     given: tuple[Vector, Vector, Vector],
     targets: tuple[Vector, ...],
-    results: tuple[Vector, Vector, Vector, NDArray[np.int64]],
+    results: tuple[Vector, Vector, Vector, Vector, NDArray[np.int64]],
 ) -> None:
     """Robots from ``begin`` to ``end``, one after the other; the order of the arrays is that of :meth:`step`."""
-    record, gait, body = parts
-    free, limited = memory
+    record, gait, motors, body = parts
+    free, limited, follows, target = memory
     mu, mass_error = robots
     q, v, foot_force = given
-    torque, thrust, force, status = results
-    r, d, p, b = record[0], record[0].dynamics, record[0].condensed, body[0]
+    torque, thrust, force, law, status = results
+    r, d, p, m, b = record[0], record[0].dynamics, record[0].condensed, motors[0], body[0]
     for i in range(begin, end):
         _take_targets(gait[0], targets, i)
         p.free.exchange.active[:] = free[i]
@@ -255,19 +266,29 @@ def step_batch(
             for c in range(3):
                 d.tree.inertia[0, a, c] = (1.0 + mass_error[i]) * b.inertia[a, c]
         r.targets.friction[:] = mu[i]
+        m.follows = follows[i]
+        m.target[:] = target[i]
         if task_terms(r, gait[0], q[i], v[i], foot_force[i]) == GOOD:
             solve_condensed(d, r.targets, p, v[i], d.tree.rotation)
             forces_in_world(r.targets, p.force)
             status[i] = p.status_and_systems[0]
+            move_targets(m, p.root.acceleration, status[i] & TORQUE_CLIPPED == 0, q[i], v[i])
         else:
             p.inputs[:] = 0.0
             p.force[:] = 0.0
+            m.law[:] = 0.0
+            m.follows = 0
             status[i] = BAD_STATE
         free[i] = p.free.exchange.active
         limited[i] = p.limited.exchange.active
+        follows[i] = m.follows
+        target[i] = m.target
         write_thrusts(d, p.inputs, thrust[i])
         for j in range(torque.shape[1]):
             torque[i, j] = p.inputs[d.thruster_jacobian.shape[0] + j]
+        for row in range(4):
+            for j in range(m.law.shape[1]):
+                law[i, row, j] = m.law[row, j]
         for k in range(force.shape[1]):
             for c in range(3):
                 force[i, k, c] = p.force[3 * k + c]

@@ -125,16 +125,27 @@ def known_joints(model: Any, joints: NDArray[np.int64]) -> dict[str, Vector]:
 
 
 def peak_torques(model: Any, joints: NDArray[np.int64]) -> Vector:
-    """(joints,) largest torques of joints, N·m: of their ranges and of their actuators; infinite without limits."""
+    """(joints,) largest torques of joints, N·m: of their ranges and of their actuators; infinite without limits.
+
+    Limits of an actuator are ``forcerange``, and ``ctrlrange`` times the gain where its force is that product, both
+    times ``gear``; those of several on a joint add up.
+    """
     peak = np.full(len(joints), np.inf)
     for k, joint in enumerate(joints):
-        if model.jnt_actfrclimited[joint]:
-            peak[k] = abs(model.jnt_actfrcrange[joint]).max()
+        forces = []
         for number in np.flatnonzero((model.actuator_trntype <= 1) & (model.actuator_trnid[:, 0] == joint)):
             limits = [np.inf]
             if model.actuator_forcelimited[number]:
                 limits.append(abs(model.actuator_forcerange[number]).max())
-            if model.actuator_ctrllimited[number] and model.actuator_biastype[number] == 0:
+            if (
+                model.actuator_ctrllimited[number]
+                and model.actuator_biastype[number] == 0
+                and model.actuator_gaintype[number] == 0
+            ):
                 limits.append(abs(model.actuator_ctrlrange[number] * model.actuator_gainprm[number, 0]).max())
-            peak[k] = min(peak[k], abs(model.actuator_gear[number, 0]) * min(limits))
+            forces.append(abs(model.actuator_gear[number, 0]) * min(limits))
+        if forces:
+            peak[k] = sum(forces)
+        if model.jnt_actfrclimited[joint]:
+            peak[k] = min(peak[k], abs(model.jnt_actfrcrange[joint]).max())
     return peak

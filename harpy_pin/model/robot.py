@@ -168,8 +168,8 @@ class Robot:
     def with_mujoco(self, model: Any) -> Robot:
         """The robot with armature, damping and dry friction of a MuJoCo model's joints, see :meth:`with_joints`.
 
-        The armature of the free joint, and largest torques of joints that have none here, are taken, too. Joints are
-        found by name; a prefix that ends in ``:`` or ``/`` does not count.
+        The armature of the free joint is taken, too, and largest torques where they are smaller than here or there are
+        none here. Joints are found by name; a prefix that ends in ``:`` or ``/`` does not count.
 
         Args:
             model: ``mujoco.MjModel`` of the robot.
@@ -181,7 +181,7 @@ class Robot:
         first = model.jnt_dofadr[free_joint(model, joints)]
         robot, limit = self.with_joints(**known_joints(model, joints)), np.array(self.model.effortLimit)
         armature = np.concatenate((model.dof_armature[first : first + base], robot.model.armature[base:]))
-        limit[base:] = np.where(np.isinf(limit[base:]), peak_torques(model, joints), limit[base:])
+        limit[base:] = np.minimum(limit[base:], peak_torques(model, joints))
         return robot.with_arrays({"armature": armature, "effortLimit": limit})
 
     def with_arrays(self, arrays: Mapping[str, Vector]) -> Robot:

@@ -13,6 +13,7 @@ from harpy_pin.controllers import CondensedController, WholeBodyParameters
 from harpy_pin.gaits import GaitParameters, StraightGait
 from harpy_pin.model.robot import heavier
 from harpy_pin.model.state import State
+from harpy_pin.wbc.condensed import CondensedStatus
 from harpy_pin.wbc.weights import WholeBodyLimits
 
 ROBOT = hp.load_harpy()
@@ -59,9 +60,45 @@ def test_rows_are_what_single_controllers_give(threads):
     assert len(seen) > 1  # limits were met
 
 
+MOTORS = {"joint_stiffness": 1.0, "joint_damping": 0.3}
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("gains", [MOTORS, {"joint_damping": 0.5}, {}], ids=["both", "damping", "none"])
+def test_joint_targets_are_those_of_single_controllers(gains, threads):
+    """To the last bit, also after a reset and where torques are clipped or the state is bad; without gains all zero."""
+    rng, gait = np.random.default_rng(3), StraightGait(ROBOT, GaitParameters(double_support=0.25))
+    limits = WholeBodyLimits(mu=0.3, torque_scale=0.1)
+    parameters = WholeBodyParameters(limits=limits, hold_ticks=0, estimate_friction=False, **gains)
+    batch = CondensedBatch(ROBOT, N, parameters, double_support=0.25, threads=threads)
+    singles = [CondensedController(gait, parameters) for _ in range(0, N, 15)]
+    status = []
+    for tick in range(6):
+        q, v, force = samples(gait, rng, N, scale=0.01)
+        batch.targets.fill(gait.update(0.01 * tick))
+        if tick == 4:
+            v[15] = np.nan
+        if tick == 5:
+            batch.reset([30])
+            singles[2].reset()
+        torque, _ = batch.step(q, v, force)
+        for i, single in zip(range(0, N, 15), singles, strict=True):
+            command = single.step(State(0.01 * tick, q[i], v[i], *np.zeros((2, 2, 3)), force[i]))
+            law = np.zeros((4, 6)) if command.law is None or np.isnan(v[i, 0]) else command.law
+            np.testing.assert_array_equal(batch.law[i], law)
+            if not np.isnan(v[i, 0]):
+                np.testing.assert_array_equal(torque[i], command.torque)
+        status.extend(batch.status)
+    assert batch.law.any() == bool(gains)
+    clipped = np.array(status) & CondensedStatus.TORQUE_CLIPPED != 0
+    assert clipped.any()
+    assert not clipped.all()
+
+
 def test_single_precision_is_near():
     rng, gait = np.random.default_rng(1), hp.make_gait(ROBOT, speed=0.3)
-    double, single = CondensedBatch(ROBOT, N), CondensedBatch(ROBOT, N, dtype=np.float32)
+    parameters = WholeBodyParameters(estimate_friction=False, **MOTORS)
+    double, single = (CondensedBatch(ROBOT, N, parameters, dtype=dtype) for dtype in (np.float64, np.float32))
     given = [array.astype(np.float32) for array in samples(gait, rng, N)]
     for batch in (double, single):
         batch.targets.fill(gait.update(0.3))
@@ -70,6 +107,7 @@ def test_single_precision_is_near():
     assert rounded.dtype == np.float32
     # Targets and results are rounded to float32; what lies between is not.
     assert np.median(np.abs(exact - rounded)) < 1e-4
+    np.testing.assert_allclose(single.law, double.law, rtol=1e-3, atol=1e-3)
 
 
 def test_a_bad_row_spoils_no_other():
@@ -134,6 +172,11 @@ def test_what_does_not_fit_is_refused():
         CondensedBatch(ROBOT, 0)
     with pytest.raises(InputError, match="estimates no friction"):
         CondensedBatch(ROBOT, 3, WholeBodyParameters(estimate_friction=True))
+    with pytest.raises(InputError, match="'iris' has no legs"):
+        CondensedBatch(hp.load_robot("iris"), 2, WholeBodyParameters(estimate_friction=False, **MOTORS))
+    for array in (np.full((3, 4, 6), np.nan), np.zeros((3, 4, 5))):
+        with pytest.raises(InputError, match="law"):
+            batch.law = array
     with pytest.raises(InputError, match="mu"):
         batch.mu = np.ones(1)
     batch.mu[1] = np.nan

@@ -76,7 +76,7 @@ def test_vector_is_n_single_environments(shield, monkeypatch):
 
 
 class Springs:
-    """What an action means, by the documentation, as a controller of the library."""
+    """What an action means, by the documentation, as a controller of the library: without a shield, joint targets."""
 
     period = 1e-3
 
@@ -86,11 +86,12 @@ class Springs:
 
     def step(self, state):
         rotation = pin.Quaternion(state.q[3:7]).matrix()
-        torque = 400.0 * (self.posture + 0.5 * self.action[:6] - state.q[7:]) - 3.0 * state.v[6:]
-        limit = self.robot.torque_limit
+        target, limit = self.posture + 0.5 * self.action[:6], self.robot.torque_limit
         thrust = 0.5 * 9.81 * self.robot.mass * self.action[6:].reshape(2, 3) @ rotation.T
-        command = hp.Command(np.clip(torque, -limit, limit), thrust)
-        return command if self.shield is None else self.shield(state, command)[0]
+        if self.shield is None:
+            return hp.Command(np.zeros(6), thrust, q=target, v=np.zeros(6), k_p=400.0, k_d=3.0)
+        torque = 400.0 * (target - state.q[7:]) - 3.0 * state.v[6:]
+        return self.shield(state, hp.Command(np.clip(torque, -limit, limit), thrust))[0]
 
 
 @pytest.mark.parametrize("mu", [None, 0.4], ids=["plain", "shield"])

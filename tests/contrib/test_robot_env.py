@@ -110,6 +110,36 @@ def test_joint_actions_are_springs_and_dampers():
     np.testing.assert_allclose(env.state.q, plant.state.q, rtol=0, atol=1e-9)
 
 
+def test_motors_hold_joint_targets():
+    """Beside the simulator, with friction in the joints; torque and power are those of motors, not commanded ones."""
+    friction, motors = (
+        hp.Actuators(viscous_friction=1.0),
+        hp.Condensed(parameters={"joint_stiffness": 1.0, "joint_damping": 0.3}),
+    )
+    scenario = hp.Scenario(controller=motors, disturbances=hp.Disturbances(actuators=friction))
+    env = RobotEnv("go2", scenario=scenario, reward={"torque": 1.0, "power": 1.0})
+    env.reset(seed=0)
+    s, start, robot = env.scenario, env.state, env.robot
+    plant, gait = hp.Simulator(robot, s.ground, dt=s.dt, actuators=friction), hp.WalkingGait(robot)
+    plant.reset(start.q, start.v)
+    controller = s.controller.make(gait, mu=s.mu, period=s.period)
+    gait.command[:3] = np.float32(0.5) * env.gait.max_speed, 0.0, 0.0
+    worst = 0.0
+    for tick in range(20):
+        *_, info = env.step(np.array([0.5, 0.0, 0.0], dtype=np.float32))
+        for k in range(20):
+            plant.t = (20 * tick + k) * s.period
+            command = controller.step(plant.state)
+            plant.advance(command, steps=env._substeps)
+        moved = plant.record["motors"]["mean_torque"][0]
+        share, commanded = (np.mean((torque / robot.torque_limit) ** 2) for torque in (moved, command.torque))
+        power = np.abs(moved * plant.v[6:]).sum() / (9.81 * robot.mass)
+        assert info["reward"] == pytest.approx({"torque": share, "power": power})
+        worst = max(worst, abs(commanded / share - 1.0))
+    np.testing.assert_array_equal(env.state.q, plant.state.q)
+    assert worst > 0.02
+
+
 def test_equal_seeds_give_equal_episodes_with_noise_and_pushes():
     scenario = hp.Scenario(
         robot="go2",

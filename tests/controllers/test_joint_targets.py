@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.joint_targets import MAX_RATE, JointTargetsRecord, joint_gains, move_targets
 from harpy_pin.errors import InputError
@@ -225,10 +224,7 @@ def test_a_law_changes_contact_forces_by_its_torques_times_the_map(seed):
     assert (np.linalg.norm(world.force - before, axis=1) <= most * (1.0 + 1e-9) + 1e-12).all()
 
 
-def test_who_has_no_place_for_a_law_says_so():
-    parameters = WholeBodyParameters(**MOTORS)
-    with pytest.raises(InputError, match="has no joint targets"):
-        CondensedBatch(ROBOT, 2, parameters)
-    if hp.robots()["iris"].mass is not None:
-        with pytest.raises(InputError, match="'iris' has no legs"):
-            hp.CondensedController(hp.Hovering(hp.load_robot("iris")), parameters)
+@needs_robots
+def test_a_robot_without_legs_has_no_law():
+    with pytest.raises(InputError, match="'iris' has no legs"):
+        hp.CondensedController(hp.Hovering(hp.load_robot("iris")), WholeBodyParameters(**MOTORS))

@@ -166,10 +166,11 @@ def test_a_file_of_mujoco_is_that_robot(go2, tmp_path):
         np.testing.assert_allclose(read.model.damping[6:], 0.3)
         np.testing.assert_allclose(read.dry_friction, 0.4)
     robot = robot.with_mujoco(model)
-    np.testing.assert_allclose(robot.torque_limit, go2.torque_limit)
+    np.testing.assert_allclose(robot.torque_limit, np.minimum(go2.torque_limit, 24.0))  # 8 N·m times the gear, 3
     bridge, data, full = MujocoBridge(model, robot), mujoco.MjData(model), np.zeros((18, 18))
+    assert bridge.differences == ""
     calf = "largest torque of FL_calf_joint: 24 N·m in the model, 45.43 in the robot; and 3 more"
-    assert bridge.differences == calf
+    assert calf in MujocoBridge(model, go2).differences
     moving(bridge, data)
     mujoco.mj_fullM(model, data, full)
     dynamics, state = hp.Dynamics(robot), bridge.read(data)
@@ -177,6 +178,41 @@ def test_a_file_of_mujoco_is_that_robot(go2, tmp_path):
     order = [*range(6), *bridge.velocity]
     base, joints = full[np.ix_(order, order)][3:, 3:], dynamics.mass_matrix[3:, 3:]
     np.testing.assert_allclose(base, joints, atol=1e-6)  # files have six digits
+
+
+MOTOR = {"gainprm": [2.0, *[0.0] * 9]}
+SERVO = {"gainprm": [50.0, *[0.0] * 9], "biastype": 1, "biasprm": [0.0, -50.0, *[0.0] * 8]}
+DAMPER = {"gaintype": 1, "gainprm": [0.0, 0.0, -1.0, *[0.0] * 7]}
+
+
+@pytest.mark.parametrize(
+    ("actuators", "joint", "urdf", "expected"),
+    [
+        ([{**MOTOR, "ctrlrange": (-3.0, 5.0)}], None, None, 30.0),
+        ([{**MOTOR, "ctrlrange": (-3.0, 5.0), "forcerange": (-6.0, 4.0)}], None, 23.7, 18.0),
+        ([{**MOTOR, "ctrlrange": (-3.0, 5.0)}], 7.0, None, 7.0),
+        ([MOTOR], 50.0, 23.7, 23.7),
+        ([MOTOR], None, None, np.inf),
+        ([{**SERVO, "ctrlrange": (-1e-3, 1e-3)}], None, 23.7, 23.7),
+        ([{**SERVO, "forcerange": (-1.0, 1.0)}], None, 23.7, 3.0),
+        ([{**DAMPER, "ctrlrange": (0.0, 1.0)}], None, 23.7, 23.7),
+        ([{**MOTOR, "ctrlrange": (-1.0, 1.0)}, {**MOTOR, "forcerange": (-1.0, 1.0)}], None, 23.7, 9.0),
+        ([], None, 23.7, 23.7),
+        ([], 5.0, 23.7, 5.0),
+    ],
+)
+def test_torque_limits_are_the_smaller_of_model_and_robot(go2, actuators, joint, urdf, expected):
+    """Of actuators with a gear of 3; where the robot has no limit (None), the model's."""
+    spec, name = described(go2, joints=JOINTS), "FL_hip_joint"
+    give(spec.joint(name), actfrclimited=joint is not None, actfrcrange=(-(joint or 0.0), joint or 0.0))
+    for values in actuators:
+        limited = {key: key[:-5] + "limited" for key in ("ctrlrange", "forcerange") if key in values}
+        more = {**values, **dict.fromkeys(limited.values(), 1)}
+        spec.add_actuator(target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, gear=[3.0, *[0.0] * 5], **more)
+    limit = np.array(go2.model.effortLimit)
+    limit[6] = urdf or np.inf
+    known = go2.with_arrays({"effortLimit": limit}).with_mujoco(spec.compile())
+    assert known.torque_limit[0] == pytest.approx(expected)
 
 
 def test_differences_are_said(go2):

@@ -2,8 +2,8 @@
 
 **Action** (12,), each entry within ±1:
 
-- 6 offsets of the joints from the standing posture, in units of 0.5 rad, in the order of ``robot.joints``. Springs and
-  dampers at the joints (400 N·m/rad, 3 N·m·s/rad) follow them at every physics step, within the motors' torques.
+- 6 offsets of the joints from the standing posture, in units of 0.5 rad, in the order of ``robot.joints``: joint
+  targets, at rest, of the motors' own law (:class:`~harpy_pin.model.state.Command`; 400 N·m/rad, 3 N·m·s/rad).
 - 6 thrusts (two thrusters, each x, y, z in the body's axes), in units of half the robot's weight, within the thrusters'
   limit.
 

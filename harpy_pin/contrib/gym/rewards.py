@@ -51,7 +51,8 @@ class Step:
     Attributes:
         robot: of the environment.
         state: true, at the end of the step.
-        command: torques and thrusts at its end.
+        command: of the controller at its end.
+        torque: (joints,) at its end, N·m: where the command has the motors' own law, what they add is in it.
         action: of the step.
         last_action: of the step before.
         velocity: (3,) of the body in the frame of its heading: forward, to the left, m/s; turning, rad/s.
@@ -64,6 +65,7 @@ class Step:
     robot: Robot
     state: State
     command: Command
+    torque: Vector
     action: Vector
     last_action: Vector
     velocity: Vector
@@ -84,7 +86,7 @@ def _tilt(step: Step) -> float:
 
 def _torque(step: Step) -> float:
     limit = np.maximum(step.robot.torque_limit, SMALLEST_LIMIT)
-    return float(np.mean((step.command.torque / limit) ** 2))
+    return float(np.mean((step.torque / limit) ** 2))
 
 
 def _bounce(step: Step) -> float:
@@ -95,7 +97,7 @@ def _bounce(step: Step) -> float:
 
 
 def _power(step: Step) -> float:
-    power = np.abs(step.command.torque * step.state.v[6:]).sum()
+    power = np.abs(step.torque * step.state.v[6:]).sum()
     return float(power / (step.robot.mass * GRAVITY))
 
 

@@ -120,9 +120,10 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         self._ends = _velocity_ends(velocity, ASKED * self._top)
         self._reward = make_reward(reward)
         self._drives = action == "velocity"
-        mass_error = s.disturbances.mass_error
+        mass_error, actuators = s.disturbances.mass_error, s.disturbances.actuators
         heavy = heavier(self.robot, mass_error) if mass_error else self.robot
-        self.simulator = s.plant.make(heavy, s.ground, dt=s.dt)
+        self.simulator = s.plant.make(heavy, s.ground, dt=s.dt, actuators=actuators)
+        self._motors = self.simulator.record["motors"]
         self._substeps = checks.multiple("period", s.period, "physics step", s.dt)
         self._delay = checks.multiple("delay", s.disturbances.delay, "period", s.period, low=0)
         self._surface = s.ground.surface
@@ -204,6 +205,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             robot=self.robot,
             state=state,
             command=self._command,
+            torque=self._command.torque if self._command.law is None else self._motors["mean_torque"][0].copy(),
             action=clipped,
             last_action=self._last_action.copy(),
             velocity=_heading_velocity(state),
