@@ -20,8 +20,6 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
 
-__all__ = ["checked"]
-
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 

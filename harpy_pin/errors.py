@@ -8,19 +8,6 @@ from importlib.metadata import requires
 from pathlib import Path
 from typing import Any
 
-__all__ = [
-    "ControlError",
-    "HarpyError",
-    "InputError",
-    "Interrupted",
-    "KernelError",
-    "OutOfReachError",
-    "RobotError",
-    "RunFileError",
-    "RunFileWarning",
-]
-
-
 MAX_NAME = 60
 """Characters of a name that are compared with those there are."""
 

@@ -21,20 +21,6 @@ from typing import IO, Any, ClassVar, NoReturn
 
 from harpy_pin.errors import InputError, RunFileError, shown
 
-__all__ = [
-    "OwnFolder",
-    "Shield",
-    "check_outputs",
-    "check_writable",
-    "finite",
-    "journal_path",
-    "json_text",
-    "replaceable",
-    "replacing",
-    "without_interrupts",
-    "write_json",
-]
-
 
 def replaceable(path: str | Path) -> bool:
     """Whether a new file takes the place of an old one.

@@ -16,8 +16,6 @@ from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.view import film, view
 from harpy_pin.cli.walk import demo, walk
 
-__all__ = ["app", "main"]
-
 app = typer.Typer(
     name="harpy",
     help="Walk legged robots with thrusters, such as Harpy, under governors and whole-body controllers.",

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from harpy_pin.model.robot import Robot
     from harpy_pin.scenario import Scenario
 
-__all__ = ["compile_ahead", "export"]
-
 HARPY = "harpy"
 DURATION = 0.6
 """Duration of each walk, s: longer ones have a loop of their own, of many ticks in one call."""

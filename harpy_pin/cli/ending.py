@@ -19,8 +19,6 @@ from harpy_pin.cli.signals import Interruptible
 from harpy_pin.errors import HarpyError, Interrupted, RunFileWarning
 from harpy_pin.files import Shield
 
-__all__ = ["one_line_errors", "say", "stopping"]
-
 
 def say(message: object) -> None:
     """One plain line on standard error, whatever names from foreign files the message holds."""

@@ -14,8 +14,6 @@ from harpy_pin.cli.output import console
 from harpy_pin.cli.walk_options import UrdfOption
 from harpy_pin.errors import install_line
 
-__all__ = ["info", "robots", "settings"]
-
 
 def info(urdf: UrdfOption = None) -> None:
     """Print the robot's numbers, versions, and where examples are.

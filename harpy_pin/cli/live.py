@@ -18,8 +18,6 @@ from harpy_pin.cli.output import INTERRUPTED, TERMINATED, console
 from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.files import check_outputs, journal_path, write_json
 
-__all__ = ["live"]
-
 LONGEST = 1e6
 """Longest drive, s."""
 

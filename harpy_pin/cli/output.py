@@ -10,10 +10,6 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-__all__ = [
-    *("BAD_INPUT", "FELL", "Force", "INTERRUPTED", "TERMINATED", "console", "stderr", "values_table", "walking_bar")
-]
-
 FELL, BAD_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 """Exit codes: the robot fell or stumbled; an error of ours; Ctrl-C; SIGTERM."""
 console = Console(markup=False, highlight=False)  # names and messages may hold brackets

@@ -8,8 +8,6 @@ import sys
 import threading
 from typing import Any
 
-__all__ = ["Interruptible", "leave_at_signals"]
-
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT") if hasattr(signal, name))
 """Signals after which no compiler is left running."""

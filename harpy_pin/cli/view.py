@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from harpy_pin.log.run import Run
     from harpy_pin.model.robot import Robot
 
-__all__ = ["film", "view"]
-
 MAX_RUNS = 4
 KINDS: dict[str, tuple[str, ...]] = {
     **{f"--{kind}": (f".{kind}",) for kind in ("png", "gif", "mp4", "csv")},

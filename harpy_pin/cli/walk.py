@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario
 
-__all__ = ["demo", "walk"]
-
 SLIPPERY, SHOWN = 0.15, 4.0
 """Friction of the demo, and how long each of its walks is, s."""
 NAME_WIDTH = 20

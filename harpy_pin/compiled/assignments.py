@@ -19,8 +19,6 @@ from harpy_pin.compiled.types import INTEGER, REAL, Array, Function, Scalar, Str
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit
 
-__all__ = ["Assignments", "stored"]
-
 
 def stored(nodes: Iterable[ast.AST]) -> Iterator[str]:
     """Names that are assigned to anywhere in these nodes."""

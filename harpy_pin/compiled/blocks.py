@@ -8,19 +8,6 @@ from dataclasses import dataclass, field
 
 from harpy_pin.compiled.types import NOTHING, Scalar, Type
 
-__all__ = [
-    "Assignment",
-    "Block",
-    "CFunction",
-    "Learnt",
-    "Variable",
-    "Wider",
-    "drop_unused",
-    "mentions",
-    "place",
-    "render",
-]
-
 
 class Wider(Exception):
     """Something was learnt that what is written already depends on: start again."""

@@ -16,8 +16,6 @@ from harpy_pin.compiled.shapes import ANY, Shape, encode
 from harpy_pin.compiled.types import Array, Struct, Tuple, Type
 from harpy_pin.errors import KernelError
 
-__all__ = ["DTYPES", "Bound", "Version", "bridge"]
-
 ARRAY, NUMBER, WHOLE, TRUTH, TUPLE = range(5)
 """Kinds of arguments."""
 MAX_AXES, MAX_SLOTS, MAX_RESULTS, MAX_SYMBOLS = 4, 128, 16, 8

@@ -12,8 +12,6 @@ import numpy as np
 from harpy_pin.compiled.bridge import Bound, bridge
 from harpy_pin.compiled.kernels import BACKEND, Kernel
 
-__all__ = ["Call", "Chain", "Link", "linked"]
-
 
 class Call:
     """A kernel, and arguments whose memory stays where it is.

@@ -32,8 +32,6 @@ from typing import Any
 
 from harpy_pin.errors import KernelError
 
-__all__ = ["FLAGS", "MADE", "clear", "compiler", "folder", "key_of", "library", "say", "version"]
-
 EXACT = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno", "-fno-trapping-math")
 """No fused products, so that every compiler gives the same digits; GCC 12 makes some from neighbouring statements
 (vfmaddsub) although contraction is off."""

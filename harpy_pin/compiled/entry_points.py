@@ -17,8 +17,6 @@ from harpy_pin.errors import KernelError
 if TYPE_CHECKING:
     from harpy_pin.compiled.kernels import Kernel
 
-__all__ = ["argument_types", "entry_code"]
-
 SLOT = "typedef union { void *pointer; double number; int64_t whole; } slot;"
 UPPER_HALVES = """#if defined(__AVX__) && (defined(__clang__) || __GNUC__ >= 12)
 #define exp(x) (__builtin_ia32_vzeroupper(), exp(x))

@@ -13,8 +13,6 @@ import numpy as np
 from harpy_pin.compiled.operators import ATOM, EQUALITY, PRODUCT, SUM, UNARY, Operators, Refused, refused, wider, wrap
 from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Function, Scalar, Struct, Tuple, Value
 
-__all__ = ["Expressions", "kernel_of"]
-
 
 def _is_sum_from(end: ast.BinOp, begin: ast.expr | None) -> bool:
     """Whether the end of a slice is its beginning and something more."""

@@ -30,8 +30,6 @@ from harpy_pin.compiled.source import fingerprint, remember
 from harpy_pin.compiled.types import Array, Struct, Tuple, Type
 from harpy_pin.errors import InputError, KernelError
 
-__all__ = ["BACKEND", "Kernel", "kernel"]
-
 BACKENDS = ("c", "python")
 TRANSLATOR = (
     *("types", "operators", "expressions", "blocks", "assignments", "statements", "source", "unit", "entry_points"),

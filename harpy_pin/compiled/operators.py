@@ -15,8 +15,6 @@ from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Scalar, Tup
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit
 
-__all__ = ["ATOM", "EQUALITY", "PRODUCT", "SUM", "UNARY", "Operators", "Refused", "refused", "wider", "wrap"]
-
 ATOM, UNARY, PRODUCT, SUM, RELATION, EQUALITY, AND, OR, TERNARY = 100, 90, 80, 70, 60, 55, 40, 30, 20
 """How tightly operators bind."""
 NODES = frozenset(

@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["run_plain"]
-
 
 def run_plain(function: FunctionType, arguments: tuple[Any, ...]) -> Any:
     """Call a kernel's function, and the kernels that it calls, as Python.

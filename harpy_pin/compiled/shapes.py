@@ -11,8 +11,6 @@ import numpy as np
 
 from harpy_pin.errors import InputError, shown
 
-__all__ = ["ANY", "Shape", "check_shapes", "constant_shape", "encode"]
-
 Shape = tuple[int | str, ...] | str
 ANY = -1
 """A size that may be any, for bridge.c."""

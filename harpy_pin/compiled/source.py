@@ -18,8 +18,6 @@ import numpy as np
 from harpy_pin.compiled.expressions import kernel_of
 from harpy_pin.errors import KernelError
 
-__all__ = ["Source", "fingerprint", "remember", "source_of"]
-
 
 class Source:
     """A kernel's function as a tree.

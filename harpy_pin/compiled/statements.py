@@ -29,8 +29,6 @@ from harpy_pin.errors import KernelError
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit
 
-__all__ = ["translate"]
-
 SHORT = 3
 """Rounds of a loop that is unrolled: on a microcontroller the condensed WBC takes 0.85 of the instructions."""
 

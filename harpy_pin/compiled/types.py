@@ -14,21 +14,6 @@ import numpy as np
 
 from harpy_pin.errors import KernelError
 
-__all__ = [
-    "BOOLEAN",
-    "INTEGER",
-    "NOTHING",
-    "REAL",
-    "SINGLE",
-    "Array",
-    "Function",
-    "Scalar",
-    "Struct",
-    "Tuple",
-    "Type",
-    "Value",
-]
-
 
 @dataclass(frozen=True)
 class Scalar:

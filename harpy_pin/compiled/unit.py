@@ -16,8 +16,6 @@ from harpy_pin.compiled.statements import translate
 from harpy_pin.compiled.types import Array, Nothing, Struct, Tuple, Type
 from harpy_pin.errors import KernelError
 
-__all__ = ["Unit"]
-
 KEYWORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
 register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true
 false integer real inside within slot isfinite isnan"""

@@ -162,9 +162,8 @@ class CondensedBatch(KeepsViews):
         self._targets = tuple(lasting(np.zeros((n, *shape), self.dtype)) for shape in shapes)
         self.targets.fill(gait.update(0.0))
         self.mu, self.mass_error = np.full(n, p.limits.mu), np.zeros(n)
-        self.torque = np.zeros((n, joints), self.dtype)
+        self.torque, self.law = np.zeros((n, joints), self.dtype), np.zeros((n, 4, joints), self.dtype)
         self.thrust = np.zeros((n, len(robot.thrusters), 3), self.dtype)
-        self.law = np.zeros((n, 4, joints), self.dtype)
         self.force = np.zeros((n, feet, 3), self.dtype)
         self.status = np.zeros(n, dtype=np.int64)
         searches = [record["condensed"][name]["exchange"]["active"].shape[1] for name in ("free", "limited")]

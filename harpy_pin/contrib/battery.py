@@ -35,8 +35,6 @@ from harpy_pin.simulation.plant import Plant
 if TYPE_CHECKING:
     from harpy_pin.simulation.step import PlantRecord
 
-__all__ = ["ENERGIES", "Battery"]
-
 ENERGIES = ("chemical", "missing", "inner heat", "thrust shaft", "thrust heat", "joint mechanical", "joint heat")
 """Energies of a plant's battery since its reset, J: the sum of the first two is that of the others.
 

@@ -13,8 +13,6 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["Threads"]
-
 SMALL = 64
 """Robots that are not worth a second thread."""
 

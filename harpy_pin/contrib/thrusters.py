@@ -33,8 +33,6 @@ from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.thrusters import Thrusters
 
-__all__ = ["SecondOrderThrusters", "ThrustWatch"]
-
 AIRBORNE = 0.05
 """Measured contact force below which the robot is in the air, as a share of the weight."""
 OBSERVER, ADAPTS = 30.0, 6.0

@@ -14,8 +14,6 @@ from harpy_pin.compiled.compiler import run_program, work_folder
 from harpy_pin.errors import HarpyError
 from harpy_pin.export.code import shipped
 
-__all__ = ["CHIPS", "Chip", "Measured", "board_text", "build", "measure", "missing_tools", "run"]
-
 COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
 ICOUNT = "shift=6,align=off,sleep=off"
 """Every instruction takes 64 ns: more than a tick of the board's clock, so that each is seen."""

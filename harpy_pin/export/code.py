@@ -20,8 +20,6 @@ from harpy_pin.export.exported_controllers import LAW, Exportable
 from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.model.record import Record
 
-__all__ = ["Code", "controller_code", "initial_values", "lengths", "number_text", "shipped"]
-
 FEW = 2
 """Entries of an array that are assigned one by one; more are copied from the table."""
 INPUTS = {

@@ -26,8 +26,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
 from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
 
-__all__ = ["Exportable", "ProgramStatus", "exportable"]
-
 MEASURED = ("q", "v", "foot_position", "foot_force")
 """What a controller may take of a state."""
 LAW = ("joint_position", "joint_velocity", "joint_stiffness", "joint_damping")

@@ -23,8 +23,6 @@ from harpy_pin.files import OwnFolder
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot
 
-__all__ = ["Exported", "export", "write_folder"]
-
 SHIPPED = ("CMakeLists.txt", "check.c", "count.c", "arm-none-eabi.cmake", "board/startup.c")
 TICKS, EVERY = 200, 10
 """Recorded ticks, and how far they are apart in ticks of the motion."""

@@ -7,8 +7,6 @@ With these, the exported C gives the same digits on all processors. Polynomials 
 
 from __future__ import annotations
 
-__all__ = ["PORTABLE"]
-
 _REDUCE = """
 static real reduce_angle(real x, integer *octant)
 {

@@ -26,8 +26,6 @@ from harpy_pin.scenario import Disturbances, Governed, Scenario, Walk, build
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import Push
 
-__all__ = ["CONTROLLERS", "Recording", "answers", "ready", "record"]
-
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
 """Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
 SINK = 1e-3

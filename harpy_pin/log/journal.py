@@ -27,8 +27,6 @@ from harpy_pin.errors import RunFileError, RunFileWarning
 from harpy_pin.files import check_writable, journal_path
 from harpy_pin.log.run_file import check_name, to_json
 
-__all__ = ["Journal", "Layout", "is_journal", "read_journal"]
-
 MAGIC = b"harpy run journal 2\n"
 RECORD = struct.Struct("<4sQI")
 HEAD, ROWS, END = b"HEAD", b"ROWS", b"END "

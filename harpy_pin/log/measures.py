@@ -17,8 +17,6 @@ from harpy_pin.log.slip import DEBOUNCE
 from harpy_pin.log.walk_measures import walk_measures
 from harpy_pin.model.state import Vector
 
-__all__ = ["Chattering", "Measures", "body_angles", "chattering", "measure"]
-
 MIN_NORMAL_FORCE = 20.0
 SLIDING_SPEED = 0.01
 STUMBLE = 0.5

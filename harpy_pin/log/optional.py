@@ -13,17 +13,6 @@ from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.log.run_file import MAX_STEP, MAX_TIME
 
-__all__ = [
-    "control_period",
-    "given_thrust",
-    "given_torque",
-    "has_target",
-    "last_count",
-    "optional_signal",
-    "step_duration",
-    "tick_times",
-]
-
 SHAPES: dict[str, tuple[int | str, ...]] = {
     "x_r": (3,),
     "slip_path": ("foot_force",),

@@ -19,8 +19,6 @@ from harpy_pin.log import optional
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 
-__all__ = ["Motors", "Power", "Propulsion", "power"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Propulsion:

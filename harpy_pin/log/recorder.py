@@ -15,8 +15,6 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.log.journal import Journal, Layout
 from harpy_pin.log.run_file import check_name
 
-__all__ = ["BLOCK", "Recorder"]
-
 FLOAT = np.dtype(np.float64)
 BLOCK = 1000
 """Rows of a block, at most."""

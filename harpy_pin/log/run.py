@@ -29,8 +29,6 @@ from harpy_pin.log.run_file import check_log, read_run, write_run
 if TYPE_CHECKING:
     import pandas
 
-__all__ = ["Run", "columns", "describe_versions"]
-
 AXES = ("x", "y", "z")
 
 

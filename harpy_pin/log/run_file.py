@@ -18,8 +18,6 @@ from numpy.typing import NDArray
 from harpy_pin.errors import RunFileError, shown
 from harpy_pin.files import replacing
 
-__all__ = ["check_log", "check_name", "read_run", "to_json", "write_run"]
-
 FORMAT = 1
 METADATA = "__metadata__"
 AXES = {

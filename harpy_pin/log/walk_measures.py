@@ -11,8 +11,6 @@ from harpy_pin.log.power import PRESETS
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 
-__all__ = ["walk_measures"]
-
 GRAVITY = 9.81
 """m/s²."""
 HEAVIEST, LONGEST = 1e9, 1e9

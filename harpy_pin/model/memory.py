@@ -18,8 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
-__all__ = ["KeepsViews", "fixed_arrays", "lasting", "move_array", "read_only", "room", "shares_memory"]
-
 _T = TypeVar("_T")
 _Kind = TypeVar("_Kind", bound=type)
 _Array = NDArray[Any]

@@ -34,8 +34,6 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin.errors import InputError
 from harpy_pin.model.memory import room
 
-__all__ = ["ZERO", "Record", "RecordOf", "Records", "field", "fields", "flag", "make_record", "same_layout", "sized"]
-
 Record = NDArray[np.void]
 """A structured array of shape (1,)."""
 NO_SIZES: Mapping[str, int] = {}

@@ -31,8 +31,6 @@ from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.sensors import Sensors
 
-__all__ = ["Walk", "build", "walk"]
-
 
 @dataclass(frozen=True, eq=False)
 class Walk:

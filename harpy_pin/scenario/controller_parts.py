@@ -21,8 +21,6 @@ from harpy_pin.governors.rows import EVALUATE_AT
 from harpy_pin.scenario.parts import Part, defaults_of, plain
 from harpy_pin.simulation.loop import Controller
 
-__all__ = ["CONTROLLER_PARTS", "Condensed", "ControllerPart", "Governed", "WholeBody"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerPart(Part):

@@ -26,8 +26,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import named_robot
 from harpy_pin.scenario.parts import Part
 
-__all__ = ["GAIT_PARTS", "Commanded", "GaitPart", "Hover", "Stand", "Straight", "Walking", "gaits_of"]
-
 MAX_SPEED = 100.0
 """m/s: far beyond what any walker does, and far from numbers that overflow."""
 

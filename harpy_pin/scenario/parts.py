@@ -13,8 +13,6 @@ from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.walking.build import FOUR_FEET, TWO_FEET
 
-__all__ = ["Part", "check_part_name", "defaults_of", "plain", "read_part", "read_record"]
-
 _Part = TypeVar("_Part", bound="Part")
 _Record = TypeVar("_Record")
 

@@ -16,8 +16,6 @@ from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, DEFAULT_PRESET, P
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 
-__all__ = ["PLANT_PARTS", "Compliant", "Mujoco", "PlantPart"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class PlantPart(Part):

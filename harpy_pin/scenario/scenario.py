@@ -21,8 +21,6 @@ from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.push import check_pushes
 
-__all__ = ["Scenario"]
-
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class Scenario:

@@ -17,8 +17,6 @@ from harpy_pin.scenario.parts import Part, defaults_of
 from harpy_pin.scenario.plant_parts import PLANT_PARTS
 from harpy_pin.scenario.scenario import Scenario
 
-__all__ = ["Setting", "scenario_of", "settings_table"]
-
 
 class Setting(NamedTuple):
     """A setting of a scenario.

@@ -27,8 +27,6 @@ from harpy_pin.simulation.step import VERDICTS
 if TYPE_CHECKING:
     from harpy_pin.simulation.plant import Plant
 
-__all__ = ["ClosedLoop", "Controller", "about", "keep_run", "run_metadata"]
-
 REPORT = 100
 """Ticks in Python between two reports of progress."""
 

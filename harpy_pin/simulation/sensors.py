@@ -16,8 +16,6 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-__all__ = ["Noise", "Sensors"]
-
 MAX_NOISE = 1e6
 """Largest standard deviation, in its unit, and largest scale."""
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["figures_of", "grid", "legend_above", "styled"]
-
 STYLE: dict[str, Any] = {
     "font.size": 9.0,
     "axes.labelsize": 9.0,

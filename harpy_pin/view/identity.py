@@ -12,8 +12,6 @@ from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot, load_harpy, load_robot
 from harpy_pin.model.source import read_robot
 
-__all__ = ["CONTROLLERS", "NamedController", "name_of", "robot_of"]
-
 
 class NamedController(NamedTuple):
     """A controller as pages name it.

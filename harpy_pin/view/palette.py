@@ -4,27 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-__all__ = [
-    "APPLIED",
-    "BODY",
-    "CONTACT",
-    "FEET",
-    "FLOOR",
-    "FRICTION",
-    "LEFT",
-    "PRESSURE",
-    "RIGHT",
-    "RUNS",
-    "SLIDING",
-    "SLIP",
-    "TARGET",
-    "THRUST",
-    "as_hex",
-    "as_int",
-    "as_rgb",
-    "ground_colour",
-]
-
 CONTACT = "#0072b2"
 FRICTION = "#56b4e9"
 SLIDING = "#d62a1e"

@@ -23,8 +23,6 @@ from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.model.state import Vector
 from harpy_pin.scenario.parts import Part, read_part
 
-__all__ = ["Flight", "Fly", "Jump", "read_flights"]
-
 CROUCH, RELEASE = 0.22, 0.14
 """How much lower than in standing the body is before the push, and how much higher at its end, in heights of the
 body."""

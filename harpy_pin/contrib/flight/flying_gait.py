@@ -43,8 +43,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart
 
-__all__ = ["Flying", "FlyingGait"]
-
 PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")
 """Phases, in the order of the signal ``flight_phase``."""
 MOST_FORCE = 10.0

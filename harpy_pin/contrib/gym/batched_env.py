@@ -70,8 +70,6 @@ if TYPE_CHECKING:
     from harpy_pin.model.contact_map import ContactMapRecord
     from harpy_pin.simulation.step import StepRecord
 
-__all__ = ["ACTIONS", "OBSERVATIONS", "BatchedEnv", "default_scenario"]
-
 ACTIONS, OBSERVATIONS = 12, 39
 MOST = 10.0
 """Largest entry of an observation."""

@@ -18,8 +18,6 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import State
 from harpy_pin.scenario import Scenario
 
-__all__ = ["HarpyEnv", "HarpyVectorEnv", "spaces"]
-
 Numbers = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 

@@ -32,8 +32,6 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.plant import GRAVITY
 
-__all__ = ["REWARDS", "TERMS", "Reward", "Step", "make_reward"]
-
 WIDTH = 0.25
 """Widths of the rewards of velocity and turning, m/s and rad/s."""
 RISE = 0.1

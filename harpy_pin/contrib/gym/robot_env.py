@@ -52,8 +52,6 @@ from harpy_pin.scenario import Walking as WalkingPart
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.sensors import Sensors
 
-__all__ = ["ACTION_KINDS", "RobotEnv"]
-
 Numbers = NDArray[np.float32]
 ACTION_KINDS = ("velocity", "joints")
 """What an action is."""

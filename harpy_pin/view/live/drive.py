@@ -31,8 +31,6 @@ from harpy_pin.view.live.settings import LiveSettings
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 from harpy_pin.view.live.times import TickTimes
 
-__all__ = ["Drive", "DriveSummary", "LiveLog", "listen"]
-
 SNAPSHOT_PERIOD = 0.02
 """Time between snapshots, s."""
 NAP = 2e-3

@@ -25,8 +25,6 @@ from websockets.http11 import Request, Response
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError
 
-__all__ = ["allowed", "check_value", "guarded_server"]
-
 HOST = re.compile(r"(\[[0-9a-f:.]*\]|[^:]*)(?::([0-9]{1,5}))?", re.IGNORECASE)
 """A Host header: a name or an address, and a port."""
 MAX_BYTES = 1 << 16

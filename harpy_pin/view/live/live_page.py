@@ -29,8 +29,6 @@ from harpy_pin.view.live.panel import Panel
 from harpy_pin.view.live.settings import DriveRanges
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 
-__all__ = ["EYE", "MIDDLE", "followed", "serve"]
-
 FRAME, NUMBERS, CHARTS = 0.025, 0.25, 0.2
 """Time between frames of the scene, and between updates of numbers and charts, s."""
 EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)

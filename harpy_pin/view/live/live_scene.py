@@ -22,8 +22,6 @@ from harpy_pin.view.scene.frames import REFERENCES, Contacts
 from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Motion, Motions, Node, Sphere, from_matrices
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
-__all__ = ["LiveScene", "ViserScene"]
-
 FOLLOW_TIME = 0.4
 """Time constant with which the middle of the picture follows the body, s."""
 JUMP = 0.5

@@ -31,8 +31,6 @@ from harpy_pin.view.identity import CONTROLLERS
 from harpy_pin.view.live.settings import DrivenGait, DriveRanges, LiveSettings, make_driven_gait, usual_settings
 from harpy_pin.view.live.times import RealTimePacer, TickTimes
 
-__all__ = ["PERIOD", "LiveSession", "Tick"]
-
 PERIOD, STEPS = 1e-3, 2
 """Time between control ticks, s, and physics steps in each."""
 PULL_LASTS = 0.25

@@ -23,8 +23,6 @@ from harpy_pin.view.identity import CONTROLLERS
 from harpy_pin.view.live.settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION, DriveRanges
 from harpy_pin.view.palette import FEET
 
-__all__ = ["Charts", "Panel", "WholeFeet"]
-
 PACES = {"real time": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}
 STEPS = {"1 ms": 1, "10 ms": 10, "100 ms": 100}
 DIRECTIONS = {"forward": (1.0, 0.0), "back": (-1.0, 0.0), "left": (0.0, 1.0), "right": (0.0, -1.0)}

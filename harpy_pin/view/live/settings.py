@@ -19,8 +19,6 @@ from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.identity import CONTROLLERS
 
-__all__ = ["DriveRanges", "DrivenGait", "LiveSettings", "make_driven_gait", "usual_settings"]
-
 DrivenGait: TypeAlias = CommandedGait | WalkingGait
 
 SOFTEST, HARDEST = 2e3, 2e5

@@ -14,8 +14,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.view.live.live_session import LiveSession, Tick
 from harpy_pin.view.scene.frames import about_normals
 
-__all__ = ["SharedSnapshots", "power_of"]
-
 PLACES = 256
 """Snapshots that a reader may be late by: five seconds."""
 

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 
-__all__ = ["RealTimePacer", "TickTimes"]
-
 BIN, BINS = 100, 50_000
 """Width of a bin, ns, and how many there are: up to 5 ms."""
 

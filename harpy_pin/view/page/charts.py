@@ -15,8 +15,6 @@ from harpy_pin.view.page.shown import Shown
 from harpy_pin.view.palette import APPLIED, CONTACT, FEET, FRICTION, SLIDING, TARGET
 from harpy_pin.view.scene.frames import Frames, about_normals, normal_floor
 
-__all__ = ["Chart", "Clock", "Line", "charts_of"]
-
 DARK = "#222222"
 TAKERS = ("thrusters", "joints")
 COMMANDS = (("forward", "m/s"), ("left", "m/s"), ("turning", "rad/s"))

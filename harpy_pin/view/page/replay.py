@@ -17,8 +17,6 @@ from harpy_pin.files import check_writable, replacing
 from harpy_pin.view.page.build_page import build_page
 from harpy_pin.view.page.shown import Runs, line_up
 
-__all__ = ["ReplayServer", "replay_html", "show", "write_html"]
-
 LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
 """Names of this machine, and a port."""
 

@@ -20,8 +20,6 @@ from harpy_pin.view.identity import name_of, robot_of
 from harpy_pin.view.palette import RUNS
 from harpy_pin.view.scene.frames import Frames, ground_of
 
-__all__ = ["MAX_RUNS", "Moment", "Runs", "Score", "Shown", "headline", "line_up", "scoreboard", "telling_moment"]
-
 MAX_RUNS = len(RUNS)
 """Runs that one page plays side by side."""
 Runs: TypeAlias = Run | Sequence[Run | tuple[Run, Robot]]

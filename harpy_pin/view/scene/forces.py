@@ -13,8 +13,6 @@ from harpy_pin.view.palette import CONTACT, FLOOR, FRICTION, SLIDING, THRUST
 from harpy_pin.view.scene.frames import Contacts
 from harpy_pin.view.scene.nodes import Lines, Look, Mesh, Motion, Motions, Node, node_name, revolved, turn_z_to
 
-__all__ = ["Arrow", "Cone", "Forces", "Scales", "nice_scale"]
-
 HEAD_LENGTH, HEAD_WIDTH = 3.2, 2.4
 """Length and diameter of an arrow's head in shaft diameters."""
 SIDES = 64

@@ -25,8 +25,6 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-__all__ = ["Contacts", "Frames", "about_normals", "ground_of", "normal_floor", "sample_rows", "surface_of"]
-
 LARGEST = 1e9
 """Largest number that is drawn."""
 MAX_FRAMES = 1_000_000

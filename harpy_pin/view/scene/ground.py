@@ -13,8 +13,6 @@ from harpy_pin.view.palette import PRESSURE, SLIP, TARGET, ground_colour
 from harpy_pin.view.scene.frames import Frames, surface_of
 from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Mesh, Motion, Motions, Node, shifted
 
-__all__ = ["centre_of_pressure", "footholds", "ground_nodes", "marks", "pressure", "slip_marks", "slip_steps"]
-
 LINES = (("fine", 0.1, "#dce2ea"), ("coarse", 0.5, "#b4bfcc"))
 """Distance between two lines of the grid, m, and their colour."""
 MARGIN, FARTHEST = 2.5, 30.0

@@ -14,8 +14,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import as_int
 from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Motions, Node, Sphere
 
-__all__ = ["FIELD_OF_VIEW", "encoded", "keyframes", "node_commands", "stage_commands"]
-
 ROOT = "/meshcat/walk"
 """Path of the node that stands for the world's frame."""
 FIELD_OF_VIEW = 32.0

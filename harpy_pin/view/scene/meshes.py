@@ -20,8 +20,6 @@ from harpy_pin.errors import install_line
 from harpy_pin.model.state import Vector
 from harpy_pin.view.scene.nodes import Mesh
 
-__all__ = ["mesh_parts", "thin_out"]
-
 MAX_TRIANGLES = 8000
 """Most triangles of a mesh: what a replay page can hold of every link, and more than is seen of it."""
 FINEST = 1.0 / 300.0

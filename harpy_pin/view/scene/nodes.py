@@ -18,24 +18,6 @@ from scipy.spatial.transform import Rotation
 
 from harpy_pin.model.state import Vector
 
-__all__ = [
-    "Box",
-    "Cylinder",
-    "Lines",
-    "Look",
-    "Mesh",
-    "Motion",
-    "Motions",
-    "Node",
-    "Shape",
-    "Sphere",
-    "from_matrices",
-    "node_name",
-    "revolved",
-    "shifted",
-    "turn_z_to",
-]
-
 SIDES = 24
 
 

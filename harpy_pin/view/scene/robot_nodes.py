@@ -39,8 +39,6 @@ from harpy_pin.view.scene.nodes import (
     turn_z_to,
 )
 
-__all__ = ["Pantograph", "RobotNodes", "find_pantograph", "load_visuals"]
-
 GREY, CARBON, ROD = (Look(colour, light="body") for colour in ("#666b75", "#22252a", "#bfc2c7"))
 MOTOR_TOLERANCE = 0.02
 """How far the thigh's centre of mass may be from the knee motor's place, m."""

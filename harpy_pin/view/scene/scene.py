@@ -18,8 +18,6 @@ from harpy_pin.view.scene.ground import ground_nodes, marks, pressure, slip_mark
 from harpy_pin.view.scene.nodes import Lines, Look, Motion, Motions, Node, Sphere
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
-__all__ = ["Scene", "follow", "picture_size", "scene_of"]
-
 FLIES, MOST_RISE = 0.2, 5.0
 """Rise of the body above the ground from which on the picture shows more, m, and up to which it does."""
 WINDOW = 1.5
