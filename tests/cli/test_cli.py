@@ -1,7 +1,5 @@
 """The commands: what they write, and that their options are the scenario."""
 
-from __future__ import annotations
-
 import json
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Commands that are refused, interrupted or killed: one clear line, and nothing that looks whole and is not."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import signal

@@ -1,7 +1,5 @@
 """The command in odd places: what its output may do to it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

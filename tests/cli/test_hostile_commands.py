@@ -3,8 +3,6 @@
 Nothing is walked: where a command would begin to, its arguments have been accepted. ``--fuzz 20`` is 2,000 lines.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from command_lines import commands

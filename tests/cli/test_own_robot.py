@@ -1,7 +1,5 @@
 """A robot of one's own, that is known by no name, goes wherever a name goes."""
 
-from __future__ import annotations
-
 import json
 import warnings
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """The lists of commands: every summary is whole on a terminal of 80 columns, and says what the command is."""
 
-from __future__ import annotations
-
 import pytest
 from typer.testing import CliRunner
 

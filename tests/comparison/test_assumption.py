@@ -1,7 +1,5 @@
 """Walks whose controllers are wrong about the friction of the ground."""
 
-from __future__ import annotations
-
 from comparison.studies.assumption import STUDY
 
 

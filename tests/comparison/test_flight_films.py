@@ -1,7 +1,5 @@
 """The page of films: what captions say, and that the page shows them on any screen, without a network."""
 
-from __future__ import annotations
-
 import pytest
 
 from comparison.report.flight_films import FILMS, caption, film_flights

@@ -1,7 +1,5 @@
 """Margins of delay and lag: against simulated loops, eigenvalues, closed forms, Pinocchio, and walks."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

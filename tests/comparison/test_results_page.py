@@ -1,7 +1,5 @@
 """Tables in pages: what a comment chooses, what is replaced, and where the figures come from."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

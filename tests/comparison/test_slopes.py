@@ -1,7 +1,5 @@
 """The bound of statics against closed forms, and the study of slopes in small."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from needs import needs_robots

@@ -1,7 +1,5 @@
 """Walks in other people's models: what a policy sees, what is taken from a model, and what is measured of a walk."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

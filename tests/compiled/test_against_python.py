@@ -1,7 +1,5 @@
 """Numbers and control flow in kernels: what C gives is what plain Python gives, in every bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Kernels that Python may call: arrays of the wrong size are refused, and nothing around an array is touched."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from itertools import chain

@@ -1,7 +1,5 @@
 """What kernels may not say: refused with its place. And what a known type of array says about itself."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kernels that nobody wrote: what C gives is what plain Python gives, in every bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from oracle import same

@@ -3,8 +3,6 @@
 That each kernel gives Python's bits is seen in every run by ``test_all_kernels.py``.
 """
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

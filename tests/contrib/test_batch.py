@@ -1,7 +1,5 @@
 """Many robots at once: each row is what a controller of its own gives, and no row disturbs another."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """A battery behind thrusters and motors: circuit, energy, and the thrust that it leaves; lags of second order."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

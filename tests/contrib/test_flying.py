@@ -1,7 +1,5 @@
 """Jumps and flights in the plants, against momentum, ballistics and friction cones; and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The Gymnasium environments: the checker's rules, the simulator's physics, and a vector that is n single ones."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import warnings

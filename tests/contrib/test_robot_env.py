@@ -1,7 +1,5 @@
 """The environment of any robot: the checker's rules, the simulator's physics, and rewards by name or by a function."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A fan that loses power in the air is found, made up for, and the robot lands; healthy ones are left alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

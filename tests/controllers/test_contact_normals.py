@@ -1,7 +1,5 @@
 """Whole-body control on ground that is not level: against a program of the test's own with cones about the normals."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

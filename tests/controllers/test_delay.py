@@ -1,7 +1,5 @@
 """Delay and noise: the leg law with feedforward."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

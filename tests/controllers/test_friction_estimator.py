@@ -1,7 +1,5 @@
 """The estimate of the friction coefficient: its bounds, what slides and sticks teach it, and who follows it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from condensed_cases import random_case

@@ -1,7 +1,5 @@
 """Joint targets of the whole-body controllers: the integrator, a rigid world, condensed and QP, and what cannot be."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

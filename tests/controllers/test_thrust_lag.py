@@ -1,7 +1,5 @@
 """Controllers that know that thrusts lag: the thrusts they count on, the forces that follow, law and QP."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 
 import numpy as np

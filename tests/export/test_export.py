@@ -1,7 +1,5 @@
 """Exported C: it compiles without a warning, says what the library says, and leaves no undefined behaviour."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 import subprocess

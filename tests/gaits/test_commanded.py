@@ -1,7 +1,5 @@
 """The commanded gait: continuous targets, feet that stay, limits that the legs keep, and walks that follow commands."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

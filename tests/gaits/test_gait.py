@@ -1,7 +1,5 @@
 """Bezier curves against Bernstein's sum, and the walk: support, hand-over, feet at rest on the ground."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

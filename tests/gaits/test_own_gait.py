@@ -1,7 +1,5 @@
 """Gaits of one's own: a wrapper walks as what it wraps under every controller, and what is no gait is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

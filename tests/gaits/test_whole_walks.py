@@ -3,8 +3,6 @@
 ``--long`` walks more robots: kernels are compiled for each size of robot.
 """
 
-from __future__ import annotations
-
 from copy import deepcopy
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The true contact force: its affine map, and the governor that holds it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

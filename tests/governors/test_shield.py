@@ -1,7 +1,5 @@
 """The shield behind a foreign controller: what comes out is safe, near, and explained."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Ground: the law of equations.md E1 and E2 as properties, its implicit step against the law, and a sled on a slope."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

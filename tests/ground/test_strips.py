@@ -1,7 +1,5 @@
 """Ground whose friction and stiffness change along the way."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

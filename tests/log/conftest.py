@@ -1,7 +1,5 @@
 """A simulator without physics."""
 
-from __future__ import annotations
-
 import pytest
 
 import harpy_pin as hp

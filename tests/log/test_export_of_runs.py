@@ -1,7 +1,5 @@
 """A run in the tables and files of other programs, read back by their own readers; and objects in one line."""
 
-from __future__ import annotations
-
 import csv
 
 import numpy as np

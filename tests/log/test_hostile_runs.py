@@ -3,8 +3,6 @@
 ``--fuzz 40`` is 2,400 files.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from entrances import again, page, use_figure, use_run

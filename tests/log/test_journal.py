@@ -1,7 +1,5 @@
 """Logs that are on disk while the run goes on: interrupts, failures, and what is found afterwards."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Measures of runs made by hand, with everything known beforehand."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

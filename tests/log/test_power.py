@@ -1,7 +1,5 @@
 """Power of thrusters and motors: momentum theory, energy, balance."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

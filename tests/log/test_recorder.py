@@ -1,7 +1,5 @@
 """The rows of a run while it goes on: names, shapes, copies, pieces."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The log on disk: round trip, damage, and files that cannot be written."""
 
-from __future__ import annotations
-
 import json
 import os
 import stat

@@ -1,7 +1,5 @@
 """Run files from strangers: types, shapes, times, names and headers that no walk has are refused in one line."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

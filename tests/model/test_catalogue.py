@@ -1,7 +1,5 @@
 """The public robots of example-robot-data: each is read as Pinocchio reads it, or refused for a stated reason."""
 
-from __future__ import annotations
-
 import re
 import sys
 from importlib.metadata import PackageNotFoundError

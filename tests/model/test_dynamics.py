@@ -1,7 +1,5 @@
 """Equations of motion and feet against Pinocchio, and simulated flight against an integrator of order eight."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

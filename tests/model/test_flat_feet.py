@@ -1,7 +1,5 @@
 """Flat feet: corners and their cones against the closed form, and the law of a humanoid against dense algebra."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Armature, damping and dry friction of joints as they are known: in the model, in torques, and in both plants."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

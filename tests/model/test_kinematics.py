@@ -1,7 +1,5 @@
 """Closed-form leg kinematics and the iterative solver, against geometry, Pinocchio and brute force."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

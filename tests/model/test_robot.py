@@ -1,7 +1,5 @@
 """The URDF against the pantograph it stands for, in three readers; loading, and refusing to load."""
 
-from __future__ import annotations
-
 import os
 import xml.etree.ElementTree as ElementTree
 

@@ -1,7 +1,5 @@
 """Rotors with a fixed axis, and robots without feet that fly on them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

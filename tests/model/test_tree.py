@@ -1,7 +1,5 @@
 """Kernels over the tree against Pinocchio, for every kind of joint; and many physics steps in one crossing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """The gait, states of a walk, and the robot at the start of the gait."""
 
-from __future__ import annotations
-
 import pytest
 
 import harpy_pin as hp

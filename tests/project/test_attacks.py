@@ -1,7 +1,5 @@
 """Attacks on what is public, in one table: each is refused by an error of ours, or changes nothing."""
 
-from __future__ import annotations
-
 import math
 import os
 import pickle

@@ -1,7 +1,5 @@
 """Numbers that are none, wherever data enters: answered, counted and not remembered."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Inputs that once broke something, used again."""
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 from pathlib import Path

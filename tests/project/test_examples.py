@@ -1,7 +1,5 @@
 """The examples are short, say what they show, and need nothing but the library; ``.ci/run`` runs them all."""
 
-from __future__ import annotations
-
 import ast
 import sys
 from pathlib import Path

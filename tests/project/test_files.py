@@ -1,7 +1,5 @@
 """Files that take the place of others, links and devices, and signals that wait."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Arguments of another kind: an error of ours that names them, never one of Python's or NumPy's."""
 
-from __future__ import annotations
-
 import math
 import resource
 import signal

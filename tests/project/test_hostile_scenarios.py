@@ -3,8 +3,6 @@
 ``--fuzz 20`` is 10,000 mappings.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hostile import outcome, spoil_mapping

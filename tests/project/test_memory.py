@@ -1,7 +1,5 @@
 """Objects that keep arrays: no attribute can be bound to other memory, and a copy is a whole one of its own."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 import warnings

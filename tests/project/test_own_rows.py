@@ -1,7 +1,5 @@
 """Rows of one's own that a governor cannot hold, and other use that only looks right."""
 
-from __future__ import annotations
-
 import itertools
 import sys
 import threading

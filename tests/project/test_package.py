@@ -1,7 +1,5 @@
 """The package as its users meet it."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Parameters of everything: numbers out of their domain are refused by name."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Arguments of a wrong shape or kind, wherever data enters: refused by name, and nothing else is touched."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from guarded_walks import NAMES, REFERENCE, X_R, X, command_of, controller_of, copy, equal, governor_of

@@ -3,8 +3,6 @@
 ``--fuzz 100 -s`` is 100,000 states for each, and prints how long ticks take.
 """
 
-from __future__ import annotations
-
 from time import thread_time_ns
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The planar model, the packaged gait and the ground that it was found on."""
 
-from __future__ import annotations
-
 import pytest
 
 import harpy_pin as hp

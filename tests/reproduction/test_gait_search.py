@@ -1,7 +1,5 @@
 """The search for a planar gait, and the files that keep one."""
 
-from __future__ import annotations
-
 import json
 import sys
 

@@ -1,7 +1,5 @@
 """The governors of the VLIP: the margin's invariant, and the chattering of the paper's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

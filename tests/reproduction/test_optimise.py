@@ -1,7 +1,5 @@
 """The planar model, the planar walk and its curves."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The step of a planar gait as a map: its fixed point, and how fast disturbances decay."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A planar gait walked in space."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from planar_targets import targets

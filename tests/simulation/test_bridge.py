@@ -1,7 +1,5 @@
 """The bridge into a MuJoCo simulation of one's own: forces, torques, laws, differences, and other robots' models."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """How runs end, what they log, and what a simulator refuses."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

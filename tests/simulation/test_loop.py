@@ -1,7 +1,5 @@
 """A controller and a simulator in closed loop: an interrupt loses no tick and writes none twice."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

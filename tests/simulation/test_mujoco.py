@@ -1,7 +1,5 @@
 """MuJoCo as a second plant: the same robot, the same ground, the same walks."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Pushes against momentum, and what a push refuses."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise and delay of what a controller measures."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """The simulator against reference integrations, and its convergence."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MuJoCo's own contact: what its presets are, how it creeps, and feet that are spheres."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pinocchio as pin

@@ -1,7 +1,5 @@
 """Thrusters with lag, limits and gimbals: closed forms, MuJoCo."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

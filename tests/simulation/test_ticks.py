@@ -1,7 +1,5 @@
 """The compiled loop of many ticks: the same log as the loop in Python, and Python's where there is something to say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

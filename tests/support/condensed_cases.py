@@ -1,7 +1,5 @@
 """States, targets and supports for the condensed controller, from ordinary to hopeless."""
 
-from __future__ import annotations
-
 import pinocchio as pin
 
 import harpy_pin as hp

@@ -1,7 +1,5 @@
 """Random feet in contact, for the implicit step of the ground."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """A controller that counts its ticks, and what its log must hold."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import harpy_pin as hp

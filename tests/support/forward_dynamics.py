@@ -1,7 +1,5 @@
 """Forces and accelerations that follow from a command, by the library's terms and Pinocchio's forward dynamics."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

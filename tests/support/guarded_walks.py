@@ -1,7 +1,5 @@
 """Controllers and governors by name, and what is given to them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import harpy_pin as hp

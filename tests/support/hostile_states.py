@@ -1,7 +1,5 @@
 """States of any robot that no robot can have, and states at the edge of what is taken for possible."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import harpy_pin as hp

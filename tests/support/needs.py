@@ -1,7 +1,5 @@
 """What a test needs and an installation may lack."""
 
-from __future__ import annotations
-
 import pytest
 
 from harpy_pin.model.catalogue import installed_data

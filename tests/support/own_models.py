@@ -1,7 +1,5 @@
 """MuJoCo models of the catalogue's robots as users have them: MuJoCo's own reading of the URDF."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import pytest

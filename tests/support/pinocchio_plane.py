@@ -1,7 +1,5 @@
 """The robot in the plane, its terms by Pinocchio: what holds the planar kernels to account."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -1,7 +1,5 @@
 """The planar walk as a controller of the simulator, which holds the compiled loop to it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from harpy_pin.compiled import kernel

@@ -1,7 +1,5 @@
 """Targets of a planar gait."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from reproduction.gait.planar_gait import planar_targets

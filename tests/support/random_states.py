@@ -1,7 +1,5 @@
 """States that no walk comes near."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -1,7 +1,5 @@
 """Random trees with each kind of joint, and their states."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

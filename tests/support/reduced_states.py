@@ -1,7 +1,5 @@
 """States and references of the reduced-order model, for hypothesis."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

@@ -1,7 +1,5 @@
 """Logs made by hand."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A standing robot, and controllers that follow a script."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import harpy_pin as hp

@@ -1,7 +1,5 @@
 """States near standing, and commands of any size, for the shield and its batch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -1,7 +1,5 @@
 """Walks of any robot, and what is measured of them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 import harpy_pin as hp

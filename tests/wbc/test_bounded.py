@@ -1,7 +1,5 @@
 """The whole-body QP far beyond walking: every solve ends, finds the optimum where there is one, and says where not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """The task of the centre of mass: its rows against Pinocchio, and the optimum against Newton's condensed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 from condensed_cases import NV, ROBOT, WEIGHTS, random_case

@@ -1,7 +1,5 @@
 """Tasks that give way where torques reach their limits: the definition, both controllers, and walks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from condensed_cases import ROBOT, WEIGHTS, random_case

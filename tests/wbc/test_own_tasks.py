@@ -1,7 +1,5 @@
 """Tasks and ranges that a user adds to the whole-body program."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
