@@ -37,24 +37,15 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What to compare, and how thoroughly.
+    """What to compare, and how thoroughly."""
 
-    Attributes:
-        friction: friction coefficient of the walks whose states are timed.
-        duration: of a walk, s.
-        seed: of the order in which candidates are timed.
-        impulse: of the pushes during the walks on which every controller's tick is timed, N·s.
-        faces: numbers of faces of the friction pyramid, of the section on growth.
-        timing: how to time.
-        campaign: the walks of the campaign, where it is asked for.
-    """
-
-    friction: float = FRICTION
-    duration: float = 6.0
-    seed: int = 0
-    impulse: float = 3.0
-    faces: tuple[int, ...] = FACES
-    timing: TimingSettings = field(default_factory=TimingSettings)
+    friction: float = FRICTION  # friction coefficient of the walks whose states are timed
+    duration: float = 6.0  # of a walk, s
+    seed: int = 0  # of the order in which candidates are timed
+    impulse: float = 3.0  # of the pushes during the walks on which every controller's tick is timed, N·s
+    faces: tuple[int, ...] = FACES  # numbers of faces of the friction pyramid, of the section on growth
+    timing: TimingSettings = field(default_factory=TimingSettings)  # how to time
+    # the walks of the campaign, where it is asked for
     campaign: CampaignSettings = field(default_factory=CampaignSettings)
 
     def __post_init__(self) -> None:

@@ -104,17 +104,11 @@ _PUBLISHED = {
 
 @dataclass(frozen=True)
 class Variant:
-    """A contender that is tuned.
+    """A contender that is tuned."""
 
-    Attributes:
-        label: its name for readers.
-        part: the controller's part that stays, as a mapping.
-        space: what is searched.
-    """
-
-    label: str
-    part: Mapping[str, Any]
-    space: Space
+    label: str  # its name for readers
+    part: Mapping[str, Any]  # the controller's part that stays, as a mapping
+    space: Space  # what is searched
 
     @property
     def published(self) -> Point:

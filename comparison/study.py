@@ -44,37 +44,23 @@ def _nothing(settings: Any) -> Iterable[Job]:
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """One question, measured.
+    """One question, measured."""
 
-    Attributes:
-        name: of the command and of its source in pages.
-        help: of the command: a line, an empty line, and the rest.
-        defaults: settings; of a tuple of names it has all that there are.
-        quick: those that differ in a look.
-        jobs: what is walked, from the settings.
-        timed: the same of what is measured afterwards, one after the other with nothing beside it.
-        measure: gives the measures of one job; a function of a module.
-        all_at_once: measures everything itself instead, from settings and progress.
-        views: tables of the rows; or what makes tables of them.
-        example: of the command's options.
-        only: the setting that ``--only`` chooses from, if there is one.
-        figure: draws the rows, for ``--figure``.
-        options: settings that are options of the command, and their help.
-    """
-
-    name: str
-    help: str
-    defaults: Mapping[str, Any]
-    quick: Mapping[str, Any]
-    jobs: Callable[[Any], Iterable[Job]] = _nothing
+    name: str  # of the command and of its source in pages
+    help: str  # of the command: a line, an empty line, and the rest
+    defaults: Mapping[str, Any]  # settings; of a tuple of names it has all that there are
+    quick: Mapping[str, Any]  # those that differ in a look
+    jobs: Callable[[Any], Iterable[Job]] = _nothing  # what is walked, from the settings
+    # the same of what is measured afterwards, one after the other with nothing beside it
     timed: Callable[[Any], Iterable[Job]] = _nothing
-    measure: Callable[[Job], dict[str, Any]] = dict
+    measure: Callable[[Job], dict[str, Any]] = dict  # gives the measures of one job; a function of a module
+    # measures everything itself instead, from settings and progress
     all_at_once: Callable[[Any, Progress], Rows] | None = None
-    views: Sequence[View | Callable[[Rows], Iterable[Table]]]
-    example: str = ""
-    only: str = ""
-    figure: Callable[[Rows], Figure] | None = None
-    options: Mapping[str, str] = field(default_factory=dict)
+    views: Sequence[View | Callable[[Rows], Iterable[Table]]]  # tables of the rows; or what makes tables of them
+    example: str = ""  # of the command's options
+    only: str = ""  # the setting that --only chooses from, if there is one
+    figure: Callable[[Rows], Figure] | None = None  # draws the rows, for --figure
+    options: Mapping[str, str] = field(default_factory=dict)  # settings that are options of the command, and their help
 
     def settings(self, *, quick: bool = False, **changes: Any) -> SimpleNamespace:
         """The settings, with changes.
@@ -168,25 +154,17 @@ Words = str | Callable[[dict[str, Any]], str]
 
 @dataclass(frozen=True)
 class View:
-    """Tables of one kind: rows with the same name of a table stand in one.
+    """Tables of one kind: rows with the same name of a table stand in one."""
 
-    Attributes:
-        name: of the table.
-        title: the same, of its first row.
-        row: heading of the line in which a row stands, with all others of this heading.
-        columns: what is shown of the rows of a line, by the heading of the column, where any line has a value.
-        across: heading of the column in which a row stands, where each column shows the same; what, ``columns`` says.
-        note: below every table.
-        only: which rows are shown.
-    """
-
-    name: Words
-    title: Words
-    row: Words
+    name: Words  # of the table
+    title: Words  # the same, of its first row
+    row: Words  # heading of the line in which a row stands, with all others of this heading
+    # what is shown of the rows of a line, by the heading of the column, where any line has a value
     columns: Mapping[str, Shown] | Shown
+    # heading of the column in which a row stands, where each column shows the same; what, columns says
     across: Words = ""
-    note: str = ""
-    only: Callable[[dict[str, Any]], bool] = bool
+    note: str = ""  # below every table
+    only: Callable[[dict[str, Any]], bool] = bool  # which rows are shown
 
     def of(self, rows: Rows) -> list[Table]:
         """The tables of these rows."""

@@ -24,37 +24,24 @@ _WORDY = 30
 
 
 class Cell(NamedTuple):
-    """One number of a table.
-
-    Attributes:
-        unit: of the value, empty for counts, shares and text.
-        low: lower end of its spread, where it has one (the table says which spread).
-        high: upper end.
-    """
+    """One number of a table."""
 
     row: str
     column: str
     value: Value
-    unit: str = ""
-    low: float | None = None
-    high: float | None = None
+    unit: str = ""  # of the value, empty for counts, shares and text
+    low: float | None = None  # lower end of its spread, where it has one (the table says which spread)
+    high: float | None = None  # upper end
 
 
 @dataclass(frozen=True)
 class Table:
-    """Cells in the order in which they are shown.
+    """Cells in the order in which they are shown."""
 
-    Attributes:
-        name: identifies the table in the CSV.
-        title: what it says, with the conditions.
-        cells: its contents.
-        note: how to read it.
-    """
-
-    name: str
-    title: str
-    cells: tuple[Cell, ...]
-    note: str = ""
+    name: str  # identifies the table in the CSV
+    title: str  # what it says, with the conditions
+    cells: tuple[Cell, ...]  # its contents
+    note: str = ""  # how to read it
 
     @cached_property
     def _places(self) -> dict[tuple[str, str], Cell]:

@@ -23,41 +23,26 @@ def judge(holds: bool, in_part: bool = False) -> Verdict:
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim.
+    """A claim."""
 
-    Attributes:
-        key: Q1 to Q8.
-        text: what the paper says.
-        where: in the paper.
-        criterion: what counts as holding, and as holding in part. Those of Q1 to Q3 were written with numbers of the
-            VLIP runs already known, so they are conventions, not predictions.
-    """
-
-    key: str
-    text: str
-    where: str
+    key: str  # Q1 to Q8
+    text: str  # what the paper says
+    where: str  # in the paper
+    # what counts as holding, and as holding in part. Those of Q1 to Q3 were written with numbers of the VLIP runs
+    # already known, so they are conventions, not predictions.
     criterion: str
 
 
 @dataclass(frozen=True)
 class Finding:
-    """The verdict on a claim.
+    """The verdict on a claim."""
 
-    Attributes:
-        claim: which.
-        verdict: what was found.
-        number: the number behind it, in words and units.
-        command: prints it.
-        values: the numbers themselves.
-        setting: which gait walked, for the claims on the full robot.
-    """
-
-    claim: Claim
-    verdict: Verdict
-    number: str
-    command: str
-    values: dict[str, float]
-    setting: str = ""
+    claim: Claim  # which
+    verdict: Verdict  # what was found
+    number: str  # the number behind it, in words and units
+    command: str  # prints it
+    values: dict[str, float]  # the numbers themselves
+    setting: str = ""  # which gait walked, for the claims on the full robot
 
 
 CLAIMS: dict[str, Claim] = {
@@ -125,17 +110,11 @@ CLAIMS: dict[str, Claim] = {
 
 @dataclass(frozen=True)
 class Departure:
-    """A departure.
+    """A departure."""
 
-    Attributes:
-        printed: what the paper prints.
-        here: what is computed here.
-        row: of equations.md; a dash where the choice is this project's own.
-    """
-
-    printed: str
-    here: str
-    row: str
+    printed: str  # what the paper prints
+    here: str  # what is computed here
+    row: str  # of equations.md; a dash where the choice is this project's own
 
 
 DEPARTURES: tuple[Departure, ...] = (

@@ -31,19 +31,12 @@ VLIP_SHOWN = VlipCase("tracked", "polar")
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """Everything the report shows.
+    """Everything the report shows."""
 
-    Attributes:
-        vlip: first simulation.
-        walks: second simulation, by gait; the first is as the paper prints it.
-        findings: Q1 to Q8; Q4 to Q7 once for each gait.
-        gait: what the optimised gait does in the plane.
-    """
-
-    vlip: VlipStudy
-    walks: Mapping[str, WalkStudy]
-    findings: tuple[Finding, ...]
-    gait: Mapping[str, str]
+    vlip: VlipStudy  # first simulation
+    walks: Mapping[str, WalkStudy]  # second simulation, by gait; the first is as the paper prints it
+    findings: tuple[Finding, ...]  # Q1 to Q8; Q4 to Q7 once for each gait
+    gait: Mapping[str, str]  # what the optimised gait does in the plane
 
 
 def reproduce(

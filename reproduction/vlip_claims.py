@@ -19,17 +19,11 @@ DIVISORS = (1, 2, 4)
 
 @dataclass(frozen=True)
 class VlipCase:
-    """One way to run the simulation.
+    """One way to run the simulation."""
 
-    Attributes:
-        evaluate_at: of the force rows; none is without a governor.
-        coordinates: of the governed reference.
-        start: of body and reference.
-    """
-
-    evaluate_at: str | None
-    coordinates: str = "polar"
-    start: str = "paper"
+    evaluate_at: str | None  # of the force rows; none is without a governor
+    coordinates: str = "polar"  # of the governed reference
+    start: str = "paper"  # of body and reference
 
     @property
     def command(self) -> str:
@@ -48,17 +42,12 @@ class VlipCase:
 
 @dataclass(frozen=True, eq=False)
 class VlipStudy:
-    """All runs of the first simulation.
+    """All runs of the first simulation."""
 
-    Attributes:
-        runs: by case.
-        chattering: of the applied reference's position and of the normal force, by case and divisor of the step.
-        findings: Q1, Q2, Q3.
-    """
-
-    runs: dict[VlipCase, VlipRun]
+    runs: dict[VlipCase, VlipRun]  # by case
+    # of the applied reference's position and of the normal force, by case and divisor of the step
     chattering: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # Q1, Q2, Q3
 
 
 def polar_of(position: Vector) -> Vector:

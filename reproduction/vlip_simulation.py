@@ -38,34 +38,22 @@ PAPER_GAINS = CentreGains(k_pt=660.0, k_dt=60.0, k_pr=660.0, k_dr=60.0)
 
 @dataclass(frozen=True, kw_only=True)
 class VlipParameters:
-    """Settings of the VLIP run; defaults are the paper's, with equations.md §3 where it is silent.
+    """Settings of the VLIP run; defaults are the paper's, with equations.md §3 where it is silent."""
 
-    Attributes:
-        mass: m, kg, from 1e-3 to 1e6.
-        mu: μ_s, at most 10.
-        min_normal_force: N.
-        min_angle: least leg angle of the reference, rad.
-        g: magnitude of gravity, m/s².
-        dt: control and integration step, s.
-        duration: s.
-        coordinates: of the governed reference: ``polar`` (θ, φ, l), the paper's, or ``cartesian``.
-        start: ``paper`` starts at the target, which already violates friction (equations.md W2); ``inside`` starts body
-            and applied reference at an angle of 0.3 rad, inside the friction cone.
-        gains: of the thruster law.
-        gravity_compensation: the thrust also compensates the part of gravity across the leg: the setting in which, with
-            K_pt = m k_pr and K_dt = m k_dr, the model is exactly linear.
-    """
-
-    mass: float = 4.0
-    mu: float = 0.45
-    min_normal_force: float = 20.0
-    min_angle: float = float(np.deg2rad(5.0))
-    g: float = 9.81
-    dt: float = 1e-3
-    duration: float = 4.0
-    coordinates: str = "polar"
+    mass: float = 4.0  # m, kg, from 1e-3 to 1e6
+    mu: float = 0.45  # μ_s, at most 10
+    min_normal_force: float = 20.0  # N
+    min_angle: float = float(np.deg2rad(5.0))  # least leg angle of the reference, rad
+    g: float = 9.81  # magnitude of gravity, m/s²
+    dt: float = 1e-3  # control and integration step, s
+    duration: float = 4.0  # s
+    coordinates: str = "polar"  # of the governed reference: polar (θ, φ, l), the paper's, or cartesian
+    # paper starts at the target, which already violates friction (equations.md W2); inside starts body and applied
+    # reference at an angle of 0.3 rad, inside the friction cone
     start: str = "paper"
-    gains: CentreGains = PAPER_GAINS
+    gains: CentreGains = PAPER_GAINS  # of the thruster law
+    # the thrust also compensates the part of gravity across the leg: the setting in which, with K_pt = m k_pr and K_dt
+    # = m k_dr, the model is exactly linear
     gravity_compensation: bool = False
 
     def __post_init__(self) -> None:
@@ -82,35 +70,20 @@ class VlipParameters:
 
 @dataclass(frozen=True, eq=False)
 class VlipRun:
-    """Log of a VLIP run, one row per tick.
+    """Log of a VLIP run, one row per tick."""
 
-    Attributes:
-        t: (n,) s.
-        position: (n, 3) c, m.
-        velocity: (n, 3) ċ, m/s.
-        x_r: (n, 6) target reference [c_t; ċ_t].
-        x_w: (n, 6) applied reference [c_w; ċ_w].
-        h_r: (n, rows) the governor's rows at the target; no columns without a governor.
-        h_w: (n, rows) the governor's rows at the applied reference.
-        thrust: (n, 3) thrust, N.
-        infeasible: (n,) whether the governor said that no reference satisfies its rows.
-        force: (n, 3) contact force with the applied reference, N.
-        target_force: (n, 3) contact force that the target reference would cause at the same state, N.
-        parameters: settings.
-    """
-
-    t: Vector
-    position: Vector
-    velocity: Vector
-    x_r: Vector
-    x_w: Vector
-    h_r: Vector
-    h_w: Vector
-    thrust: Vector
-    infeasible: Vector
-    force: Vector
-    target_force: Vector
-    parameters: VlipParameters
+    t: Vector  # (n,) s
+    position: Vector  # (n, 3) c, m
+    velocity: Vector  # (n, 3) ċ, m/s
+    x_r: Vector  # (n, 6) target reference [c_t; ċ_t]
+    x_w: Vector  # (n, 6) applied reference [c_w; ċ_w]
+    h_r: Vector  # (n, rows) the governor's rows at the target; no columns without a governor
+    h_w: Vector  # (n, rows) the governor's rows at the applied reference
+    thrust: Vector  # (n, 3) thrust, N
+    infeasible: Vector  # (n,) whether the governor said that no reference satisfies its rows
+    force: Vector  # (n, 3) contact force with the applied reference, N
+    target_force: Vector  # (n, 3) contact force that the target reference would cause at the same state, N
+    parameters: VlipParameters  # settings
 
     def margins(self, force: Vector) -> Vector:
         """(n, 3) force constraints: μ u_gz − |u_gx|, μ u_gz − |u_gy|, u_gz − u_min, N.
@@ -143,29 +116,17 @@ class VlipRun:
 
 @dataclass(frozen=True)
 class VlipSummary:
-    """Numbers of a VLIP run.
+    """Numbers of a VLIP run."""
 
-    Attributes:
-        violation_share: share of ticks with a violated force constraint.
-        worst_violation_n: largest violation of one, N.
-        target_violation_share: share of ticks at which the target reference would violate one.
-        reversals_per_s: changes of direction of the normal force, 1/s.
-        deviation_rms_m: distance of the applied from the target reference, root mean square, m.
-        deviation_max_m: largest distance, m.
-        deviation_max_time_s: when it was largest, s.
-        thrust_rms_n: root mean square of the thrust.
-        infeasible_share: share of ticks at which the governor promised nothing.
-    """
-
-    violation_share: float
-    worst_violation_n: float
-    target_violation_share: float
-    reversals_per_s: float
-    deviation_rms_m: float
-    deviation_max_m: float
-    deviation_max_time_s: float
-    thrust_rms_n: float
-    infeasible_share: float
+    violation_share: float  # share of ticks with a violated force constraint
+    worst_violation_n: float  # largest violation of one, N
+    target_violation_share: float  # share of ticks at which the target reference would violate one
+    reversals_per_s: float  # changes of direction of the normal force, 1/s
+    deviation_rms_m: float  # distance of the applied from the target reference, root mean square, m
+    deviation_max_m: float  # largest distance, m
+    deviation_max_time_s: float  # when it was largest, s
+    thrust_rms_n: float  # root mean square of the thrust
+    infeasible_share: float  # share of ticks at which the governor promised nothing
 
 
 def cartesian(theta: float, phi: float, length: float) -> Vector:
@@ -238,17 +199,11 @@ def vlip_governor(
 
 
 class VlipRecord(PointMassRecord):
-    """What the simulation knows of the model.
+    """What the simulation knows of the model."""
 
-    Attributes:
-        gravity: vector, m/s².
-        foot: its place, m.
-        carry: mass whose gravity across the leg the thrust compensates, kg.
-    """
-
-    gravity: Vector
-    foot: Vector
-    carry: float
+    gravity: Vector  # vector, m/s²
+    foot: Vector  # its place, m
+    carry: float  # mass whose gravity across the leg the thrust compensates, kg
 
 
 def simulate_vlip(

@@ -96,20 +96,13 @@ NORMAL = 4
 
 @dataclass(frozen=True, eq=False)
 class WalkStudy:
-    """All runs of the second simulation.
+    """All runs of the second simulation."""
 
-    Attributes:
-        runs: by name of :data:`WALKS`.
-        measures: what each achieved.
-        chattering: of the applied reference (positions) and of the total normal force, by walk and divisor of the
-            control period.
-        findings: Q4 to Q7.
-    """
-
-    runs: dict[str, Run]
-    measures: dict[str, Measures]
+    runs: dict[str, Run]  # by name of :data:`WALKS`
+    measures: dict[str, Measures]  # what each achieved
+    # of the applied reference (positions) and of the total normal force, by walk and divisor of the control period
     chattering: dict[tuple[str, int], tuple[Chattering, Chattering]]
-    findings: tuple[Finding, ...]
+    findings: tuple[Finding, ...]  # Q4 to Q7
 
 
 def walk_run(gait: str, name: str, *, duration: float, dt: float = 5e-4, period: float = 1e-3) -> Run:

@@ -31,21 +31,13 @@ ENGINES: dict[str, PlantPart] = {"compliant": Compliant(), "mujoco": Mujoco(), "
 
 
 class Factor(NamedTuple):
-    """What a scenario draws, under its name in a task.
+    """What a scenario draws, under its name in a task."""
 
-    Attributes:
-        levels: attribute of the settings that holds its levels.
-        name: for readers.
-        pattern: of a level in a table, for a number times the scale.
-        scale: by which a level is multiplied for readers.
-        zero: how a level of zero is written instead.
-    """
-
-    levels: str
-    name: str
-    pattern: str
-    scale: float = 1.0
-    zero: str = ""
+    levels: str  # attribute of the settings that holds its levels
+    name: str  # for readers
+    pattern: str  # of a level in a table, for a number times the scale
+    scale: float = 1.0  # by which a level is multiplied for readers
+    zero: str = ""  # how a level of zero is written instead
 
     def text(self, key: str) -> str:
         """A level, from its key in the summary, with a word for its factor: ``push 2 N·s``."""
@@ -90,19 +82,12 @@ class CampaignSettings:
     Each scenario draws one level of every factor, each level of a factor equally often; one that is given twice is
     drawn twice as often. A longer campaign contains a shorter one of the same seed. What the levels are is said at
     :class:`~comparison.campaign.plan.Task`.
-
-    Attributes:
-        walks: in total, rounded up to whole scenarios (each is walked by every contender).
-        duration: of a walk, s.
-        seed: of the scenarios.
-        contenders: who walks them, see :mod:`comparison.contenders`.
-        jitter: standard deviation of the walk's starting velocity along x and y, m/s.
     """
 
-    walks: int = 360
-    duration: float = 5.0
-    seed: int = 0
-    contenders: tuple[str, ...] = CONTENDERS
+    walks: int = 360  # in total, rounded up to whole scenarios (each is walked by every contender)
+    duration: float = 5.0  # of a walk, s
+    seed: int = 0  # of the scenarios
+    contenders: tuple[str, ...] = CONTENDERS  # who walks them, see :mod:`comparison.contenders`
     frictions: tuple[float, ...] = (0.15, 0.2, 0.25, 0.4, 0.6, 0.8)
     pushes: tuple[float, ...] = (0.0, 1.0, 2.0, 3.5, 5.0)
     mass_errors: tuple[float, ...] = (-0.2, 0.0, 0.2)
@@ -117,7 +102,7 @@ class CampaignSettings:
     joint_dampings: tuple[float, ...] = (JOINT_DAMPING,)
     torque_shares: tuple[float, ...] = (0.0,)
     bandwidths: tuple[float, ...] = (0.0,)
-    jitter: float = 0.01
+    jitter: float = 0.01  # standard deviation of the walk's starting velocity along x and y, m/s
 
     def __post_init__(self) -> None:
         checks.number("walks", self.walks, low=1.0, high=1e6)
@@ -206,48 +191,29 @@ _Level = TypeVar("_Level")
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One walk, wholly determined by its fields.
+    """One walk, wholly determined by its fields."""
 
-    Attributes:
-        contender: who walks, see :mod:`comparison.contenders`.
-        friction: static coefficient of the ground.
-        push: lateral impulse in mid-stance, N·s.
-        mass_error: relative: the simulated body has 1 + error times the mass (and inertia) that is believed.
-        friction_error: relative, of what the controller assumes.
-        noise: scale of the measurement noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
-        delay: age of the measurements, s.
-        stiffness: of the ground, N/m, known to the walk.
-        damping: of the ground, in multiples of that of the paper's damping ratio.
-        plant: the engine, of :data:`~comparison.campaign.plan.ENGINES`.
-        speed: m/s.
-        ice: friction coefficient of a strip in mid-walk that the controller knows nothing of; 0 where there is none.
-        joint_damping: of every joint, N·m·s/rad, known to the controllers.
-        torque_share: the motors' largest torque, as a share of the peak torque, known to the controllers; 0 where the
-            plant clips nothing, and the governed controllers do not either.
-        bandwidth: of the motors, Hz, not known; 0 where torques are there at once.
-        jitter: standard deviation of the starting velocity, m/s.
-        seed: draws the push's side and step, the starting velocity and the noise.
-        duration: s.
-    """
-
-    contender: str
-    friction: float
-    push: float
-    mass_error: float
-    friction_error: float
-    noise: float
-    delay: float
-    stiffness: float
-    damping: float
-    plant: str
-    speed: float
+    contender: str  # who walks, see :mod:`comparison.contenders`
+    friction: float  # static coefficient of the ground
+    push: float  # lateral impulse in mid-stance, N·s
+    mass_error: float  # relative: the simulated body has 1 + error times the mass (and inertia) that is believed
+    friction_error: float  # relative, of what the controller assumes
+    noise: float  # scale of the measurement noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`)
+    delay: float  # age of the measurements, s
+    stiffness: float  # of the ground, N/m, known to the walk
+    damping: float  # of the ground, in multiples of that of the paper's damping ratio
+    plant: str  # the engine, of :data:`~comparison.campaign.plan.ENGINES`
+    speed: float  # m/s
+    # friction coefficient of a strip in mid-walk that the controller knows nothing of; 0 where there is none
     ice: float
-    joint_damping: float = JOINT_DAMPING
+    joint_damping: float = JOINT_DAMPING  # of every joint, N·m·s/rad, known to the controllers
+    # the motors' largest torque, as a share of the peak torque, known to the controllers; 0 where the plant clips
+    # nothing, and the governed controllers do not either
     torque_share: float = 0.0
-    bandwidth: float = 0.0
-    jitter: float
-    seed: int
-    duration: float
+    bandwidth: float = 0.0  # of the motors, Hz, not known; 0 where torques are there at once
+    jitter: float  # standard deviation of the starting velocity, m/s
+    seed: int  # draws the push's side and step, the starting velocity and the noise
+    duration: float  # s
 
     def key(self, code: str) -> str:
         """Identifies the walk: hash of its fields, the schema and the code that does it (see :func:`code_digest`)."""

@@ -53,20 +53,13 @@ class JointPDGains:
     """Gains of the joints.
 
     Stiffness is in units of m g l / n, with a leg of length l, one of n; damping in the same times √(l / g).
-
-    Attributes:
-        stance_p: stiffness of legs on the ground.
-        stance_d: damping of legs on the ground.
-        swing_p: stiffness of legs in the air.
-        swing_d: damping of legs in the air.
-        follow: share of the body's target velocity that is the commanded one; the rest is the measured one.
     """
 
-    stance_p: float = 2.0
-    stance_d: float = 0.3
-    swing_p: float = 2.0
-    swing_d: float = 0.3
-    follow: float = 0.5
+    stance_p: float = 2.0  # stiffness of legs on the ground
+    stance_d: float = 0.3  # damping of legs on the ground
+    swing_p: float = 2.0  # stiffness of legs in the air
+    swing_d: float = 0.3  # damping of legs in the air
+    follow: float = 0.5  # share of the body's target velocity that is the commanded one; the rest is the measured one
 
 
 @cache
@@ -79,57 +72,31 @@ def found_gains() -> dict[str, Any]:
 
 
 class JointPDRecord(RecordOf):
-    """Settings and work space.
+    """Settings and work space."""
 
-    Attributes:
-        mass: kg.
-        rise: height of the centre of mass, m.
-        mu: friction coefficient to which the fed-forward forces are clipped.
-        double_support: share of a step in which every foot is on the ground.
-        damping: of the inverse kinematics, m².
-        stance_p: N·m/rad.
-        stance_d: N·m·s/rad.
-        swing_p: N·m/rad.
-        swing_d: N·m·s/rad.
-        follow: share of the body's target velocity that is the commanded one.
-        joint: (feet, 3) columns of each leg's joints.
-        limit: (joints,) of the torques, N·m.
-        begun: 1 once there are joint targets.
-        planned: (nq,) the state with the targets of the joints.
-        rest: (nv,) zeros.
-        speed: (nv,) targets of the joints' velocities, rad/s.
-        acceleration: (nv,) that is fed forward.
-        place: (feet, 3) targets of the feet in the body, m.
-        rate: (feet, 3) velocities of the feet in the body, m/s.
-        force: (3 feet,) contact forces that are fed forward, N.
-        torque: (joints,) of the last tick, N·m.
-        dynamics: terms at the measured state.
-        target: terms at the joints' targets.
-    """
-
-    mass: float
-    rise: float
-    mu: float
-    double_support: float
-    damping: float
-    stance_p: float
-    stance_d: float
-    swing_p: float
-    swing_d: float
-    follow: float
-    joint: NDArray[np.int64]
-    limit: Vector
-    begun: int
-    planned: Vector = sized("nq")
-    rest: Vector = sized("nv")
-    speed: Vector = sized("nv")
-    acceleration: Vector = sized("nv")
-    place: Vector = sized("feet", 3)
-    rate: Vector = sized("feet", 3)
-    force: Vector = sized("3 feet")
-    torque: Vector = sized("joints")
-    dynamics: DynamicsRecord
-    target: DynamicsRecord
+    mass: float  # kg
+    rise: float  # height of the centre of mass, m
+    mu: float  # friction coefficient to which the fed-forward forces are clipped
+    double_support: float  # share of a step in which every foot is on the ground
+    damping: float  # of the inverse kinematics, m²
+    stance_p: float  # N·m/rad
+    stance_d: float  # N·m·s/rad
+    swing_p: float  # N·m/rad
+    swing_d: float  # N·m·s/rad
+    follow: float  # share of the body's target velocity that is the commanded one
+    joint: NDArray[np.int64]  # (feet, 3) columns of each leg's joints
+    limit: Vector  # (joints,) of the torques, N·m
+    begun: int  # 1 once there are joint targets
+    planned: Vector = sized("nq")  # (nq,) the state with the targets of the joints
+    rest: Vector = sized("nv")  # (nv,) zeros
+    speed: Vector = sized("nv")  # (nv,) targets of the joints' velocities, rad/s
+    acceleration: Vector = sized("nv")  # (nv,) that is fed forward
+    place: Vector = sized("feet", 3)  # (feet, 3) targets of the feet in the body, m
+    rate: Vector = sized("feet", 3)  # (feet, 3) velocities of the feet in the body, m/s
+    force: Vector = sized("3 feet")  # (3 feet,) contact forces that are fed forward, N
+    torque: Vector = sized("joints")  # (joints,) of the last tick, N·m
+    dynamics: DynamicsRecord  # terms at the measured state
+    target: DynamicsRecord  # terms at the joints' targets
 
 
 class JointPD:

@@ -99,23 +99,14 @@ def replay(timer: TickReplay, states: Sequence[State]) -> TickReplay:
 
 @dataclass(frozen=True)
 class GovernorTrace:
-    """Inputs and outputs of the governor over a sequence.
+    """Inputs and outputs of the governor over a sequence."""
 
-    Attributes:
-        start: (6,) reference it was reset to.
-        measured: (ticks, 9) [c; ċ; u].
-        references: (ticks, 6) x_r.
-        results: (ticks, 6) x_w.
-        active: share of ticks with a violated row, at x_r or at x_w.
-        infeasible: share of ticks with a violated row at both.
-    """
-
-    start: Vector
-    measured: Vector
-    references: Vector
-    results: Vector
-    active: float
-    infeasible: float
+    start: Vector  # (6,) reference it was reset to
+    measured: Vector  # (ticks, 9) [c; ċ; u]
+    references: Vector  # (ticks, 6) x_r
+    results: Vector  # (ticks, 6) x_w
+    active: float  # share of ticks with a violated row, at x_r or at x_w
+    infeasible: float  # share of ticks with a violated row at both
 
 
 class IsolatedGovernor:

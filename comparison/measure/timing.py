@@ -29,24 +29,16 @@ Laps = NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True)
 class TimingSettings:
-    """How to time.
+    """How to time."""
 
-    Attributes:
-        repetitions: of every pass.
-        warm_up: ticks at the start of each sequence that are replayed but not counted: the solver's cold start and
-            cold caches are among them.
-        block: ticks per block.
-        settle: ticks at the start of each block that are not counted: the replays before have used the caches.
-        programs: quadratic programs per sequence for the isolated solvers.
-        samples: solutions per sequence checked for optimality.
-    """
-
-    repetitions: int = 10
+    repetitions: int = 10  # of every pass
+    # ticks at the start of each sequence that are replayed but not counted: the solver's cold start and cold caches are
+    # among them
     warm_up: int = 50
-    block: int = 500
-    settle: int = 10
-    programs: int = 2000
-    samples: int = 100
+    block: int = 500  # ticks per block
+    settle: int = 10  # ticks at the start of each block that are not counted: the replays before have used the caches
+    programs: int = 2000  # quadratic programs per sequence for the isolated solvers
+    samples: int = 100  # solutions per sequence checked for optimality
 
 
 class Timed(Protocol):
@@ -59,21 +51,13 @@ class Timed(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """What every timing needs.
+    """What every timing needs."""
 
-    Attributes:
-        robot: that walked.
-        friction: coefficient that every controller assumes.
-        settings: how to time.
-        rng: draws the order within the blocks.
-        on_pass: called after each pass, never while a clock runs.
-    """
-
-    robot: Robot
-    friction: float
-    settings: TimingSettings
-    rng: np.random.Generator
-    on_pass: Callable[[], None] = lambda: None
+    robot: Robot  # that walked
+    friction: float  # coefficient that every controller assumes
+    settings: TimingSettings  # how to time
+    rng: np.random.Generator  # draws the order within the blocks
+    on_pass: Callable[[], None] = lambda: None  # called after each pass, never while a clock runs
 
     def repeat(
         self,

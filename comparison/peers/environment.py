@@ -32,21 +32,14 @@ _HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Peer:
-    """Another library's whole-body controller.
+    """Another library's whole-body controller."""
 
-    Attributes:
-        name: of the peer and of its environment's folder.
-        worker: script that replays a problem through it.
-        requirements: what to install, with exact versions where the wheel does not pin them itself.
-        libraries: further ones, which hold no Python, from the wheels for Python :data:`LIBRARIES_PYTHON`.
-        alone: further ones that are installed without what they depend on.
-    """
-
-    name: str
-    worker: Path
-    requirements: tuple[str, ...]
+    name: str  # of the peer and of its environment's folder
+    worker: Path  # script that replays a problem through it
+    requirements: tuple[str, ...]  # what to install, with exact versions where the wheel does not pin them itself
+    # further ones, which hold no Python, from the wheels for Python :data:`LIBRARIES_PYTHON`
     libraries: tuple[str, ...] = ()
-    alone: tuple[str, ...] = ()
+    alone: tuple[str, ...] = ()  # further ones that are installed without what they depend on
 
 
 _TSID = (

@@ -35,21 +35,15 @@ and where two solvers stop at a gap of 1e-8 their forces may differ by some 1e-2
 
 @dataclass(frozen=True)
 class Answer:
-    """Solutions and times of one variant of the problem.
+    """Solutions and times of one variant of the problem."""
 
-    Attributes:
-        quantities: arrays shaped as those of :class:`~comparison.peers.peer_problem.Expected`, NaN where unsolved; the
-            thrusts are absent where they were given.
-        laps: (repetitions, ticks) times, ns: of the complete ``tick``, perhaps of the ``solve``, the solver's call
-            only.
-        overhead: of the timer, ns.
-        versions: of what was run.
-    """
-
+    # arrays shaped as those of :class:`~comparison.peers.peer_problem.Expected`, NaN where unsolved; the thrusts are
+    # absent where they were given
     quantities: dict[str, Vector]
+    # (repetitions, ticks) times, ns: of the complete tick, perhaps of the solve, the solver's call only
     laps: dict[str, Laps]
-    overhead: float
-    versions: dict[str, str]
+    overhead: float  # of the timer, ns
+    versions: dict[str, str]  # of what was run
 
     def entry(self, problem: PeerProblem, variant: str) -> dict[str, Any]:
         """How far it is from our solutions, and its times if it is near enough."""

@@ -43,56 +43,32 @@ ARRAYS = ("q", "v", *TARGETS, "thrust", "thrust_force", "damping_force", "counte
 
 @dataclass(frozen=True)
 class Expected:
-    """Solutions of all states.
+    """Solutions of all states."""
 
-    Attributes:
-        acceleration: (ticks, nv) generalised, m/s² and rad/s², body axes.
-        torque: (ticks, joints) N·m.
-        force: (ticks, feet, 3) on the feet, world axes, N.
-        thrust: (ticks, thrusters, 3) world axes, N.
-        solved: (ticks,) whether the program was solved.
-    """
-
-    acceleration: Vector
-    torque: Vector
-    force: Vector
-    thrust: Vector
-    solved: NDArray[np.bool_]
+    acceleration: Vector  # (ticks, nv) generalised, m/s² and rad/s², body axes
+    torque: Vector  # (ticks, joints) N·m
+    force: Vector  # (ticks, feet, 3) on the feet, world axes, N
+    thrust: Vector  # (ticks, thrusters, 3) world axes, N
+    solved: NDArray[np.bool_]  # (ticks,) whether the program was solved
 
 
 @dataclass(frozen=True)
 class PeerProblem:
-    """What every peer is given, tick by tick.
+    """What every peer is given, tick by tick."""
 
-    Attributes:
-        settings: URDF, names, weights, gains and limits.
-        q: (ticks, nq) configuration.
-        v: (ticks, nv) generalised velocity.
-        body: (ticks, 3) desired acceleration of the body, world axes, m/s².
-        orientation: (ticks, 3) desired angular acceleration, body axes, rad/s².
-        feet: (ticks, feet, 3) desired acceleration of the feet, world axes, m/s².
-        joints: (ticks, joints) desired joint accelerations, rad/s².
-        held: (ticks, feet) 1 where a foot is held.
-        thrust: (ticks, thrusters, 3) given thrusts, world axes, N.
-        thrust_force: (ticks, nv) J_tᵀ u of the given thrusts.
-        damping_force: (ticks, nv) B v.
-        counted: (ticks,) 0 in the warm-up of each sequence.
-        expected: our solutions by variant.
-    """
-
-    settings: dict[str, Any]
-    q: Vector
-    v: Vector
-    body: Vector
-    orientation: Vector
-    feet: Vector
-    joints: Vector
-    held: Vector
-    thrust: Vector
-    thrust_force: Vector
-    damping_force: Vector
-    counted: Vector
-    expected: dict[str, Expected]
+    settings: dict[str, Any]  # URDF, names, weights, gains and limits
+    q: Vector  # (ticks, nq) configuration
+    v: Vector  # (ticks, nv) generalised velocity
+    body: Vector  # (ticks, 3) desired acceleration of the body, world axes, m/s²
+    orientation: Vector  # (ticks, 3) desired angular acceleration, body axes, rad/s²
+    feet: Vector  # (ticks, feet, 3) desired acceleration of the feet, world axes, m/s²
+    joints: Vector  # (ticks, joints) desired joint accelerations, rad/s²
+    held: Vector  # (ticks, feet) 1 where a foot is held
+    thrust: Vector  # (ticks, thrusters, 3) given thrusts, world axes, N
+    thrust_force: Vector  # (ticks, nv) J_tᵀ u of the given thrusts
+    damping_force: Vector  # (ticks, nv) B v
+    counted: Vector  # (ticks,) 0 in the warm-up of each sequence
+    expected: dict[str, Expected]  # our solutions by variant
 
     def __len__(self) -> int:
         return len(self.q)

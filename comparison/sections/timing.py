@@ -72,43 +72,26 @@ class RecordingGovernor:
 
 @dataclass(frozen=True)
 class ProgramTrace:
-    """Quadratic programs over a sequence, and the results of solving them.
+    """Quadratic programs over a sequence, and the results of solving them."""
 
-    Attributes:
-        programs: records of the first of them.
-        solutions: (kept, n) theirs; NaN where there was none to be used.
-        iterations: (ticks,) of the solver.
-        statuses: (ticks,) of the solver.
-        usable: (ticks,) whether the solution was used.
-        violation: largest violation of a constraint by a usable solution, in the constraint's unit.
-        stationarity: (samples,) violation of stationarity by sampled solutions, in the unit of the gradient.
-    """
-
-    programs: Record
-    solutions: Vector
-    iterations: Vector
-    statuses: Vector
-    usable: NDArray[np.bool_]
-    violation: float
-    stationarity: Vector
+    programs: Record  # records of the first of them
+    solutions: Vector  # (kept, n) theirs; NaN where there was none to be used
+    iterations: Vector  # (ticks,) of the solver
+    statuses: Vector  # (ticks,) of the solver
+    usable: NDArray[np.bool_]  # (ticks,) whether the solution was used
+    violation: float  # largest violation of a constraint by a usable solution, in the constraint's unit
+    stationarity: Vector  # (samples,) violation of stationarity by sampled solutions, in the unit of the gradient
 
 
 @dataclass(frozen=True)
 class ExpectedReplay:
-    """What should come out of one sequence.
+    """What should come out of one sequence."""
 
-    Attributes:
-        governor: inputs and outputs of the governor.
-        strained: the same inputs and what a governor makes of them that assumes no friction, so that rows are violated
-            throughout.
-        program: the quadratic programs.
-        commands: (ticks, size) of each contender.
-    """
-
-    governor: GovernorTrace
+    governor: GovernorTrace  # inputs and outputs of the governor
+    # the same inputs and what a governor makes of them that assumes no friction, so that rows are violated throughout
     strained: GovernorTrace
-    program: ProgramTrace
-    commands: dict[str, Vector]
+    program: ProgramTrace  # the quadratic programs
+    commands: dict[str, Vector]  # (ticks, size) of each contender
 
 
 def record_expected(

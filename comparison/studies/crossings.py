@@ -30,29 +30,17 @@ WRONG = float(np.radians(5.0))
 
 @dataclass(frozen=True)
 class Crossing:
-    """One kind of ground and who crosses it.
+    """One kind of ground and who crosses it."""
 
-    Attributes:
-        name: in the table.
-        robot: of the catalogue.
-        ground: from the number of the try.
-        goal: how far the body must come, m.
-        duration: s.
-        tries: how many, of different grounds.
-        speed: m/s.
-        blind: whether the gait does not know the ground.
-        wrong: error of the normals that the controller knows, rad.
-    """
-
-    name: str
-    robot: str
-    ground: Callable[[int], Terrain]
-    goal: float
-    duration: float
-    tries: int = 2
-    speed: float = 0.3
-    blind: bool = False
-    wrong: float = 0.0
+    name: str  # in the table
+    robot: str  # of the catalogue
+    ground: Callable[[int], Terrain]  # from the number of the try
+    goal: float  # how far the body must come, m
+    duration: float  # s
+    tries: int = 2  # how many, of different grounds
+    speed: float = 0.3  # m/s
+    blind: bool = False  # whether the gait does not know the ground
+    wrong: float = 0.0  # error of the normals that the controller knows, rad
 
 
 def _stairs(rise: float, steps: int) -> Callable[[int], Terrain]:

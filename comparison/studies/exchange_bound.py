@@ -91,15 +91,10 @@ int main(void)
 
 
 class BoundRecord(SearchRecord):
-    """A search, and what its pieces compute.
+    """A search, and what its pieces compute."""
 
-    Attributes:
-        z: (n,) variables.
-        worst: largest violation.
-    """
-
-    z: Vector
-    worst: float
+    z: Vector  # (n,) variables
+    worst: float  # largest violation
 
 
 @kernel

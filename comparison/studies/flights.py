@@ -42,33 +42,19 @@ WALKED_ON, UPRIGHT, OVER = 0.3, 0.05, 0.03
 
 @dataclass(frozen=True)
 class Manoeuvre:
-    """What is flown, or walked.
+    """What is flown, or walked."""
 
-    Attributes:
-        name: in the table.
-        flight: what is asked for; None walks.
-        duration: of a try, s.
-        tries: with different noise.
-        walks: whether it walks on.
-        slope: of the ground, degrees: from 1.2 m on for flights that walk on, else everywhere.
-        failing: whether the left fan loses half its power in the air.
-        watched: whether the controller finds that out (:mod:`harpy_pin.contrib.thrusters`).
-        lag: of the thrusts, s.
-        known: whether the controller knows of it.
-        thrust: whether it has thrust at all.
-    """
-
-    name: str
-    flight: Jump | Fly | None
-    duration: float
-    tries: int = 3
-    walks: bool = False
-    slope: float = 0.0
-    failing: bool = False
-    watched: bool = False
-    lag: float = 0.0
-    known: bool = False
-    thrust: bool = True
+    name: str  # in the table
+    flight: Jump | Fly | None  # what is asked for; None walks
+    duration: float  # of a try, s
+    tries: int = 3  # with different noise
+    walks: bool = False  # whether it walks on
+    slope: float = 0.0  # of the ground, degrees: from 1.2 m on for flights that walk on, else everywhere
+    failing: bool = False  # whether the left fan loses half its power in the air
+    watched: bool = False  # whether the controller finds that out (:mod:`harpy_pin.contrib.thrusters`)
+    lag: float = 0.0  # of the thrusts, s
+    known: bool = False  # whether the controller knows of it
+    thrust: bool = True  # whether it has thrust at all
 
     def scenario(self, controller: str, plant: str, seed: int) -> hp.Scenario:
         """What is flown; the seed is that of the noise."""

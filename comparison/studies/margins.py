@@ -34,19 +34,12 @@ MOST = 0.1
 
 @dataclass(frozen=True, eq=False)
 class DelayedLoop:
-    """A linear plant under a linear feedback that is sampled, late and held.
+    """A linear plant under a linear feedback that is sampled, late and held."""
 
-    Attributes:
-        a: (n, n) A of ẋ = A x + B u.
-        b: (n, m) B.
-        k: (m, n) K of u = −K x.
-        period: T, between ticks, s.
-    """
-
-    a: Vector
-    b: Vector
-    k: Vector
-    period: float = 1e-3
+    a: Vector  # (n, n) A of ẋ = A x + B u
+    b: Vector  # (n, m) B
+    k: Vector  # (m, n) K of u = −K x
+    period: float = 1e-3  # T, between ticks, s
 
     def matrix(self, delay: float) -> Vector:
         """The map from one tick to the next, of measurements of this age when they are used, s.

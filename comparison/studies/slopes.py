@@ -157,21 +157,13 @@ def _least_thrust(robot: Robot, q: Vector, normal: Vector, friction: float, *, t
 
 @dataclass(frozen=True)
 class Walker:
-    """Who is on the slope.
+    """Who is on the slope."""
 
-    Attributes:
-        name: in tables.
-        controller: of the scenario.
-        robot: of the catalogue, or Harpy.
-        speed: along x, m/s; zero stands.
-        heading: direction in which the ground rises, rad.
-    """
-
-    name: str
-    controller: dict[str, Any] = field(default_factory=lambda: {"name": "condensed"})
-    robot: str = "harpy"
-    speed: float = 0.0
-    heading: float = 0.0
+    name: str  # in tables
+    controller: dict[str, Any] = field(default_factory=lambda: {"name": "condensed"})  # of the scenario
+    robot: str = "harpy"  # of the catalogue, or Harpy
+    speed: float = 0.0  # along x, m/s; zero stands
+    heading: float = 0.0  # direction in which the ground rises, rad
 
 
 SPEED = 0.3

@@ -37,17 +37,11 @@ MAX_SLIP = 1000.0
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one walk.
+    """What came of one walk."""
 
-    Attributes:
-        fell: whether the robot fell, or its controller failed.
-        slip: per step, mm.
-        tracking: rms distance of the body from its target, mm.
-    """
-
-    fell: bool
-    slip: float
-    tracking: float
+    fell: bool  # whether the robot fell, or its controller failed
+    slip: float  # per step, mm
+    tracking: float  # rms distance of the body from its target, mm
 
     @property
     def cost(self) -> float:
@@ -61,21 +55,13 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Score:
-    """What came of several walks.
+    """What came of several walks."""
 
-    Attributes:
-        walks: how many.
-        falls: how many of them fell.
-        slip_median: per step, mm, where a fall counts as more than any; None if half or more fell.
-        tracking_median: of the walks that did not fall, mm; None if all fell.
-        cost: sum over all walks.
-    """
-
-    walks: int
-    falls: int
-    slip_median: float | None
-    tracking_median: float | None
-    cost: float
+    walks: int  # how many
+    falls: int  # how many of them fell
+    slip_median: float | None  # per step, mm, where a fall counts as more than any; None if half or more fell
+    tracking_median: float | None  # of the walks that did not fall, mm; None if all fell
+    cost: float  # sum over all walks
 
     @classmethod
     def of(cls, outcomes: Iterable[Outcome]) -> Score:
@@ -137,24 +123,15 @@ _NOTE = (
 
 @dataclass(frozen=True, kw_only=True)
 class TuneSettings:
-    """How much is searched.
+    """How much is searched."""
 
-    Attributes:
-        budget: settings that each variant gets, the published ones among them.
-        train: walks of each setting.
-        judge: walks of the published and of the best settings, apart from those.
-        duration: of a walk, s.
-        joint_damping: of every joint, N·m·s/rad, known to the controllers.
-        seed: of the proposals.
-        variants: who is tuned, see :data:`comparison.contenders.VARIANTS`, in their order there.
-    """
-
-    budget: int = 150
-    train: int = 30
-    judge: int = 60
-    duration: float = 5.0
-    joint_damping: float = JOINT_DAMPING
-    seed: int = 0
+    budget: int = 150  # settings that each variant gets, the published ones among them
+    train: int = 30  # walks of each setting
+    judge: int = 60  # walks of the published and of the best settings, apart from those
+    duration: float = 5.0  # of a walk, s
+    joint_damping: float = JOINT_DAMPING  # of every joint, N·m·s/rad, known to the controllers
+    seed: int = 0  # of the proposals
+    # who is tuned, see :data:`comparison.contenders.VARIANTS`, in their order there
     variants: tuple[str, ...] = tuple(VARIANTS)
 
     def __post_init__(self) -> None:

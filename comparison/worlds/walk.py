@@ -39,23 +39,14 @@ SHIFT, SHIFT_PERIOD = 0.5, 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Contender:
-    """What walks.
+    """What walks."""
 
-    Attributes:
-        controller: ``condensed``, ``wbc``, ``joint_pd``, ``policy``; or ``stand``, the condensed WBC that stands.
-        known: what it knows of the joints.
-        law: stiffness and damping of the motors about the WBCs' joint targets.
-        contact_damping: of the WBCs, 1/s; None for the gait's.
-        round: whether it is told that feet are spheres: the ground is one radius lower.
-        estimate: whether it estimates the friction in the joints.
-    """
-
-    controller: str = "condensed"
-    known: tuple[str, ...] = ()
-    law: tuple[float, float] = (0.0, 0.0)
-    contact_damping: float | None = None
-    round: bool = True
-    estimate: bool = False
+    controller: str = "condensed"  # condensed, wbc, joint_pd, policy; or stand, the condensed WBC that stands
+    known: tuple[str, ...] = ()  # what it knows of the joints
+    law: tuple[float, float] = (0.0, 0.0)  # stiffness and damping of the motors about the WBCs' joint targets
+    contact_damping: float | None = None  # of the WBCs, 1/s; None for the gait's
+    round: bool = True  # whether it is told that feet are spheres: the ground is one radius lower
+    estimate: bool = False  # whether it estimates the friction in the joints
 
 
 _LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}

@@ -15,58 +15,39 @@ class Wider(Exception):
 
 @dataclass
 class Learnt:
-    """What is known of a function from earlier attempts to translate it.
+    """What is known of a function from earlier attempts to translate it."""
 
-    Attributes:
-        ranks: of variables that are numbers, the type that holds every value.
-        result: the type of the result, once there is one.
-        memory: of variables that are arrays, the arguments and fields that they may stand for.
-        unsettled: by the line of a loop, names that stand for different things from one round to the next.
-    """
-
+    # of variables that are numbers, the type that holds every value
     ranks: dict[str, Scalar] = field(default_factory=dict)
-    result: list[Type] = field(default_factory=list)
+    result: list[Type] = field(default_factory=list)  # the type of the result, once there is one
+    # of variables that are arrays, the arguments and fields that they may stand for
     memory: dict[str, tuple[frozenset[str], frozenset[str]]] = field(default_factory=dict)
+    # by the line of a loop, names that stand for different things from one round to the next
     unsettled: dict[int, set[str]] = field(default_factory=dict)
 
 
 @dataclass
 class CFunction:
-    """A kernel in C, for one set of types.
+    """A kernel in C, for one set of types."""
 
-    Attributes:
-        name: in C.
-        parameters: names and types, with sizes that are known at run time named.
-        sizes: the names of those sizes that the body uses; they are parameters, too.
-        result: what it returns.
-        written: parameters whose memory it writes.
-        head: of its declaration.
-        text: all of it.
-    """
-
-    name: str
-    parameters: list[tuple[str, Type]]
+    name: str  # in C
+    parameters: list[tuple[str, Type]]  # names and types, with sizes that are known at run time named
+    # the names of those sizes that the body uses; they are parameters, too
     sizes: set[str] = field(default_factory=set)
-    result: Type = NOTHING
-    written: set[str] = field(default_factory=set)
-    head: str = ""
-    text: str = ""
+    result: Type = NOTHING  # what it returns
+    written: set[str] = field(default_factory=set)  # parameters whose memory it writes
+    head: str = ""  # of its declaration
+    text: str = ""  # all of it
 
 
 @dataclass(eq=False)
 class Variable:
-    """A local variable of C.
+    """A local variable of C."""
 
-    Attributes:
-        name: in C.
-        declaration: its type and name, ``real *row``.
-        array: whether the declaration makes an array, which no assignment can stand in for.
-        places: for each mention the blocks around it, from the outermost, with its position in each.
-    """
-
-    name: str
-    declaration: str
-    array: bool = False
+    name: str  # in C
+    declaration: str  # its type and name, real *row
+    array: bool = False  # whether the declaration makes an array, which no assignment can stand in for
+    # for each mention the blocks around it, from the outermost, with its position in each
     places: list[tuple[tuple[Block, int], ...]] = field(default_factory=list)
 
 
@@ -82,15 +63,10 @@ class Assignment:
 
 @dataclass(eq=False)
 class Block:
-    """Statements between braces.
+    """Statements between braces."""
 
-    Attributes:
-        header: before the brace.
-        loop: whether it is gone through more than once.
-    """
-
-    header: str = ""
-    loop: bool = False
+    header: str = ""  # before the brace
+    loop: bool = False  # whether it is gone through more than once
     items: list[str | Assignment | Block] = field(default_factory=list)
     declarations: list[str] = field(default_factory=list)
 

@@ -47,14 +47,10 @@ def bridge() -> ctypes.PyDLL:
 
 
 class Bound(ctypes.Structure):
-    """A kernel with its arguments, for compiled code that calls it; it keeps their memory.
-
-    Attributes:
-        arguments: as they were given.
-    """
+    """A kernel with its arguments, for compiled code that calls it; it keeps their memory."""
 
     _fields_ = (("entry", ctypes.c_void_p), ("slots", ctypes.c_int64 * MAX_SLOTS))
-    arguments: tuple[Any, ...]
+    arguments: tuple[Any, ...]  # as they were given
 
 
 class Version:

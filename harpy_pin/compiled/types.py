@@ -47,15 +47,10 @@ NOTHING = Nothing()
 
 @dataclass(frozen=True)
 class Struct:
-    """A record.
+    """A record."""
 
-    Attributes:
-        dtype: NumPy's, aligned, so that its layout is that of a C struct.
-        name: of the argument or field that it was first met as.
-    """
-
-    dtype: np.dtype[Any] = field(compare=True)
-    name: str = field(compare=False, default="record")
+    dtype: np.dtype[Any] = field(compare=True)  # NumPy's, aligned, so that its layout is that of a C struct
+    name: str = field(compare=False, default="record")  # of the argument or field that it was first met as
 
     def fields(self) -> dict[str, Type]:
         """Types of the fields by name."""
@@ -64,17 +59,11 @@ class Struct:
 
 @dataclass(frozen=True)
 class Array:
-    """An array, or a view of one.
+    """An array, or a view of one."""
 
-    Attributes:
-        element: of what.
-        shape: sizes; a string is an expression in C, known at run time only.
-        strides: distance of neighbours along each axis, in elements; a string like that of a shape.
-    """
-
-    element: Scalar | Struct
-    shape: tuple[int | str, ...]
-    strides: tuple[int | str, ...]
+    element: Scalar | Struct  # of what
+    shape: tuple[int | str, ...]  # sizes; a string is an expression in C, known at run time only
+    strides: tuple[int | str, ...]  # distance of neighbours along each axis, in elements; a string like that of a shape
 
     @classmethod
     def packed(cls, element: Scalar | Struct, shape: tuple[int | str, ...]) -> Array:
@@ -155,28 +144,18 @@ Type = Scalar | Array | Struct | Tuple | Function | Nothing | Fixed
 
 @dataclass(frozen=True)
 class Value:
-    """An expression of a kernel.
+    """An expression of a kernel."""
 
-    Attributes:
-        type: what it is.
-        code: in C. Of an array the address of its first element; of a record the address of it.
-        binding: how tightly the outermost operator of the code binds, see :mod:`harpy_pin.compiled.scalars`.
-        constant: the number, where it is known when compiling.
-        items: of a tuple.
-        roots: names of the arguments whose memory it is.
-        fields: the same with the ways through records, ``p.tree.axes``, and a ``+`` where it may be a part of that
-            only, such as some rows; nothing where that is not known.
-        volatile: whether the code reads memory, so that its value depends on when it is evaluated.
-    """
-
-    type: Type
-    code: str = ""
-    binding: int = 100
-    constant: int | float | bool | None = None
-    items: tuple[Value, ...] = ()
-    roots: frozenset[str] = frozenset()
+    type: Type  # what it is
+    code: str = ""  # in C. Of an array the address of its first element; of a record the address of it.
+    binding: int = 100  # how tightly the outermost operator of the code binds, see :mod:`harpy_pin.compiled.scalars`
+    constant: int | float | bool | None = None  # the number, where it is known when compiling
+    items: tuple[Value, ...] = ()  # of a tuple
+    roots: frozenset[str] = frozenset()  # names of the arguments whose memory it is
+    # the same with the ways through records, p.tree.axes, and a + where it may be a part of that only, such as some
+    # rows; nothing where that is not known
     fields: frozenset[str] = frozenset()
-    volatile: bool = False
+    volatile: bool = False  # whether the code reads memory, so that its value depends on when it is evaluated
 
 
 def times(a: int | str, b: int | str) -> int | str:

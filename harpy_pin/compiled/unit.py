@@ -66,18 +66,12 @@ static inline integer within(integer begin, integer end, integer size, int line)
 
 @dataclass
 class Unit:
-    """C being written.
+    """C being written."""
 
-    Attributes:
-        single: whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits.
-        debug: whether every index is checked when it is used.
-        prefix: of the names of structs.
-        own: functions ``real_<name>`` that take the place of those of C's library, by their names there.
-    """
-
-    single: bool = False
-    debug: bool = False
-    prefix: str = ""
+    single: bool = False  # whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits
+    debug: bool = False  # whether every index is checked when it is used
+    prefix: str = ""  # of the names of structs
+    # functions real_<name> that take the place of those of C's library, by their names there
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     structs: dict[np.dtype[Any], str] = field(default_factory=dict)
     constants: dict[str, str] = field(default_factory=dict)

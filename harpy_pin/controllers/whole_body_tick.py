@@ -125,29 +125,19 @@ def _solve_once(r: WholeBodyTickRecord, qp: ProgramRecord, search: ActiveSetReco
 
 @dataclass(frozen=True)
 class TickKernels:
-    """The tick of the whole-body QP in a formulation.
+    """The tick of the whole-body QP in a formulation."""
 
-    Attributes:
-        step: all of it, on the records of its parts.
-        step_of_one: the same on one record, a :class:`ProgramTickRecord`.
-        relax: after the program with limits was solved, takes them out where one is reached; whether it did.
-        give_way: after that was solved, puts the limits in again; whether tasks gave way, so that one more follows.
-        settle: takes that one's solution or, without one, what :func:`relax` kept; whether the tick has a solution.
-        finish: forces and command of the solution, or the fallback; the status of the tick.
-        targets: joint targets of the solution, after :attr:`finish`.
-        step_with_targets: :attr:`step`, and these.
-        step_of_one_with_targets: :attr:`step_of_one`, and these.
-    """
-
-    step: Kernel[int]
-    step_of_one: Kernel[int]
-    relax: Kernel[bool]
+    step: Kernel[int]  # all of it, on the records of its parts
+    step_of_one: Kernel[int]  # the same on one record, a :class:`ProgramTickRecord`
+    relax: Kernel[bool]  # after the program with limits was solved, takes them out where one is reached; whether it did
+    # after that was solved, puts the limits in again; whether tasks gave way, so that one more follows
     give_way: Kernel[bool]
+    # takes that one's solution or, without one, what :func:`relax` kept; whether the tick has a solution
     settle: Kernel[bool]
-    finish: Kernel[int]
-    targets: Kernel[None]
-    step_with_targets: Kernel[int]
-    step_of_one_with_targets: Kernel[int]
+    finish: Kernel[int]  # forces and command of the solution, or the fallback; the status of the tick
+    targets: Kernel[None]  # joint targets of the solution, after :attr:`finish`
+    step_with_targets: Kernel[int]  # :attr:`step`, and these
+    step_of_one_with_targets: Kernel[int]  # :attr:`step_of_one`, and these
 
 
 def _tick_of(name: str) -> TickKernels:

@@ -24,25 +24,15 @@ MOST = 600.0
 
 @dataclass(frozen=True)
 class Chip:
-    """A processor, and QEMU's board with it.
+    """A processor, and QEMU's board with it."""
 
-    Attributes:
-        title: its name.
-        cpu: for the compiler.
-        fpu: its floating-point unit, for the compiler.
-        double: whether it computes in double precision itself.
-        machine: QEMU's board.
-        flash: where code begins.
-        ram: where data begins.
-    """
-
-    title: str
-    cpu: str
-    fpu: str
-    double: bool
-    machine: str
-    flash: int
-    ram: int
+    title: str  # its name
+    cpu: str  # for the compiler
+    fpu: str  # its floating-point unit, for the compiler
+    double: bool  # whether it computes in double precision itself
+    machine: str  # QEMU's board
+    flash: int  # where code begins
+    ram: int  # where data begins
 
     @property
     def flags(self) -> list[str]:
@@ -60,19 +50,12 @@ CHIPS = {
 
 @dataclass(frozen=True)
 class Measured:
-    """What a controller costs on a chip.
+    """What a controller costs on a chip."""
 
-    Attributes:
-        instructions: of each recorded tick.
-        stack: deepest stack, bytes.
-        flash: code and constants with what they need of C's libraries, bytes.
-        different: ticks whose command is not the recorded one.
-    """
-
-    instructions: NDArray[np.int64]
-    stack: int
-    flash: int
-    different: int
+    instructions: NDArray[np.int64]  # of each recorded tick
+    stack: int  # deepest stack, bytes
+    flash: int  # code and constants with what they need of C's libraries, bytes
+    different: int  # ticks whose command is not the recorded one
 
 
 def missing_tools() -> str | None:

@@ -46,23 +46,14 @@ def shipped(file: str, **texts: object) -> str:
 
 @dataclass(frozen=True)
 class Code:
-    """A controller in C.
+    """A controller in C."""
 
-    Attributes:
-        name: of its files, and the beginning of all its names.
-        header: ``<name>.h``.
-        source: ``<name>.c``.
-        cpp: ``<name>.hpp``.
-        real: ``float`` or ``double``.
-        ram: size of the record, bytes.
-    """
-
-    name: str
-    header: str
-    source: str
-    cpp: str
-    real: str
-    ram: int
+    name: str  # of its files, and the beginning of all its names
+    header: str  # <name>.h
+    source: str  # <name>.c
+    cpp: str  # <name>.hpp
+    real: str  # float or double
+    ram: int  # size of the record, bytes
 
 
 def controller_code(what: Exportable, name: str, *, single: bool) -> Code:

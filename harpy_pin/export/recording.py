@@ -39,14 +39,10 @@ so that this weight alone decides them; beside the others it would be below the 
 
 @dataclass(frozen=True)
 class Recording:
-    """Inputs of ticks, a row for each.
+    """Inputs of ticks, a row for each."""
 
-    Attributes:
-        target: (ticks, ·) the gait's targets, in the order of their record.
-        inputs: of each thing that any controller takes of a state (ticks, ·), by its name there.
-    """
-
-    target: NDArray[np.float64]
+    target: NDArray[np.float64]  # (ticks, ·) the gait's targets, in the order of their record
+    # of each thing that any controller takes of a state (ticks, ·), by its name there
     inputs: dict[str, NDArray[np.float64]]
 
     def __len__(self) -> int:

@@ -142,13 +142,9 @@ class Gait(Protocol):
 
 
 class FullGait(Gait, Protocol):
-    """What the gaits of this library have besides, and controllers use; see :class:`Gait`.
+    """What the gaits of this library have besides, and controllers use; see :class:`Gait`."""
 
-    Attributes:
-        target: the targets of the last :meth:`update`.
-    """
-
-    target: GaitTarget
+    target: GaitTarget  # the targets of the last :meth:`update`
     step_duration: float
     double_support: float
 

@@ -38,15 +38,10 @@ MAX_ROW = 1 << 20
 
 @dataclass(frozen=True)
 class Layout:
-    """Which signals a row holds, in order.
+    """Which signals a row holds, in order."""
 
-    Attributes:
-        shapes: of each signal in one row.
-        flags: names of those that are true or false.
-    """
-
-    shapes: Mapping[str, tuple[int, ...]]
-    flags: frozenset[str] = frozenset()
+    shapes: Mapping[str, tuple[int, ...]]  # of each signal in one row
+    flags: frozenset[str] = frozenset()  # names of those that are true or false
 
     @cached_property
     def spans(self) -> dict[str, tuple[int, int]]:

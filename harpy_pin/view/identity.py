@@ -14,17 +14,11 @@ from harpy_pin.model.source import read_robot
 
 
 class NamedController(NamedTuple):
-    """A controller as pages name it.
+    """A controller as pages name it."""
 
-    Attributes:
-        label: on pages.
-        name: as :func:`harpy_pin.controllers.make_controller` knows it.
-        governor: of the governed controller; None for the others.
-    """
-
-    label: str
-    name: str
-    governor: str | None = None
+    label: str  # on pages
+    name: str  # as :func:`harpy_pin.controllers.make_controller` knows it
+    governor: str | None = None  # of the governed controller; None for the others
 
 
 CONTROLLERS = {

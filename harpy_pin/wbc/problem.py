@@ -70,23 +70,14 @@ def problem_values(robot: Robot, weights: WholeBodyWeights, limits: WholeBodyLim
 
 @dataclass(frozen=True)
 class FormulationKernels:
-    """What a formulation does in a tick.
+    """What a formulation does in a tick."""
 
-    Attributes:
-        build: fills in the program: (d, t, p, m, qp, v, rotation).
-        inputs: reads [u; τ] off a solution: (m, qp, z, out).
-        force: reads the contact forces off it: (p, m, qp, z, out).
-        acceleration: reads the generalised acceleration off it: (m, z, out).
-        limit: puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on).
-        give_way: lets tasks give way to a solution without these limits: (d, t, p, m, qp, z).
-    """
-
-    build: Kernel[None]
-    inputs: Kernel[None]
-    force: Kernel[None]
-    acceleration: Kernel[None]
-    limit: Kernel[None]
-    give_way: Kernel[None]
+    build: Kernel[None]  # fills in the program: (d, t, p, m, qp, v, rotation)
+    inputs: Kernel[None]  # reads [u; τ] off a solution: (m, qp, z, out)
+    force: Kernel[None]  # reads the contact forces off it: (p, m, qp, z, out)
+    acceleration: Kernel[None]  # reads the generalised acceleration off it: (m, z, out)
+    limit: Kernel[None]  # puts limits of thrusts and torques into the program, or takes them out: (p, m, qp, on)
+    give_way: Kernel[None]  # lets tasks give way to a solution without these limits: (d, t, p, m, qp, z)
 
 
 @fixed_arrays("record", "terms")

@@ -31,15 +31,10 @@ OUTCOMES = {
 
 
 class PackageSolver(QPSolver):
-    """A solver of another package; each solve is cold unless its class says otherwise.
+    """A solver of another package; each solve is cold unless its class says otherwise."""
 
-    Attributes:
-        package: name of the package.
-        library: the package itself.
-    """
-
-    package: ClassVar[str]
-    library: ClassVar[Any]
+    package: ClassVar[str]  # name of the package
+    library: ClassVar[Any]  # the package itself
     _started = False  # whether the next solve begins where the last one ended
 
     def __init__(self, program: QuadraticProgram) -> None:

@@ -33,19 +33,12 @@ SAVE_EVERY = 200
 
 @dataclass(frozen=True)
 class SearchProgress:
-    """How far a search is.
+    """How far a search is."""
 
-    Attributes:
-        evaluations: walks tried so far.
-        budget: walks to try.
-        cost: the least so far.
-        gait: the gait that has it.
-    """
-
-    evaluations: int
-    budget: int
-    cost: float
-    gait: PlanarGait
+    evaluations: int  # walks tried so far
+    budget: int  # walks to try
+    cost: float  # the least so far
+    gait: PlanarGait  # the gait that has it
 
 
 def optimise_gait(

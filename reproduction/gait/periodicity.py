@@ -118,25 +118,15 @@ class StepMap:
 
 @dataclass(frozen=True)
 class Periodicity:
-    """How periodic and how stable a walk is.
+    """How periodic and how stable a walk is."""
 
-    Attributes:
-        section: (n,) fixed point of the step map (see :class:`StepMap`).
-        residual: largest entry of map(section) − section, in units of :data:`SCALE`.
-        spectral_radius: median over the difference steps; below 1 the walk is locally stable.
-        spread: (2,) least and largest over the difference steps.
-        eigenvalues: (n,) at the difference step whose radius is the median, by magnitude.
-        settled: change of the section over the last step of the walk that led to it, in units of :data:`SCALE`.
-        memory: whether the state holds the integrals of the PID.
-    """
-
-    section: Vector
-    residual: float
-    spectral_radius: float
-    spread: tuple[float, float]
-    eigenvalues: NDArray[np.complex128]
-    settled: float
-    memory: bool
+    section: Vector  # (n,) fixed point of the step map (see :class:`StepMap`)
+    residual: float  # largest entry of map(section) − section, in units of :data:`SCALE`
+    spectral_radius: float  # median over the difference steps; below 1 the walk is locally stable
+    spread: tuple[float, float]  # (2,) least and largest over the difference steps
+    eigenvalues: NDArray[np.complex128]  # (n,) at the difference step whose radius is the median, by magnitude
+    settled: float  # change of the section over the last step of the walk that led to it, in units of :data:`SCALE`
+    memory: bool  # whether the state holds the integrals of the PID
 
     @property
     def stable(self) -> bool:

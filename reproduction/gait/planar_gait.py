@@ -30,59 +30,34 @@ class PlanarGait:
     Both legs follow the same curves, half a cycle apart. The stance foot goes from the front end to the back end, the
     swing foot back. Nothing but the clock drives it.
 
-    Attributes:
-        half_step: half the distance between the two ends, the paper's "end x".
-        end_height: of the ends below the body.
-        swing_mid_height: of the middle control point P2 of the swing, below the body.
-        stance_mid_height: of the middle control point P2 of the stance, below the body.
-        offset: how far the middle between the ends lies in front of the body.
-        swing_mid_x: of P2 of the swing, from that middle.
-        stance_mid_x: of P2 of the stance, from that middle.
-        lift_x: P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it.
-        lift_z: P1 − P0 of the swing, upward.
-        land_x: P4 − P3 of the swing, forward.
-        land_z: P4 − P3 of the swing, upward.
-        load_x: P1 − P0 of the stance, forward.
-        load_z: P1 − P0 of the stance, upward.
-        push_x: P4 − P3 of the stance, forward.
-        push_z: P4 − P3 of the stance, upward.
-        step_duration: T, one step, s.
-        double_support: δ, share of T in which both feet are planned on the ground (see
-            :mod:`harpy_pin.gaits.straight`).
-        speed: desired, m/s.
-        height: desired, m.
-        start_vx: forward velocity of the body at t = 0, m/s.
-        start_vz: upward velocity of the body at t = 0, m/s.
-        start_pitch: rad.
-        start_pitch_rate: rad/s.
-
     Raises:
         InputError: a number is not finite or out of its domain.
     """
 
-    half_step: float = 0.1125
-    end_height: float = 0.6
-    swing_mid_height: float = 0.5
-    stance_mid_height: float = 0.6
-    offset: float = 0.0
-    swing_mid_x: float = 0.0
-    stance_mid_x: float = 0.0
-    lift_x: float = 0.0
-    lift_z: float = 0.0
-    land_x: float = 0.0
-    land_z: float = 0.0
-    load_x: float = 0.0
-    load_z: float = 0.0
-    push_x: float = 0.0
-    push_z: float = 0.0
-    step_duration: float = 0.75
+    half_step: float = 0.1125  # half the distance between the two ends, the paper's "end x"
+    end_height: float = 0.6  # of the ends below the body
+    swing_mid_height: float = 0.5  # of the middle control point P2 of the swing, below the body
+    stance_mid_height: float = 0.6  # of the middle control point P2 of the stance, below the body
+    offset: float = 0.0  # how far the middle between the ends lies in front of the body
+    swing_mid_x: float = 0.0  # of P2 of the swing, from that middle
+    stance_mid_x: float = 0.0  # of P2 of the stance, from that middle
+    lift_x: float = 0.0  # P1 − P0 of the swing, forward; the foot's speed at lift-off is 4/duration of it
+    lift_z: float = 0.0  # P1 − P0 of the swing, upward
+    land_x: float = 0.0  # P4 − P3 of the swing, forward
+    land_z: float = 0.0  # P4 − P3 of the swing, upward
+    load_x: float = 0.0  # P1 − P0 of the stance, forward
+    load_z: float = 0.0  # P1 − P0 of the stance, upward
+    push_x: float = 0.0  # P4 − P3 of the stance, forward
+    push_z: float = 0.0  # P4 − P3 of the stance, upward
+    step_duration: float = 0.75  # T, one step, s
+    # δ, share of T in which both feet are planned on the ground (see :mod:`harpy_pin.gaits.straight`)
     double_support: float = 0.0
-    speed: float = 0.3
-    height: float = 0.6
-    start_vx: float = 0.2
-    start_vz: float = 0.1
-    start_pitch: float = 0.0
-    start_pitch_rate: float = 0.0
+    speed: float = 0.3  # desired, m/s
+    height: float = 0.6  # desired, m
+    start_vx: float = 0.2  # forward velocity of the body at t = 0, m/s
+    start_vz: float = 0.1  # upward velocity of the body at t = 0, m/s
+    start_pitch: float = 0.0  # rad
+    start_pitch_rate: float = 0.0  # rad/s
 
     def __post_init__(self) -> None:
         positive = ("half_step", "end_height", "swing_mid_height", "stance_mid_height", "step_duration", "height")
@@ -215,14 +190,10 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class OptimisedGait:
-    """A found gait and where it came from.
+    """A found gait and where it came from."""
 
-    Attributes:
-        gait: the walk.
-        record: how it was found, plain values: command, search, seed, evaluations, cost, ending, versions, ...
-    """
-
-    gait: PlanarGait
+    gait: PlanarGait  # the walk
+    # how it was found, plain values: command, search, seed, evaluations, cost, ending, versions, ..
     record: dict[str, Any] = field(default_factory=dict)
 
     @checked

@@ -55,45 +55,29 @@ def planar_robot(robot: Robot) -> Robot:
 
 
 class PlanarModelRecord(EquationsRecord):
-    """A biped in the plane, and the terms of its equations of motion; links: the base, thigh and shin of each leg.
+    """A biped in the plane, and the terms of its equations of motion; links: the base, thigh and shin of each leg."""
 
-    Attributes:
-        link_mass: (5,) kg.
-        centre: (5, 2) centre of mass (x, z) of each link in its frame, m.
-        inertia: (5,) about the centre of mass, kg·m².
-        origin: (5, 2) of each link's frame in that before it, m.
-        foot: (2, 2) in the shin's frame, m.
-        mount: (2,) of the thrusters, body axes, m.
-        armature: (7,) of the joints, kg·m².
-        gravity: m/s².
-    """
-
-    link_mass: Vector
-    centre: Vector
-    inertia: Vector
-    origin: Vector
-    foot: Vector
-    mount: Vector
-    armature: Vector
-    gravity: float
+    link_mass: Vector  # (5,) kg
+    centre: Vector  # (5, 2) centre of mass (x, z) of each link in its frame, m
+    inertia: Vector  # (5,) about the centre of mass, kg·m²
+    origin: Vector  # (5, 2) of each link's frame in that before it, m
+    foot: Vector  # (2, 2) in the shin's frame, m
+    mount: Vector  # (2,) of the thrusters, body axes, m
+    armature: Vector  # (7,) of the joints, kg·m²
+    gravity: float  # m/s²
 
 
 @dataclass(frozen=True, eq=False)
 class PlanarModel:
-    """Numbers of the planar robot.
+    """Numbers of the planar robot."""
 
-    Attributes:
-        robot: the robot on a free flyer that it was made from.
-        planar: the same robot in the plane, as :func:`planar_robot` gives it.
-        record: the model and the terms of its equations of motion, for kernels; who evaluates terms takes a copy.
-            Links are base, left thigh, left shank, right thigh, right shank. The terms have the names and axes of
-            :class:`~harpy_pin.model.dynamics.Dynamics`, with nothing along y: ``mass_matrix`` (7, 7), ``bias`` (7,),
-            ``foot_jacobian`` (6, 7), ``foot_drift`` (6,), ``foot_position`` (2, 3), and ``thruster_jacobian`` (3, 7) of
-            the mounts, which lie on one line across the plane.
-    """
-
-    robot: Robot
-    planar: Robot
+    robot: Robot  # the robot on a free flyer that it was made from
+    planar: Robot  # the same robot in the plane, as :func:`planar_robot` gives it
+    # the model and the terms of its equations of motion, for kernels; who evaluates terms takes a copy. Links are base,
+    # left thigh, left shank, right thigh, right shank. The terms have the names and axes of
+    # :class:`~harpy_pin.model.dynamics.Dynamics`, with nothing along y: mass_matrix (7, 7), bias (7,), foot_jacobian
+    # (6, 7), foot_drift (6,), foot_position (2, 3), and thruster_jacobian (3, 7) of the mounts, which lie on one line
+    # across the plane.
     record: Records[PlanarModelRecord]
 
     @classmethod

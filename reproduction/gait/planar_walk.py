@@ -33,19 +33,12 @@ MAX_JOINT_RATE = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class PlanarJoints:
-    """PID of hips and knees (equations.md §3, "joint PID"; the derivative gains are what a 1 ms hold bears).
+    """PID of hips and knees (equations.md §3, "joint PID"; the derivative gains are what a 1 ms hold bears)."""
 
-    Attributes:
-        k_p: (hip, knee), N·m/rad.
-        k_i: N·m/(rad·s); zero leaves the controller without memory.
-        k_d: N·m·s/rad.
-        integral_limit: largest torque of the integral part, N·m.
-    """
-
-    k_p: tuple[float, float] = (1000.0, 1000.0)
-    k_i: tuple[float, float] = (20.0, 20.0)
-    k_d: tuple[float, float] = (10.0, 3.0)
-    integral_limit: float = 4.0
+    k_p: tuple[float, float] = (1000.0, 1000.0)  # (hip, knee), N·m/rad
+    k_i: tuple[float, float] = (20.0, 20.0)  # N·m/(rad·s); zero leaves the controller without memory
+    k_d: tuple[float, float] = (10.0, 3.0)  # N·m·s/rad
+    integral_limit: float = 4.0  # largest torque of the integral part, N·m
 
     def __post_init__(self) -> None:
         for name in ("k_p", "k_i", "k_d"):
@@ -54,21 +47,13 @@ class PlanarJoints:
 
 
 class PlanarWalkRecord(PlanarGaitRecord, PlanarJoints):
-    """What :func:`planar_control` knows and writes, besides the numbers of the gait and of the PID.
+    """What :func:`planar_control` knows and writes, besides the numbers of the gait and of the PID."""
 
-    Attributes:
-        period: between ticks, s.
-        integral: (4,) integral part of the joint torques, N·m.
-        target: (4,) left hip, left knee, right hip, right knee, rad.
-        rate: (4,) of the targets, rad/s.
-        torque: (4,) of the command, N·m.
-    """
-
-    period: float
-    integral: Vector = sized(4)
-    target: Vector = sized(4)
-    rate: Vector = sized(4)
-    torque: Vector = sized(4)
+    period: float  # between ticks, s
+    integral: Vector = sized(4)  # (4,) integral part of the joint torques, N·m
+    target: Vector = sized(4)  # (4,) left hip, left knee, right hip, right knee, rad
+    rate: Vector = sized(4)  # (4,) of the targets, rad/s
+    torque: Vector = sized(4)  # (4,) of the command, N·m
 
 
 def walk_record(gait: PlanarGait, joints: PlanarJoints, *, period: float) -> Records[PlanarWalkRecord]:
@@ -139,35 +124,20 @@ FALL_PITCH = 0.7
 
 @dataclass(frozen=True)
 class PlanarSummary:
-    """What a planar walk achieved.
+    """What a planar walk achieved."""
 
-    Attributes:
-        duration: time walked before the end or a fall, s.
-        fell: whether it fell.
-        steps: step durations walked.
-        speed: mean along x, m/s.
-        height_min: of the body, m.
-        height_max: of the body, m.
-        pitch_max: largest magnitude, rad.
-        paper_cost: time average of 10|v_x − 0.3| + |ω| + 10|z − 0.6| (equations.md §3).
-        slip: path of the touching feet along the ground, mm per step.
-        torque_max: largest joint torque, N·m.
-        force_rms_x: root mean square of the ground's force along x, N.
-        variation: root mean square change of the pitch from one mid-step to the next, later half of the run, rad.
-    """
-
-    duration: float
-    fell: bool
-    steps: float
-    speed: float
-    height_min: float
-    height_max: float
-    pitch_max: float
-    paper_cost: float
-    slip: float
-    torque_max: float
-    force_rms_x: float
-    variation: float
+    duration: float  # time walked before the end or a fall, s
+    fell: bool  # whether it fell
+    steps: float  # step durations walked
+    speed: float  # mean along x, m/s
+    height_min: float  # of the body, m
+    height_max: float  # of the body, m
+    pitch_max: float  # largest magnitude, rad
+    paper_cost: float  # time average of 10|v_x − 0.3| + |ω| + 10|z − 0.6| (equations.md §3)
+    slip: float  # path of the touching feet along the ground, mm per step
+    torque_max: float  # largest joint torque, N·m
+    force_rms_x: float  # root mean square of the ground's force along x, N
+    variation: float  # root mean square change of the pitch from one mid-step to the next, later half of the run, rad
 
 
 class PlanarWalk(KeepsViews):

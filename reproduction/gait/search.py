@@ -79,27 +79,20 @@ class PlanarTask:
 
     A walk that falls costs 30 and 60 times the share of the time that the fall took away; one that does not costs
     the paper's average plus what lies outside the desired bounds, slip, and steps that differ.
-
-    Attributes:
-        model: the robot in the plane.
-        search: one of :data:`SEARCHES`.
-        fixed: numbers of the gait that do not vary, where they are not the defaults.
-        duration: of each trial walk, s.
-        friction: static friction coefficients of the grounds that a gait has to walk on; the worst one counts.
-        slip_weight: per mm of slip per step beyond 1 mm.
-        extra: a further cost of a gait, such as that of its walk in space; asked only for gaits that cost less than 5
-            in the plane, all others cost 100 more.
-        extra_name: what it is, kept in the record.
     """
 
-    model: PlanarModel
-    search: str = "middle"
+    model: PlanarModel  # the robot in the plane
+    search: str = "middle"  # one of :data:`SEARCHES`
+    # numbers of the gait that do not vary, where they are not the defaults
     fixed: Mapping[str, float] = field(default_factory=dict)
-    duration: float = 15.0
+    duration: float = 15.0  # of each trial walk, s
+    # static friction coefficients of the grounds that a gait has to walk on; the worst one counts
     friction: tuple[float, ...] = (0.25,)
-    slip_weight: float = 0.05
+    slip_weight: float = 0.05  # per mm of slip per step beyond 1 mm
+    # a further cost of a gait, such as that of its walk in space; asked only for gaits that cost less than 5 in the
+    # plane, all others cost 100 more
     extra: Callable[[PlanarGait], float] | None = None
-    extra_name: str = ""
+    extra_name: str = ""  # what it is, kept in the record
 
     def __post_init__(self) -> None:
         checks.one_of("search", self.search, SEARCHES)
@@ -185,19 +178,12 @@ class PlanarTask:
 
 @dataclass(frozen=True, kw_only=True)
 class SpaceCost:
-    """Slip of the governed walk in space that a planar gait gives, in mm, and what lies outside the desired bounds.
+    """Slip of the governed walk in space that a planar gait gives, in mm, and what lies outside the desired bounds."""
 
-    Attributes:
-        robot: Harpy.
-        width: lateral distance of each foot from the path, m.
-        friction: static friction coefficient.
-        duration: of the walk, s.
-    """
-
-    robot: Robot
-    width: float = 0.125
-    friction: float = 0.25
-    duration: float = 6.0
+    robot: Robot  # Harpy
+    width: float = 0.125  # lateral distance of each foot from the path, m
+    friction: float = 0.25  # static friction coefficient
+    duration: float = 6.0  # of the walk, s
 
     def __post_init__(self) -> None:
         checks.number("width", self.width, low=0.0)

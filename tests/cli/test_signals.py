@@ -38,19 +38,12 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="
 
 
 class Case(NamedTuple):
-    """A long command.
+    """A long command."""
 
-    Attributes:
-        words: of the command; ``OUT`` stands for a folder of its own, ``RUN`` for a log.
-        lasts: until which moment it is signalled, s.
-        cold: whether nothing was compiled before.
-        codes: with which it may end by itself before the signal.
-    """
-
-    words: str
-    lasts: float
-    cold: bool = False
-    codes: tuple[int, ...] = (0,)
+    words: str  # of the command; OUT stands for a folder of its own, RUN for a log
+    lasts: float  # until which moment it is signalled, s
+    cold: bool = False  # whether nothing was compiled before
+    codes: tuple[int, ...] = (0,)  # with which it may end by itself before the signal
 
 
 CASES = {

@@ -39,17 +39,11 @@ class Programs:
 
 @dataclass
 class Optima:
-    """What the active inequalities of an answer give.
+    """What the active inequalities of an answer give."""
 
-    Attributes:
-        z: (n, variables).
-        fits: (n,) whether it satisfies the KKT conditions: it is the optimum.
-        binding: (n, inequalities) which are active.
-    """
-
-    z: np.ndarray
-    fits: np.ndarray
-    binding: np.ndarray
+    z: np.ndarray  # (n, variables)
+    fits: np.ndarray  # (n,) whether it satisfies the KKT conditions: it is the optimum
+    binding: np.ndarray  # (n, inequalities) which are active
 
 
 def times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:

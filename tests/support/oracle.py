@@ -165,15 +165,10 @@ def share_memory(values: Any) -> bool:
 
 @dataclass
 class Comparison:
-    """What was compared.
+    """What was compared."""
 
-    Attributes:
-        compared: calls by the kernel's name.
-        different: the kernel and what differs.
-    """
-
-    compared: Counter[str] = field(default_factory=Counter)
-    different: list[str] = field(default_factory=list)
+    compared: Counter[str] = field(default_factory=Counter)  # calls by the kernel's name
+    different: list[str] = field(default_factory=list)  # the kernel and what differs
     calls: Counter[str] = field(default_factory=Counter)
 
     def check(self, kernel: Kernel, arguments: tuple[Any, ...]) -> Any:

@@ -71,24 +71,15 @@ class Fall:
 
     Thrust is switched on and off, and follows by its lag T. So the true velocity is v − T (a + g) and the true height
     z − T (v_true − v₀ + g t), with v and z those without lag and a the true acceleration.
-
-    Attributes:
-        height: where it begins, m.
-        speed: upwards, there, m/s.
-        ground: height at which it has the touchdown's speed, m.
-        touchdown: that speed, downwards, m/s.
-        brake: acceleration upwards while it is braked, m/s².
-        gravity: acceleration downwards until then, g, m/s².
-        lag: of the thrust, T, s.
     """
 
-    height: float
-    speed: float
-    ground: float
-    touchdown: float
-    brake: float
-    gravity: float = GRAVITY
-    lag: float = 0.0
+    height: float  # where it begins, m
+    speed: float  # upwards, there, m/s
+    ground: float  # height at which it has the touchdown's speed, m
+    touchdown: float  # that speed, downwards, m/s
+    brake: float  # acceleration upwards while it is braked, m/s²
+    gravity: float = GRAVITY  # acceleration downwards until then, g, m/s²
+    lag: float = 0.0  # of the thrust, T, s
 
     @property
     def free(self) -> float:
@@ -228,21 +219,13 @@ FARTHEST = 0.1
 
 @dataclass(frozen=True)
 class Airway:
-    """A flight as functions of the time since lift-off.
+    """A flight as functions of the time since lift-off."""
 
-    Attributes:
-        over: horizontal ways of the body, one after the other.
-        height: of the body.
-        legs: angles of the joints.
-        gains: feedback and the time until which it is the one, s.
-        sinks: time from which on a foot that is loaded has landed, s.
-    """
-
-    over: tuple[Quintic, ...]
-    height: Fall | tuple[Quintic, ...]
-    legs: Quintic
-    gains: tuple[tuple[float, Vector], ...]
-    sinks: float
+    over: tuple[Quintic, ...]  # horizontal ways of the body, one after the other
+    height: Fall | tuple[Quintic, ...]  # of the body
+    legs: Quintic  # angles of the joints
+    gains: tuple[tuple[float, Vector], ...]  # feedback and the time until which it is the one, s
+    sinks: float  # time from which on a foot that is loaded has landed, s
 
     def body(self, t: float) -> Vector:
         """(3, 3) place, velocity and acceleration of the body's origin at a time since lift-off, s."""

@@ -120,19 +120,12 @@ def read_flights(given: Any) -> tuple[Jump | Fly, ...]:
 
 @dataclass(frozen=True)
 class PlannedJump:
-    """A jump that lands where it should.
+    """A jump that lands where it should."""
 
-    Attributes:
-        jump: what was asked for.
-        aim: (2,) where the body's way ends, from where it would stand before the jump, m.
-        across: (3,) horizontal velocity of the body at the release, m/s.
-        speed: upwards, there, m/s.
-    """
-
-    jump: Jump
-    aim: Vector
-    across: Vector
-    speed: float
+    jump: Jump  # what was asked for
+    aim: Vector  # (2,) where the body's way ends, from where it would stand before the jump, m
+    across: Vector  # (3,) horizontal velocity of the body at the release, m/s
+    speed: float  # upwards, there, m/s
 
 
 def plan_jump(flyer: Flyer, jump: Jump) -> PlannedJump:

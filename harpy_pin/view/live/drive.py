@@ -71,29 +71,17 @@ def listen(host: str, port: int) -> socket.socket:
 
 @dataclass
 class DriveSummary:
-    """How a drive went.
+    """How a drive went."""
 
-    Attributes:
-        run: the log; None where none was saved.
-        simulated: time of all walks, s.
-        elapsed: time of the clock, s.
-        falls: how many.
-        slip: path of all feet on the ground, m.
-        factor: simulated time per time that it should have taken.
-        most_viewers: pages that were open at once.
-        signal: that ended it (Ctrl-C or SIGTERM); None where it ended by itself.
-        times: of ticks, by the number of pages that were open.
-    """
-
-    run: Run | None = None
-    simulated: float = 0.0
-    elapsed: float = 0.0
-    falls: int = 0
-    slip: float = 0.0
-    factor: float = 1.0
-    most_viewers: int = 0
-    signal: int | None = None
-    times: dict[int, TickTimes] = field(default_factory=dict)
+    run: Run | None = None  # the log; None where none was saved
+    simulated: float = 0.0  # time of all walks, s
+    elapsed: float = 0.0  # time of the clock, s
+    falls: int = 0  # how many
+    slip: float = 0.0  # path of all feet on the ground, m
+    factor: float = 1.0  # simulated time per time that it should have taken
+    most_viewers: int = 0  # pages that were open at once
+    signal: int | None = None  # that ended it (Ctrl-C or SIGTERM); None where it ended by itself
+    times: dict[int, TickTimes] = field(default_factory=dict)  # of ticks, by the number of pages that were open
 
     def as_dict(self) -> dict[str, Any]:
         """Its numbers."""

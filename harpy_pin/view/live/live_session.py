@@ -49,19 +49,12 @@ STRIP_LENGTH = 0.6
 
 @dataclass(frozen=True, eq=False)
 class Tick:
-    """What one tick was.
+    """What one tick was."""
 
-    Attributes:
-        state: true, before it.
-        command: that the controller returned.
-        elapsed: time it took, ns.
-        push: (3,) force of pushes and pulls on the body, N.
-    """
-
-    state: State
-    command: Command
-    elapsed: int
-    push: Vector
+    state: State  # true, before it
+    command: Command  # that the controller returned
+    elapsed: int  # time it took, ns
+    push: Vector  # (3,) force of pushes and pulls on the body, N
 
 
 class LiveSession:

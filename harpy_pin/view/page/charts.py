@@ -26,46 +26,27 @@ MAX_SPANS = 1500
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One line of a chart.
+    """One line of a chart."""
 
-    Attributes:
-        label: in the chart's legend.
-        colour: ``#rrggbb``.
-        time: (n,) since the run's first row, s.
-        values: (n,); NaN where there is none.
-        dashed: whether it is drawn dashed.
-        filled: whether the area down to zero is filled.
-    """
-
-    label: str
-    colour: str
-    time: Vector
-    values: Vector
-    dashed: bool = False
-    filled: bool = False
+    label: str  # in the chart's legend
+    colour: str  # #rrggbb
+    time: Vector  # (n,) since the run's first row, s
+    values: Vector  # (n,); NaN where there is none
+    dashed: bool = False  # whether it is drawn dashed
+    filled: bool = False  # whether the area down to zero is filled
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Lines with one unit.
+    """Lines with one unit."""
 
-    Attributes:
-        group: heading under which it stands.
-        title: what is plotted.
-        unit: of the values.
-        lines: of the chart; one without lines is not drawn.
-        level: a value that is marked across the chart, and what it is.
-        low: smallest value of the axis; from the lines where it is None.
-        high: largest value of the axis; from the lines where it is None.
-    """
-
-    group: str
-    title: str
-    unit: str
-    lines: Sequence[Line] = ()
-    level: tuple[float, str] | None = None
-    low: float | None = None
-    high: float | None = None
+    group: str  # heading under which it stands
+    title: str  # what is plotted
+    unit: str  # of the values
+    lines: Sequence[Line] = ()  # of the chart; one without lines is not drawn
+    level: tuple[float, str] | None = None  # a value that is marked across the chart, and what it is
+    low: float | None = None  # smallest value of the axis; from the lines where it is None
+    high: float | None = None  # largest value of the axis; from the lines where it is None
 
 
 def charts_of(shown: Sequence[Shown]) -> list[Chart]:
@@ -259,17 +240,11 @@ def _where(known: ArrayLike, values: Vector) -> Vector:
 
 @dataclass(frozen=True)
 class Clock:
-    """Equal spans of time from 0 on.
+    """Equal spans of time from 0 on."""
 
-    Attributes:
-        width: of a span, s.
-        count: of spans.
-        period: the longest time between two rows of any run, s: no span misses a row of it.
-    """
-
-    width: float
-    count: int
-    period: float
+    width: float  # of a span, s
+    count: int  # of spans
+    period: float  # the longest time between two rows of any run, s: no span misses a row of it
 
     @classmethod
     def of(cls, times: Sequence[Vector], *, most: int = MAX_SPANS) -> Clock:

@@ -42,21 +42,13 @@ Result = TypeVar("Result")
 
 
 class _Kind(NamedTuple):
-    """A kind of film.
+    """A kind of film."""
 
-    Attributes:
-        rate: frames per second.
-        size: width and height by default, pixels.
-        step: that both are a multiple of.
-        oversampling: pixels drawn per pixel and axis.
-        options: of the encoder.
-    """
-
-    rate: float
-    size: tuple[int, int]
-    step: int
-    oversampling: int
-    options: dict[str, Any]
+    rate: float  # frames per second
+    size: tuple[int, int]  # width and height by default, pixels
+    step: int  # that both are a multiple of
+    oversampling: int  # pixels drawn per pixel and axis
+    options: dict[str, Any]  # of the encoder
 
 
 ONE_PALETTE = "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=none:diff_mode=rectangle"

@@ -32,17 +32,11 @@ START = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A run on a page.
+    """A run on a page."""
 
-    Attributes:
-        name: different from those of the other runs of the page.
-        colour: ``#rrggbb``.
-        frames: its rows, and those that are drawn.
-    """
-
-    name: str
-    colour: str
-    frames: Frames
+    name: str  # different from those of the other runs of the page
+    colour: str  # #rrggbb
+    frames: Frames  # its rows, and those that are drawn
 
 
 def line_up(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None) -> list[Shown]:
@@ -107,17 +101,11 @@ def headline(shown: Shown) -> tuple[str, list[tuple[str, str]]]:
 
 
 class Moment(NamedTuple):
-    """A moment of a run.
+    """A moment of a run."""
 
-    Attributes:
-        time: since the run began, s.
-        reason: what happens, in a few words.
-        power: that friction takes from the robot there, W; zero where no foot slides.
-    """
-
-    time: float
-    reason: str
-    power: float
+    time: float  # since the run began, s
+    reason: str  # what happens, in a few words
+    power: float  # that friction takes from the robot there, W; zero where no foot slides
 
 
 def telling_moment(frames: Frames) -> Moment:
@@ -163,16 +151,11 @@ def _upright(q: Vector) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class Score:
-    """One measure of all runs.
+    """One measure of all runs."""
 
-    Attributes:
-        label: with its unit.
-        values: of each run, as text.
-        best: numbers of the runs that are best at it; none where all are alike, or no run walked to its end.
-    """
-
-    label: str
-    values: tuple[str, ...]
+    label: str  # with its unit
+    values: tuple[str, ...]  # of each run, as text
+    # numbers of the runs that are best at it; none where all are alike, or no run walked to its end
     best: tuple[int, ...]
 
 

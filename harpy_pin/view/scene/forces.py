@@ -172,15 +172,10 @@ class Forces:
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes of what is drawn, from the robot's height and weight.
+    """Sizes of what is drawn, from the robot's height and weight."""
 
-    Attributes:
-        height: of the body above the ground, m.
-        force: contact force or thrust that is drawn one metre long, N/m.
-    """
-
-    height: float
-    force: float
+    height: float  # of the body above the ground, m
+    force: float  # contact force or thrust that is drawn one metre long, N/m
 
     @classmethod
     def of(cls, robot: Robot, height: float) -> Scales:

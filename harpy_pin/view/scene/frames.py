@@ -131,21 +131,13 @@ def about_normals(surface: Terrain | None, place: Vector, vectors: Vector) -> Ve
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Contacts of feet with the ground, one for each entry of the arrays; forces and velocities about the normal.
+    """Contacts of feet with the ground, one for each entry of the arrays; forces and velocities about the normal."""
 
-    Attributes:
-        position: (..., 3) of the feet, world, m.
-        force: (..., 3) of the ground on the feet, N.
-        velocity: (..., 3) of the feet, m/s.
-        mu: (...,) static friction coefficient; None where it is not known.
-        per_axis: whether friction bounds the two tangential forces apart, instead of their length.
-    """
-
-    position: Vector
-    force: Vector
-    velocity: Vector
-    mu: Vector | None = None
-    per_axis: bool = False
+    position: Vector  # (..., 3) of the feet, world, m
+    force: Vector  # (..., 3) of the ground on the feet, N
+    velocity: Vector  # (..., 3) of the feet, m/s
+    mu: Vector | None = None  # (...,) static friction coefficient; None where it is not known
+    per_axis: bool = False  # whether friction bounds the two tangential forces apart, instead of their length
 
     @classmethod
     def of(cls, run: Run, ground: Ground | None) -> Contacts:

@@ -63,54 +63,35 @@ Shape: TypeAlias = Box | Sphere | Cylinder | Mesh | Lines
 
 @dataclass(frozen=True)
 class Look:
-    """How a node looks.
+    """How a node looks."""
 
-    Attributes:
-        colour: ``#rrggbb``.
-        opacity: between 0 and 1.
-        light: ``body`` is lit and casts a shadow, ``ground`` is lit, ``bright`` glows, ``even`` has its colour whatever
-            the light, and ``shadow`` shows nothing but shadows.
-        in_front: draws it through whatever stands before it, the larger the later; not where it is 0.
-    """
-
-    colour: str
-    opacity: float = 1.0
+    colour: str  # #rrggbb
+    opacity: float = 1.0  # between 0 and 1
+    # body is lit and casts a shadow, ground is lit, bright glows, even has its colour whatever the light, and shadow
+    # shows nothing but shadows
     light: Literal["body", "ground", "bright", "even", "shadow"] = "even"
-    in_front: int = 0
+    in_front: int = 0  # draws it through whatever stands before it, the larger the later; not where it is 0
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """Something that is drawn.
+    """Something that is drawn."""
 
-    Attributes:
-        path: of names and slashes; its first names may be those of nodes that move.
-        shape: in the node's own frame.
-        look: of it.
-        placement: (4, 4) in the frame of the node above; of a node that does not move by itself.
-    """
-
-    path: str
-    shape: Shape
-    look: Look
+    path: str  # of names and slashes; its first names may be those of nodes that move
+    shape: Shape  # in the node's own frame
+    look: Look  # of it
+    # (4, 4) in the frame of the node above; of a node that does not move by itself
     placement: Vector = field(default_factory=lambda: np.eye(4))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Motion:
-    """Where a node is at each of n moments, relative to the one above; what is None stays as it is.
+    """Where a node is at each of n moments, relative to the one above; what is None stays as it is."""
 
-    Attributes:
-        position: (n, 3), m.
-        quaternion: (n, 4) x, y, z, w.
-        scale: (n, 3), of a node that has a shape itself and no other below it.
-        visible: (n,).
-    """
-
-    position: Vector | None = None
-    quaternion: Vector | None = None
-    scale: Vector | None = None
-    visible: NDArray[np.bool_] | None = None
+    position: Vector | None = None  # (n, 3), m
+    quaternion: Vector | None = None  # (n, 4) x, y, z, w
+    scale: Vector | None = None  # (n, 3), of a node that has a shape itself and no other below it
+    visible: NDArray[np.bool_] | None = None  # (n,)
 
 
 Motions: TypeAlias = dict[str, Motion]

@@ -151,21 +151,13 @@ def _look(rgba: Iterable[float]) -> Look:
 
 @dataclass(frozen=True)
 class Pantograph:
-    """Lower leg of one foot.
+    """Lower leg of one foot."""
 
-    Attributes:
-        path: of its node.
-        thigh_joint: index of the hip sagittal joint, whose frame is the thigh's.
-        shank_joint: index of the serial chain's knee.
-        thigh: hip sagittal axis to knee motor, m.
-        shin: length of the shin and of the tarsus, m.
-    """
-
-    path: str
-    thigh_joint: int
-    shank_joint: int
-    thigh: float
-    shin: float
+    path: str  # of its node
+    thigh_joint: int  # index of the hip sagittal joint, whose frame is the thigh's
+    shank_joint: int  # index of the serial chain's knee
+    thigh: float  # hip sagittal axis to knee motor, m
+    shin: float  # length of the shin and of the tarsus, m
 
     def motor(self, joints: Vector) -> Vector:
         """(n, 3) knee motor, world, m, from (n, model joints, 4, 4) joint placements."""

@@ -28,16 +28,11 @@ BALLS = (("target", TARGET, 0.030), ("applied", APPLIED, 0.023), ("body", BODY, 
 
 @dataclass
 class Scene:
-    """What is drawn of a run.
+    """What is drawn of a run."""
 
-    Attributes:
-        size: height that has to fit in the picture, m.
-        nodes: by paths below the node that stands for the world's frame.
-        motions: one row for each frame, by the nodes' paths; that of the world has the empty path.
-    """
-
-    size: float
-    nodes: list[Node] = field(default_factory=list)
+    size: float  # height that has to fit in the picture, m
+    nodes: list[Node] = field(default_factory=list)  # by paths below the node that stands for the world's frame
+    # one row for each frame, by the nodes' paths; that of the world has the empty path
     motions: Motions = field(default_factory=dict)
 
 
