@@ -19,7 +19,7 @@ Chemical power is that of shafts and joints, and heat, in every step: see :data:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.plant import Plant
-
-if TYPE_CHECKING:
-    from harpy_pin.simulation.step import PlantRecord
+from harpy_pin.simulation.step import PlantRecord
 
 ENERGIES = ("chemical", "missing", "inner heat", "thrust shaft", "thrust heat", "joint mechanical", "joint heat")
 """Energies of a plant's battery since its reset, J: the sum of the first two is that of the others.

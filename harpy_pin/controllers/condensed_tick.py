@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.friction import note_inputs
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord, write_inputs
+from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts
-from harpy_pin.wbc.condensed.solve import hold_last, solve_condensed
-
-if TYPE_CHECKING:
-    from harpy_pin.gaits.gait import GaitTargetRecord
-    from harpy_pin.wbc.condensed.solve import CondensedRecord
+from harpy_pin.wbc.condensed.solve import CondensedRecord, hold_last, solve_condensed
 
 
 class CondensedTasksRecord(TasksRecord):

@@ -44,18 +44,14 @@ c tanh(v / ``KNOWN_KNEE``): along the motion and below c, so that it moves no jo
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import MAX_SAMPLE, all_possible
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
 
 LEAST_ESTIMATE = 0.03
 """The estimate is never below it, or below the assumed coefficient where that is lower."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,11 +9,14 @@ from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.controllers.tasks import possible_feet
 from harpy_pin.controllers.tick import BAD_SAMPLE, VIOLATED, TickRecord, fading
+from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms
 from harpy_pin.governors.erg import ErgRecord, governed_update
 from harpy_pin.governors.point_mass import Law
+from harpy_pin.governors.rows import ForceRowsRecord
 from harpy_pin.governors.thrust import CentreGainsRecord, allocate, centre_feedback, limit_thrust, roll_yaw
 from harpy_pin.ground.contact_frame import is_level
+from harpy_pin.model.contact_map import ContactMapRecord
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit
 from harpy_pin.model.kinematics import LegGeometry, LegRecord, leg_inverse, leg_jacobian
@@ -23,11 +24,6 @@ from harpy_pin.model.record import ZERO, RecordOf, Records, fields, make_record,
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import body_rotation, update_terms
-
-if TYPE_CHECKING:
-    from harpy_pin.gaits.gait import GaitTargetRecord
-    from harpy_pin.governors.rows import ForceRowsRecord
-    from harpy_pin.model.contact_map import ContactMapRecord
 
 FULL = int(Law.FULL)
 MAX_JOINT_RATE = 20.0

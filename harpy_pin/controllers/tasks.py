@@ -20,8 +20,6 @@ they would lose their orientation.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,10 +38,8 @@ from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, a
 from harpy_pin.model.record import RecordOf
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
+from harpy_pin.model.tree import TreeRecord
 from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_drift
-
-if TYPE_CHECKING:
-    from harpy_pin.model.tree import TreeRecord
 
 MAX_LEAN = 0.4
 """Largest angle between the thrust that is desired and the vertical, rad."""

@@ -21,7 +21,6 @@ Neither thrust nor direction is measured: they are what the commands so far make
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +29,8 @@ from harpy_pin.controllers.condensed_tick import CondensedTickRecord, finish_opt
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, write_inputs
+from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
@@ -37,10 +38,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.simulation.thrusters import turn
 from harpy_pin.wbc.condensed.solve import solve_condensed
 from harpy_pin.wbc.weights import thrust_box
-
-if TYPE_CHECKING:
-    from harpy_pin.gaits.gait import GaitTargetRecord
-    from harpy_pin.model.dynamics import DynamicsRecord
 
 SMALL = 1e-9
 """Thrust without a direction, N."""

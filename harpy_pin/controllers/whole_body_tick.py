@@ -9,7 +9,6 @@ where one of them is reached, without them; and again with them, after tasks gav
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,21 +17,18 @@ from harpy_pin.controllers.friction import note_inputs
 from harpy_pin.controllers.joint_targets import JointTargetsRecord, keep_targets, move_targets
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TickRecord, write_inputs
+from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.model.contact_map import ContactMapRecord
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts
 from harpy_pin.wbc.active_set_warm_start import ASK, INACCURATE, INFEASIBLE, MAX_ITERATIONS, solve_further, start_tick
-from harpy_pin.wbc.condensed.active_set import ActiveSetRecord, DualRecord
+from harpy_pin.wbc.condensed.active_set import ActiveSetRecord, DualRecord, ProgramRecord
 from harpy_pin.wbc.condensed.limits import at_a_limit, outside
 from harpy_pin.wbc.contact_force import ContactForceRecord
 from harpy_pin.wbc.formulations import FORMULATIONS
-
-if TYPE_CHECKING:
-    from harpy_pin.gaits.gait import GaitTargetRecord
-    from harpy_pin.model.contact_map import ContactMapRecord
-    from harpy_pin.wbc.condensed.active_set import ProgramRecord
-    from harpy_pin.wbc.problem import FormulationRecord
+from harpy_pin.wbc.problem import FormulationRecord
 
 STIFFNESS, DAMPING = 50.0, 1.0
 """Stiffness and damping of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""

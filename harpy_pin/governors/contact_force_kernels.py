@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,13 +13,11 @@ from harpy_pin.governors.governor import StatusRecord
 from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, to_world, turn_feet
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.record import ZERO, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
 
 BAD_STATE, MISFIT_SIZES = -2.0, -3.0
 """What :func:`filter_forces` says of a state, and of arrays that do not fit; −1 is of forces and commands."""

@@ -9,7 +9,6 @@ brings every foot's force to its nearest point, at the same normal force, in the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from harpy_pin.governors.contact_force_kernels import (
     friction_limit,
 )
 from harpy_pin.governors.thrust import limit_thrust
-from harpy_pin.model.contact_map import sticking_force, unconstrained_drive
+from harpy_pin.model.contact_map import ContactMapRecord, sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import FADE, HOLD_TICKS, all_finite, all_finite_rows, as_command, as_state, refuse_law
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -33,9 +32,6 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.model.terms import update_terms
-
-if TYPE_CHECKING:
-    from harpy_pin.model.contact_map import ContactMapRecord
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

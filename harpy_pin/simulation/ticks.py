@@ -19,11 +19,11 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import compiler
 from harpy_pin.compiled.bridge import Bound
 from harpy_pin.compiled.calls import Call, Link, linked
+from harpy_pin.log.recorder import Recorder
 from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import MISFIT_COMMAND, physics_steps, stands
 
 if TYPE_CHECKING:
-    from harpy_pin.log.recorder import Recorder
     from harpy_pin.simulation.simulator import Simulator
 
 KINDS = {np.dtype(np.float64): 0, np.dtype(np.int64): 1, np.dtype(np.bool_): 2}

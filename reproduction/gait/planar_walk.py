@@ -7,7 +7,6 @@ space, with the terms of :mod:`reproduction.gait.planar_model`.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,9 +22,6 @@ from harpy_pin.model.state import Vector
 from harpy_pin.simulation.step import StepRecord, implicit_step, step_record
 from reproduction.gait.planar_gait import PlanarGait, PlanarGaitRecord, planar_targets
 from reproduction.gait.planar_model import NV, PlanarModel, PlanarModelRecord, planar_terms
-
-if TYPE_CHECKING:
-    from reproduction.gait.planar_model import PlanarModelRecord
 
 MAX_JOINT_RATE = 20.0
 """Largest joint velocity target, rad/s, as in the governed controller."""

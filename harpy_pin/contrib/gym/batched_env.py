@@ -34,7 +34,7 @@ by more than 60°, or speeds beyond reason); *truncated* at the scenario's durat
 from __future__ import annotations
 
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -54,6 +54,7 @@ from harpy_pin.governors.contact_force_kernels import (
 from harpy_pin.governors.shield import LimitsRecord, within_limits
 from harpy_pin.ground.ground import Ground, GroundRecord
 from harpy_pin.log.slip import forget_slip
+from harpy_pin.model.contact_map import ContactMapRecord
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, make_record
@@ -64,11 +65,7 @@ from harpy_pin.scenario import Compliant, Scenario, Straight
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import push_forces
 from harpy_pin.simulation.simulator import Simulator
-from harpy_pin.simulation.step import physics_steps, upright
-
-if TYPE_CHECKING:
-    from harpy_pin.model.contact_map import ContactMapRecord
-    from harpy_pin.simulation.step import StepRecord
+from harpy_pin.simulation.step import StepRecord, physics_steps, upright
 
 ACTIONS, OBSERVATIONS = 12, 39
 MOST = 10.0

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, stance_points
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import DESCENT
-
-if TYPE_CHECKING:
-    from harpy_pin.gaits.gait import GaitTargetRecord
 
 VELOCITY_GAIN = 1.1
 """Gain of the velocity of the centre of mass, as a share of ω."""

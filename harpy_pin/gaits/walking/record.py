@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.gaits.velocity import VelocityRecord
 from harpy_pin.gaits.walking.build import Build, Pace
+from harpy_pin.ground.surface import TerrainRecord
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
-
-if TYPE_CHECKING:
-    from harpy_pin.ground.surface import TerrainRecord
-    from harpy_pin.model.tree import TreeRecord
+from harpy_pin.model.tree import TreeRecord
 
 
 class MeasuredRecord(RecordOf):

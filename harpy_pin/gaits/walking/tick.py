@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.gait import LONGEST
+from harpy_pin.gaits.gait import LONGEST, GaitTargetRecord
 from harpy_pin.gaits.velocity import take_command
 from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
 from harpy_pin.gaits.walking.contacts import go_on, time_left
@@ -15,9 +13,6 @@ from harpy_pin.gaits.walking.footholds import choose_footholds
 from harpy_pin.gaits.walking.pendulum import wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import swing_foot
-
-if TYPE_CHECKING:
-    from harpy_pin.gaits.gait import GaitTargetRecord
 
 LONGEST_GAP = 0.05
 """Time that counts between two updates, at most, s."""

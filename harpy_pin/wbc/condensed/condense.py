@@ -37,19 +37,15 @@ This file eliminates the limbs, and recovers motion and torques from given force
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
+from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
 
 MIN_DETERMINANT = 1e-6
 """Least determinant of a limb's J_kl, m³; below it (a straight leg) the inverse is damped and the foot not held."""

@@ -16,12 +16,12 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_transposed
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.active_set import ProgramRecord
 
 if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.wbc.condensed.active_set import ProgramRecord
     from harpy_pin.wbc.condensed.condense import CondensationRecord
     from harpy_pin.wbc.condensed.solve import CondensedRecord
 

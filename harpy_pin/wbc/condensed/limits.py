@@ -30,14 +30,13 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
+from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.state import Vector
+from harpy_pin.wbc.condensed.active_set import ProgramRecord
 from harpy_pin.wbc.condensed.condense import CondensationRecord, joint_torques, recover, root_factor, root_of_centre
-from harpy_pin.wbc.condensed.force_program import force_bounds, root_cost
+from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord, force_bounds, root_cost
 
 if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
-    from harpy_pin.wbc.condensed.active_set import ProgramRecord
-    from harpy_pin.wbc.condensed.force_program import ProblemRecord, TargetsRecord
     from harpy_pin.wbc.condensed.solve import CondensedRecord
 
 SPAN = 0.1

@@ -16,18 +16,18 @@ were clipped, because the search found no force in the pyramids that the motors 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
+from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import sized
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import EXCHANGES, SearchRecord, dual_active_set, exchange
 from harpy_pin.wbc.condensed.condense import CondensationRecord, eliminate_limbs, joint_torques, recover, root_factor
 from harpy_pin.wbc.condensed.force_program import (
     ProblemRecord,
+    TargetsRecord,
     force_bounds,
     force_objective,
     friction_rows,
@@ -35,10 +35,6 @@ from harpy_pin.wbc.condensed.force_program import (
     root_acceleration,
 )
 from harpy_pin.wbc.condensed.limits import limited_program, outside, share_of_least_force, share_of_swing
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
-    from harpy_pin.wbc.condensed.force_program import TargetsRecord
 
 AT_LIMIT = 1e-9
 """Distance below its limit, as a share of it, at which a torque counts as limited."""

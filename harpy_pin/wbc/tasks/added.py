@@ -12,8 +12,6 @@ there is no solution where that is outside its range.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,12 +22,10 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, lasting, move_array
 from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.condensed.active_set import UNBOUNDED
+from harpy_pin.wbc.problem import WholeBodyProblem
 from harpy_pin.wbc.program import QuadraticProgram
 from harpy_pin.wbc.tasks.task import Task
 from harpy_pin.wbc.weights import MAX_WEIGHT
-
-if TYPE_CHECKING:
-    from harpy_pin.wbc.problem import WholeBodyProblem
 
 
 @fixed_arrays("error", "lower", "matrix", "target", "upper", "weight")
