@@ -9,7 +9,7 @@ import typer
 
 from comparison.cli.commands import campaign, peers, public, tune, whole
 from comparison.cli.results import results
-from comparison.cli.studies import STUDIES, command_of, films
+from comparison.cli.studies import STUDIES, command_of
 from harpy_pin.cli.ending import one_line_errors, stopping
 
 app = typer.Typer(
@@ -27,7 +27,6 @@ _COMMANDS: dict[Callable[..., None], str] = {
     peers: "peers --install && python -m comparison peers --json peers.json",
     public: "public --data clones --json public.json",
     **{command_of(study): f"{name} {study.example or f'--json {name}.json'}" for name, study in STUDIES.items()},
-    films: "films flights.html",
     tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
     results: "results docs/results.md --data out/results",
 }

@@ -14,7 +14,6 @@ import typer
 
 from comparison import studies
 from comparison.cli.output import NumbersFile, print_tables, stages, writing
-from comparison.report.flight_films import FILMS, film_flights
 from comparison.study import Study
 from harpy_pin.files import check_writable
 
@@ -65,16 +64,3 @@ def command_of(study: Study) -> Callable[..., None]:
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in kept}
     command.__name__, command.__doc__ = study.name, study.help
     return command
-
-
-def films(
-    page: Annotated[Path, typer.Argument(metavar="FILE.html", help="The page.")],
-    quick: Annotated[bool, typer.Option("--quick", help="One manoeuvre.")] = False,
-) -> None:
-    """Film each manoeuvre of the flights once, on a page.
-
-    Needs Chromium.
-    """
-    with stages() as progress:
-        film_flights(page, ("jump 0.4 m",) if quick else tuple(FILMS), partial(progress, "films"))
-    typer.echo(f"wrote {page}")

@@ -118,8 +118,8 @@ def _jobs(s: Any) -> Iterator[Job]:
         yield from (one | {"seed": FIRST_SEED + k} for k in range(min(FLIGHTS[one["flight"]].tries, s.most_tries)))
 
 
-def flown(job: Job) -> tuple[hp.Run, dict[str, Any]]:
-    """One try of a manoeuvre, and its measures."""
+def _measured(job: Job) -> dict[str, Any]:
+    """Measures of one try of a manoeuvre."""
     one, make = FLIGHTS[job["flight"]], None
     if one.watched:
 
@@ -127,11 +127,7 @@ def flown(job: Job) -> tuple[hp.Run, dict[str, Any]]:
             return ThrustWatch(hp.make_controller(job["controller"], gait, mu=FRICTION), gait.robot)
 
     run = walk_as_far_as_it_goes(one.scenario(job["controller"], job["plant"], job["seed"]), make)
-    return run, walk_measures(run) if one.flight is None else flight_measures(run, one.flight, one.walks)
-
-
-def _measured(job: Job) -> dict[str, Any]:
-    return flown(job)[1]
+    return walk_measures(run) if one.flight is None else flight_measures(run, one.flight, one.walks)
 
 
 def walk_measures(run: hp.Run) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from needs import needs_robots
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
 from comparison.measure.walking import Rows
-from comparison.studies import contacts, engines, grounds, ice, limits, steering, thrusters, walking
+from comparison.studies import contacts, grounds, ice, limits, steering, thrusters, walking
 from comparison.studies.crossings import CROSSINGS
 from comparison.studies.flights import FLIGHTS
 from comparison.tables import Table
@@ -22,7 +22,6 @@ from harpy_pin.files import finite
 TINY: dict[str, dict[str, Any]] = {
     "assumption": {"walkers": ("governed/none", "condensed"), "errors": (0.0, 1.5), "duration": 3.0},
     "grounds": {"walkers": ("governed/none", "governed/paper"), "duration": 0.1},
-    "engines": {"walkers": ("governed/none",), "duration": 0.4},
     "contacts": {"walkers": ("governed/none", "condensed", contacts.GENTLE), "starts": 2},
     "crossings": {},
     "delay": {"delays": (0, 2), "noises": (0.5,), "duration": 0.5},
@@ -81,27 +80,11 @@ def test_grounds_show_slip_or_when_a_walk_fell():
 
 
 def test_engines_that_are_not_installed_are_left_out(monkeypatch):
-    for study in (contacts, grounds, thrusters, engines):
+    for study in (contacts, grounds, thrusters):
         monkeypatch.setattr(study, "installed_version", lambda: None)
-    with pytest.raises(hp.InputError, match="pip install"):
-        STUDIES["engines"].run()
     jobs = {name: list(STUDIES[name].jobs(STUDIES[name].settings())) for name in ("contacts", "grounds", "thrusters")}
     assert not any("MuJoCo" in str(job) for job in (*jobs["grounds"], *jobs["thrusters"]))
     assert {job["contact"] for job in jobs["contacts"]} == {"ours"}
-
-
-def test_equal_walks_differ_by_nothing_and_others_by_what_they_differ():
-    (row,) = rows_of("engines")
-    free, ground = hp.Governed(governor="none"), hp.Ground(mu_s=0.25)
-    plants = ("compliant", "mujoco")
-    runs = [hp.walk(hp.Scenario(controller=free, ground=ground, duration=0.4, plant=plant)) for plant in plants]
-    assert row == row | finite(engines.compared(*runs))
-    gap = [np.linalg.norm(a - b) for a, b in zip(*(run["q"][:, :3] for run in runs), strict=True)]
-    assert row["apart_mm"] == pytest.approx(1e3 * max(gap)) != 0.0
-    normal = (runs[0]["foot_force"] - runs[1]["foot_force"])[:, :, 2]
-    assert row["normal_rms_n"] == pytest.approx(np.sqrt(np.mean(normal**2)))
-    same = engines.compared(runs[0], runs[0])
-    assert (same["apart_mm"], same["normal_rms_n"], same["tangential_rms_n"]) == (0.0, 0.0, 0.0)
 
 
 def on(contact: str, walker: str) -> Rows:

@@ -12,7 +12,7 @@ import harpy_pin
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
-LINES = {"harpy_pin": 36_637, CONTRIB: 3_100, "reproduction": 4_000, "comparison": 11_540, "tests": 31_088}
+LINES = {"harpy_pin": 36_338, CONTRIB: 3_071, "reproduction": 3_738, "comparison": 11_050, "tests": 30_992}
 """Most lines of the Python files that Git tracks in a folder; those of ``harpy_pin`` are counted without contrib."""
 LONGEST_FILE = 450
 MOST_PUBLIC_NAMES = 70

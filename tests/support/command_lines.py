@@ -38,7 +38,6 @@ WORK = (
     "comparison.cli.commands._install",
     "comparison.cli.commands.run_campaign",
     "comparison.cli.commands.search_settings",
-    "comparison.cli.studies.film_flights",
     "comparison.study.Study.run",
 )
 """Functions with which a command begins its work, once its arguments have been accepted."""
