@@ -194,6 +194,6 @@ def _dense(state: Record) -> Record:
     w["factor"] = np.tril(rng.standard_normal((n, n))) + n * np.eye(n)
     dual["basis"] = np.linalg.qr(root)[0]
     dual["triangle"] = np.triu(rng.uniform(0.1, 1.0, (n, n))) + np.eye(n)
-    dual["scale"], dual["limit"] = 1.0, 1
+    dual["scale"], dual["limit"], dual["span"] = 1.0, 1, (0, n)
     state["z"][0] = rng.standard_normal(n)
     return state

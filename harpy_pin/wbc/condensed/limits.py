@@ -131,8 +131,7 @@ def input_map(
     first = thrusts + e.others.shape[0]
     nothing = np.zeros(n - first if fixed else n)
     recover(e, nothing)
-    for c in range(thrusts):
-        at_rest[c] = e.free_acceleration[c]
+    at_rest[:thrusts] = e.free_acceleration[:thrusts]
     joint_torques(d, e, v, nothing, at_rest[thrusts:])
     solve_factor(e.factor, response, n)
     _free_per_unit(t, e, response, first, fixed)
