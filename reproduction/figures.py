@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harpy_pin.log.measures import Chattering
 from harpy_pin.log.run import Run
 from harpy_pin.model.state import Vector
 from harpy_pin.view.figures import grid, legend_above, styled
 from harpy_pin.view.palette import APPLIED, CONTACT, FRICTION, TARGET
+from reproduction.chattering import Chattering
 from reproduction.vlip_claims import polar_of
 from reproduction.vlip_simulation import VlipRun
 from reproduction.walk_claims import model_force, model_rows

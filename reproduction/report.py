@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from harpy_pin.files import OwnFolder, json_text
-from harpy_pin.log.measures import Chattering, Measures
+from harpy_pin.log.measures import Measures
 from harpy_pin.log.run import describe_versions
 from harpy_pin.model.robot import Robot
 from reproduction import figures
+from reproduction.chattering import Chattering
 from reproduction.claims import DEPARTURES, Finding, Verdict
 from reproduction.vlip_claims import VlipCase, VlipStudy, study_vlip
 from reproduction.walk_claims import MU, WALKS, WalkStudy, study_cost, study_gait, study_walk

@@ -8,8 +8,8 @@ from itertools import product
 import numpy as np
 
 from harpy_pin.governors.rows import EVALUATE_AT
-from harpy_pin.log.measures import Chattering, chattering
 from harpy_pin.model.state import Vector
+from reproduction.chattering import Chattering, chattering
 from reproduction.claims import CLAIMS, Finding, judge
 from reproduction.vlip_simulation import COORDINATES, STARTS, VlipParameters, VlipRun, simulate_vlip, vlip_governor
 

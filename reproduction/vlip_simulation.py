@@ -19,9 +19,9 @@ from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.point_mass import Law, PointMassRecord, model_record
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governors.thrust import CentreGains, centre_feedback
-from harpy_pin.log.measures import chattering
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
+from reproduction.chattering import chattering
 from reproduction.margin import MarginGovernor
 from reproduction.vlip_model import AngleRow, PolarAngleRow, PolarRows, leg_force, polar_to_cartesian
 

@@ -15,7 +15,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.governors.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.ground import Ground
-from harpy_pin.log.measures import Chattering, Measures, chattering, measure
+from harpy_pin.log.measures import Measures, measure
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import State, Vector
@@ -23,6 +23,7 @@ from harpy_pin.model.terms import body_rotation
 from harpy_pin.scenario import Governed, Scenario, walk
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.wbc import WholeBodyLimits
+from reproduction.chattering import Chattering, chattering
 from reproduction.claims import CLAIMS, Finding, judge
 from reproduction.gait.periodicity import analyse_periodicity
 from reproduction.gait.planar_gait import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, load_gait

@@ -1,7 +1,7 @@
 """What ``harpy_pin.log`` offers; :mod:`lazy_loader` reads this file."""
 
-from .measures import Chattering, Measures, chattering, measure
+from .measures import Measures, measure
 from .power import Motors, Power, Propulsion, power
 from .run import Run
 
-__all__ = ["Chattering", "Measures", "Motors", "Power", "Propulsion", "Run", "chattering", "measure", "power"]
+__all__ = ["Measures", "Motors", "Power", "Propulsion", "Run", "measure", "power"]

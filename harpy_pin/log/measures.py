@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
@@ -266,43 +266,3 @@ def _paths(run: Run, touching: NDArray[np.bool_]) -> Vector:
     steps = np.diff(run["foot_position"][:, :, :2], axis=0)
     path: Vector = np.linalg.norm(steps, axis=2) * (touching[1:] | touching[:-1])
     return path
-
-
-@dataclass(frozen=True)
-class Chattering:
-    """How much a signal chatters.
-
-    Attributes:
-        variation_per_s: total variation per second, summed over the components, in units of the signal per s.
-        reversals_per_s: changes of direction per second, summed over the components. A smooth signal has as many at a
-            shorter step; one that chatters has more.
-    """
-
-    variation_per_s: float
-    reversals_per_s: float
-
-
-def chattering(signal: ArrayLike, *, period: float) -> Chattering:
-    """Total variation and reversals of a sampled signal.
-
-    Increments smaller than 1e-9 of the component's range are rounding, not motion: they end no direction.
-
-    Args:
-        signal: (n,) or (n, components).
-        period: time between samples, s.
-
-    Raises:
-        InputError: fewer than two samples, or a period that is not positive.
-    """
-    period = checks.number("period", period, low=0.0, strict=True)
-    values = checks.array("signal", signal, None)
-    if values.ndim == 0 or len(values) < 2:
-        raise InputError("chattering needs at least two samples", name="signal")
-    values = values.reshape(len(values), -1)
-    duration = (len(values) - 1) * period
-    reversals = 0
-    for column in values.T:
-        steps = np.diff(column)
-        moving = steps[np.abs(steps) > 1e-9 * np.ptp(column)]
-        reversals += int(np.count_nonzero(np.diff(np.sign(moving))))
-    return Chattering(float(np.abs(np.diff(values, axis=0)).sum() / duration), reversals / duration)

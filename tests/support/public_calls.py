@@ -181,7 +181,7 @@ def objects() -> dict[str, Any]:
 
 MADE_BY_THE_LIBRARY = (
     *("log.Measures", "governors.ShieldReport", "scenario.Setting", "contrib.batch.BatchTargets"),
-    *("export.Exportable", "export.Exported", "log.Chattering", "log.Power"),
+    *("export.Exportable", "export.Exported", "log.Power"),
     *("governors.GovernorStatus", "governors.ShieldAnswer", "model.IKResult", "Robot"),
     *("wbc.QPSolution", "scenario.Walk", "Interrupted"),
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions", "wbc.BuiltInTask"),

@@ -11,10 +11,10 @@ from condensed_cases import NV, ROBOT, SUPPORTS, WEIGHTS, random_case
 from forward_dynamics import demand_of_centre
 
 import harpy_pin as hp
-from harpy_pin.log.measures import chattering
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from harpy_pin.wbc.condensed.force_program import into_cones
+from reproduction.chattering import chattering
 
 
 def sticking_forces(dynamics, v, held, torque, thrust, accelerations):
