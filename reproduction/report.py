@@ -158,7 +158,7 @@ def _numbers(result: Reproduction) -> dict[str, Any]:
             for setting, walk in result.walks.items()
         },
         "chattering": [
-            {"case": case, "divisor": d, "x_w": vars(x), "normal_force": vars(f)}
+            {"case": case, "divisor": d, "x_w": x._asdict(), "normal_force": f._asdict()}
             for case, _, d, x, f in _chattering(result)
         ],
         "versions": describe_versions(),
