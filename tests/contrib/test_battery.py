@@ -137,15 +137,6 @@ def test_runs_repeat_after_a_reset():
     assert battery.record == first
 
 
-@pytest.mark.parametrize(
-    "values",
-    [{"cells": 0}, {"capacity": 0.0}, {"resistance": -1.0}, {"charge": 1.1}, {"propulsion": 1.0}, {"motors": 3.0}],
-)
-def test_bad_batteries_are_refused(values):
-    with pytest.raises(InputError):
-        Battery(**values)
-
-
 def test_battery_needs_the_largest_thrust():
     with pytest.raises(InputError, match="largest"):
         hp.Simulator(ROBOT).attach(Battery())

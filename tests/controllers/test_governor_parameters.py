@@ -71,22 +71,3 @@ def test_parameters_by_name() -> None:
     made = make_governor_parameters("filter", mu=0.3, changes={"lag": 0.004, "linear": [0.1, 1, 0.1]})
     assert made == ContactForceFilterParameters(mu=0.3, lag=0.004, linear=(0.1, 1, 0.1))
     assert make_governor_parameters("none", mu=0.3) is None
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"governor_parameters": {"alpha": 1.0}}, "parameter 'alpha'"),
-        ({"governor_parameters": {"alpha_n": -1.0}}, "alpha_n"),
-        ({"governor_parameters": {"friction_share": 0.0}}, "friction_share"),
-        ({"governor_parameters": {"friction_share": 1.1}}, "friction_share"),
-        ({"governor_parameters": {"conditions": "both"}}, "conditions"),
-        ({"governor_parameters": [1]}, "mapping"),
-        ({"governor_parameters": {"alpha_n": object()}}, "governor_parameters must be"),
-        ({"governor": "none", "governor_parameters": {"alpha_n": 1.0}}, "'none' has no parameters"),
-        ({"governor": "filter", "governor_parameters": {"mu": 1.0}}, "'mu' has an argument of its own"),
-    ],
-)
-def test_what_no_governor_has_is_refused(settings: dict[str, Any], message: str) -> None:
-    with pytest.raises(hp.InputError, match=message):
-        hp.Governed(**settings)

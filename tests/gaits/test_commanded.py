@@ -242,23 +242,6 @@ def test_times_that_are_none_are_refused(t):
         CommandedGait(ROBOT).update(t)
 
 
-@pytest.mark.parametrize(
-    "script",
-    [
-        "0.3 0 0",
-        [(0.0, 0.3, 0.0)],
-        [(0.0, 0.3, 0.0, np.nan)],
-        [(0.0, 1e9, 0.0, 0.0)],
-        [(-1.0, 0.3, 0.0, 0.0)],
-        [(1.0, 0.3, 0.0, 0.0), (1.0, 0.2, 0.0, 0.0)],
-        3.0,
-    ],
-)
-def test_scripts_that_are_none_are_refused(script):
-    with pytest.raises(InputError):
-        CommandedGait(ROBOT, script)
-
-
 def test_a_gait_out_of_reach_is_refused():
     with pytest.raises(InputError, match="reach"):
         CommandedGait(ROBOT, parameters=CommandedParameters(height=0.79))

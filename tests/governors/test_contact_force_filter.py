@@ -6,8 +6,6 @@ import pytest
 from forward_dynamics import ContactForceMap
 
 import harpy_pin as hp
-from harpy_pin.controllers import make_controller
-from harpy_pin.errors import InputError
 from harpy_pin.gaits import make_gait
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.governors.contact_force_kernels import into_cone
@@ -243,23 +241,6 @@ def test_margins_of_known_errors():
     error, normal = 2.4, 30.0
     limit = p.friction_share * p.mu * normal - p.margin
     assert limit + error <= 0.9 * 0.25 * (normal - error) + 1e-12
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        lambda: ContactForceFilterParameters(mu=-0.1),
-        lambda: ContactForceFilterParameters(friction_share=0.0),
-        lambda: ContactForceFilterParameters(thrust=0.0),
-        lambda: ContactForceFilterParameters(lag=np.nan),
-        lambda: ContactForceFilterParameters.robust(mu=0.2, friction_error=1.5),
-        lambda: ContactForceFilter(ROBOT, period=0.0),
-        lambda: make_controller("governed", GAIT, mu=0.2, governor="best"),
-    ],
-)
-def test_bad_input(bad):
-    with pytest.raises(InputError):
-        bad()
 
 
 def walked(governor, *, friction, duration, push=0.0, period=1e-3, dt=5e-4):

@@ -7,7 +7,6 @@ from reduced_states import references, states
 from scipy.linalg import null_space
 
 import harpy_pin as hp
-from harpy_pin.errors import InputError
 from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows, StackedRows
 from harpy_pin.governors.erg import ErgRecord, explicit_update
 from harpy_pin.governors.point_mass import Law
@@ -196,23 +195,6 @@ def test_status_names_the_violated_rows():
     governor.update(x, high, 1e-3)
     assert "normal force" in governor.status.active
     assert not governor.status.infeasible
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        lambda: ForceRows(mass=-1.0, mu=0.3),
-        lambda: ForceRows(mass=4.0, mu=np.nan),
-        lambda: ForceRows(mass=4.0, mu=0.3, evaluate_at="guessed"),
-        lambda: ForceRows(mass=4.0, mu=0.3, min_normal_force=-5.0),
-        lambda: AngleRow(min_angle=-0.1),
-        lambda: ExplicitReferenceGovernor(AngleRow(), alpha_r=-1.0),
-        lambda: ExplicitReferenceGovernor(AngleRow(), conditions="mine"),
-    ],
-)
-def test_bad_input(bad):
-    with pytest.raises(InputError):
-        bad()
 
 
 @given(states(), references(), references(), st.sampled_from(Law), st.sampled_from(["measured", "tracked"]))

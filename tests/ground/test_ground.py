@@ -125,31 +125,6 @@ def test_feet_in_the_air_feel_nothing(ground, seed):
 # --- Refusing -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [
-        {"stiffness": 0.0},
-        {"stiffness": -1.0},
-        {"damping": -1.0},
-        {"mu_s": -0.1},
-        {"mu_s": float("nan")},
-        {"mu_s": "slippery"},
-        {"mu_s": 0.2, "mu_c": 0.3},
-        {"mu_c": -0.1},
-        {"mu_v": float("inf")},
-        {"mu_v": -1.0},
-        {"stribeck_velocity": 0.0},
-        {"cone": "square"},
-        {"cone": None},
-        {"cone": ["circular"]},
-    ],
-    ids=str,
-)
-def test_bad_parameters(bad):
-    with pytest.raises(InputError):
-        Ground(**bad)
-
-
 def test_defaults_and_ratio():
     assert Ground().mu_c == pytest.approx(0.225)
     assert Ground(mu_s=0.8).mu_c == pytest.approx(0.72)

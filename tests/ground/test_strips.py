@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin import Command, Condensed, Ground, InputError, Scenario, Simulator
-from harpy_pin.ground.ground import MAX_STRIPS
 from harpy_pin.simulation.implicit_contact import contact_step
 from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.view.scene.frames import Contacts, ground_of
@@ -175,32 +174,6 @@ def test_harpy_walks_over_a_strip_of_half_the_stiffness(plant):
     for on, stiffness in (((x > 0.1) & (x < 0.35), 4000.0), (x > 0.35, 8000.0)):
         assert (still & on).sum() > 50
         assert np.median(force[still & on] / depth[still & on]) == pytest.approx(stiffness, rel=0.1)
-
-
-@pytest.mark.parametrize(
-    "strips",
-    [
-        "ice",
-        5,
-        (0.6, 1.2, 0.15),
-        ((0.6, 1.2),),
-        ((0.6, 1.2, 0.1, 0.1),),
-        ((1.2, 0.6, 0.15),),
-        ((0.6, 0.6, 0.15),),
-        ((0.6, 1.2, -0.1),),
-        ((0.6, 1.2, np.nan),),
-        ((np.nan, 1.2, 0.1),),
-        ((0.6, np.inf, 0.1),),
-        ((0.6, 1.2, "x"),),
-        ((0.6, 1.2, 0.1), (1.1, 1.5, 0.2)),
-        ((1.5, 2.0, 0.1), (0.5, 1.0, 0.2)),
-        tuple((i, i + 0.5, 0.1) for i in range(MAX_STRIPS + 1)),
-    ],
-)
-def test_what_is_no_strip_is_refused(strips):
-    for kind in ("friction_strips", "stiffness_strips"):
-        with pytest.raises(InputError, match="strip"):
-            Ground(**{kind: strips})
 
 
 def test_values_of_strips_have_bounds():

@@ -102,18 +102,3 @@ def test_lagging_thrusters_take_the_power_of_the_thrust_that_they_have():
 def test_thrust_needs_propulsion():
     with pytest.raises(InputError, match="propulsion"):
         power(walk(duration=0.1), motors=Motors(constant=0.6))
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: Propulsion(thrust=0.0, power=1.0),
-        lambda: Propulsion(thrust=1.0, power=-1.0),
-        lambda: Propulsion(thrust=1.0, power=1.0, efficiency=1.1),
-        lambda: Motors(constant=0.0),
-        lambda: Motors(constant=1.0, recovered=2.0),
-    ],
-)
-def test_values_out_of_their_domain(make):
-    with pytest.raises(InputError):
-        make()

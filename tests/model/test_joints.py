@@ -6,7 +6,6 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
-from harpy_pin.errors import InputError
 from harpy_pin.simulation.mujoco import MujocoPlant
 
 WITHOUT = {"armature": 0.0, "damping": 0.0, "friction": 0.0}
@@ -106,10 +105,3 @@ def test_friction_of_a_file_is_read_and_that_of_the_catalogue_is_not():
     go1 = hp.load_robot("go1")
     np.testing.assert_array_equal(go1.dry_friction, 0.0)
     np.testing.assert_array_equal(hp.load_robot(go1.urdf, feet=go1.feet).dry_friction, 0.2)
-
-
-@pytest.mark.parametrize("bad", [-0.1, np.nan, np.inf, [0.1, 0.2], "stiff", [[0.1] * 6]])
-@pytest.mark.parametrize("name", list(KNOWN))
-def test_numbers_of_no_joint_are_refused(name, bad):
-    with pytest.raises(InputError, match=name):
-        hp.load_harpy().with_joints(**{name: bad})

@@ -277,22 +277,6 @@ def test_a_lean_points_the_thrust_where_it_is_asked_for():
     np.testing.assert_array_equal(weightless, (3.0, 4.0, 5.0))
 
 
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"axis": (0.0, 0.0, 0.0)}, "axis of rotor 'a' is zero"),
-        ({"axis": (0.0, 1.0)}, "axis"),
-        ({"limit": (2.0, 1.0)}, "largest thrust"),
-        ({"limit": (-np.inf, 1.0)}, "least thrust"),
-        ({"limit": 3.0}, "limit"),
-        ({"drag": np.nan}, "drag"),
-    ],
-)
-def test_bad_rotors(given, message):
-    with pytest.raises(hp.InputError, match=message):
-        hp.Rotor("a", **given)
-
-
 def test_refusals(flyer, robot):
     with pytest.raises(hp.RobotError, match=r"no thruster frame 'wing'; its links, .* base"):
         hp.load_robot(flyer.urdf, feet=(), rotors=[hp.Rotor("wing")])

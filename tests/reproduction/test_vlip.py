@@ -142,23 +142,6 @@ def test_tracked_reading_violates_less_than_no_governor():
     assert tracked.violation_share < 0.5 * without.violation_share
 
 
-@pytest.mark.parametrize(
-    "bad",
-    [
-        {"mass": 0.0},
-        {"mass": np.nan},
-        {"mu": -1.0},
-        {"dt": 0.0},
-        {"duration": 0.0},
-        {"start": "elsewhere"},
-        {"coordinates": "log"},
-    ],
-)
-def test_bad_parameters(bad):
-    with pytest.raises(InputError):
-        VlipParameters(**bad)
-
-
 def test_too_long_a_step_is_reported():
     with pytest.raises(InputError, match="diverged"):
         simulate_vlip(None, VlipParameters(dt=0.2, duration=100.0))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.errors import InputError
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
 from harpy_pin.simulation.mujoco import installed_version
 
@@ -155,21 +154,6 @@ def test_both_engines_agree(actuators):
         ends.append(plant.v.copy())
     assert np.abs(ends[0][6:]).max() > 0.3
     assert np.allclose(*ends, rtol=0.02, atol=0.02)
-
-
-def test_bad_actuators_are_refused():
-    for values in (
-        {"bandwidth": 0.0},
-        {"torque_share": -1.0},
-        {"coulomb_friction": -0.1},
-        {"viscous_friction": math.nan},
-        {"thrusters": {"lag": -1.0}},
-        {"thrusters": {"lags": 0.1}},
-        {"thrusters": 0.1},
-        {"stall_share": 0.5},
-    ):
-        with pytest.raises(InputError, match=r"actuators'|thrusters'|no_load_speed"):
-            Actuators(**values)
 
 
 def test_scenario_has_them_and_walks():

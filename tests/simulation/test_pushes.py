@@ -53,21 +53,6 @@ def test_a_walk_is_pushed_where_it_was_asked_to_be():
     assert ways[-1.0][-1] < ways[0.0][-1] - 0.005 < ways[0.0][-1] + 0.005 < ways[1.0][-1]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ((-0.1, IMPULSE), "time of the push"),
-        ((np.nan, IMPULSE), "time of the push"),
-        ((0.0, (1.0, 2.0)), "impulse must have shape"),
-        ((0.0, (1.0, 2.0, np.inf)), "impulse must be finite"),
-        ((0.0, IMPULSE, 0.0), "duration of the push"),
-    ],
-)
-def test_bad_pushes_are_refused(arguments, message):
-    with pytest.raises(InputError, match=message):
-        Push(*arguments)
-
-
 @pytest.mark.parametrize("time", [0.5, 3.0])
 def test_a_push_outside_the_run_is_refused(robot, time):
     gait = hp.make_gait(robot)

@@ -173,13 +173,3 @@ def test_typical_noise_is_scaled():
     assert not Noise.typical(0.0)
     assert Noise.typical(0.5).position == 0.5 * Noise.typical().position > 0.0
     assert Noise.typical(2.0).foot_force == 1.0
-
-
-def test_bad_input_is_refused(robot):
-    with pytest.raises(hp.InputError, match="noise joint_velocity must be finite and ≥ 0"):
-        Noise(joint_velocity=-1.0)
-    with pytest.raises(hp.InputError, match="noise must be finite"):
-        Noise.typical(np.nan)
-    for options in ({"delay": -1}, {"delay": 0.5}, {"seed": -1}):
-        with pytest.raises(hp.InputError, match="whole number"):
-            Sensors(robot, **options)

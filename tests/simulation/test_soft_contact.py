@@ -6,8 +6,8 @@ import pinocchio as pin
 import pytest
 
 import harpy_pin as hp
-from harpy_pin import Command, Ground, InputError, Mujoco, Scenario
-from harpy_pin.simulation.mujoco import CONTACTS, MujocoPlant, SoftContact
+from harpy_pin import Command, Ground, Mujoco, Scenario
+from harpy_pin.simulation.mujoco import CONTACTS, MujocoPlant
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 WEIGHT = 2.0 * 9.81
@@ -110,14 +110,3 @@ def test_what_slips_under_the_condensed_wbc_on_the_default_contact_is_its_creep(
     creep = CONTACTS["default"].creep(force, depth, inverse_mass=walk.simulator.inverse_mass, friction=0.25)
     way = 1e-3 * np.linalg.norm(creep, axis=2)[force[:, :, 2] > 0.0].sum()
     assert run["slip_path"][-1].sum() == pytest.approx(way, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "named"),
-    [({"solref": (-1.0, 1.0)}, "solref"), ({"cone": "disc"}, "cone"), ({"impratio": 0.0}, "impratio")],
-)
-def test_settings_out_of_their_domain(wrong, named):
-    with pytest.raises(InputError, match=named):
-        SoftContact(**wrong)
-    with pytest.raises(InputError, match="foot_radius"):
-        Mujoco(foot_radius=-1.0)

@@ -132,19 +132,3 @@ def test_nothing_changes_by_default():
         ends.append(simulator.run(hp.make_controller("condensed", GAIT, mu=0.25), 0.5)["q"][-1])
     assert (ends[0] == ends[1]).all()
     np.testing.assert_allclose(ends[2], ends[0], atol=1e-7)
-
-
-@pytest.mark.parametrize(
-    "values",
-    [
-        {"lag": -1.0},
-        {"lag": math.nan},
-        {"rate": 0.0},
-        {"least": -1.0},
-        {"least": 5.0, "largest": 4.0},
-        {"turning_lag": math.inf},
-    ],
-)
-def test_bad_thrusters_are_refused(values):
-    with pytest.raises(InputError, match="thrusters'"):
-        Thrusters(**values)
