@@ -111,7 +111,7 @@ THOROUGHLY = {
     *("make_gait", "make_controller", "CondensedController", "controllers.GovernedController", "Dynamics", "build"),
     *("WholeBodyController.add", "JointTask", "FrameTask", "Run.load", "measure"),
     *("contrib.shield_batch.ShieldBatch.reset", "gaits.StraightGait", "gaits.StraightGait.update"),
-    *("gaits.StraightGait.initial_state"),
+    "gaits.StraightGait.initial_state",
 }
 """What most scripts call: all values for each argument, in every run."""
 
