@@ -81,9 +81,6 @@ def compare(
     Returns:
         The document: only dicts, lists, strings, finite numbers and null. Its tables are made in
         :mod:`comparison.report.html`.
-
-    Raises:
-        HarpyError: a setting is out of its domain, or a walk ended too early to give states.
     """
     document: dict[str, Any] = {"machine": describe_machine()}
     robot, timing, least = load_harpy(), settings.timing, settings.timing.warm_up + 50

@@ -63,11 +63,7 @@ class Study:
     options: Mapping[str, str] = field(default_factory=dict)  # settings that are options of the command, and their help
 
     def settings(self, *, quick: bool = False, **changes: Any) -> SimpleNamespace:
-        """The settings, with changes.
-
-        Raises:
-            InputError: one is not known, or is not a number of at least zero or a name that the default has.
-        """
+        """The settings, with changes."""
         for name, value in changes.items():
             checks.one_of("setting", name, self.defaults)
             for one in value if isinstance(value, tuple) else (value,):
@@ -87,10 +83,6 @@ class Study:
             quick: a look.
             path: file of finished walks, whose rows of other code are left aside; None keeps none.
             changes: of settings.
-
-        Raises:
-            InputError: a setting is out of its domain.
-            RunFileError: the file cannot be read or written.
         """
         settings = self.settings(quick=quick, **changes)
         if self.all_at_once is not None:

@@ -24,9 +24,6 @@ class Store:
 
     Attributes:
         rows: all rows in it, by key.
-
-    Raises:
-        RunFileError: the file cannot be read or written, or another campaign is writing to it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -53,11 +50,7 @@ class Store:
         self._file.close()
 
     def append(self, key: str, row: dict[str, Any]) -> None:
-        """Write a row and wait until it is on the disk; a key that is there already is left as it is.
-
-        Raises:
-            RunFileError: it cannot be written.
-        """
+        """Write a row and wait until it is on the disk; a key that is there already is left as it is."""
         if key in self.rows:
             return
         line = json.dumps({"key": key, **row}, sort_keys=True, allow_nan=False) + "\n"
@@ -92,11 +85,7 @@ def do_missing(
 
 
 def read_rows(path: Path) -> tuple[dict[str, dict[str, Any]], int]:
-    """Rows by key, and how many bytes of the file are whole lines; a last line that is not whole is left out.
-
-    Raises:
-        RunFileError: the file cannot be read, or has something else than rows.
-    """
+    """Rows by key, and how many bytes of the file are whole lines; a last line that is not whole is left out."""
     try:
         data = path.read_bytes()
     except OSError as error:

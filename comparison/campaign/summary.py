@@ -44,9 +44,6 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
     """The part of the document that the tables are made of: counts, medians and their intervals.
 
     Rows of other campaigns are ignored.
-
-    Raises:
-        RunFileError: a row of this campaign does not hold its measures.
     """
     code = code_digest()
     planned = {task.key(code): task for task in tasks}

@@ -159,9 +159,6 @@ def run_campaign(settings: CampaignSettings, path: Path, *, progress: Progress =
     """Do the walks that the file lacks, and summarise those of this campaign.
 
     The rows are kept in a file of JSON lines; those of other settings or other code in it are left aside.
-
-    Raises:
-        HarpyError: a setting is out of its domain, the file cannot be used, or a walk failed.
     """
     tasks = plan(settings)
     with Store(path) as store:
@@ -172,11 +169,7 @@ def run_campaign(settings: CampaignSettings, path: Path, *, progress: Progress =
 
 
 def execute(tasks: Sequence[Task], store: Store, *, progress: Progress = silent) -> None:
-    """Do every walk that the store does not have yet; each is stored as soon as it and all before it are done.
-
-    Raises:
-        HarpyError: MuJoCo, where it is asked for, is not installed, or a walk failed.
-    """
+    """Do every walk that the store does not have yet; each is stored as soon as it and all before it are done."""
     code = code_digest()
     planned = {task.key(code): task for task in tasks}
     missing = [task for key, task in planned.items() if key not in store.rows]
@@ -219,14 +212,7 @@ def variations(task: Task) -> dict[str, Task]:
 def with_reasons(
     exceptions: Sequence[Mapping[str, Any]], tasks: Sequence[Task], path: Path, *, progress: Progress = silent
 ) -> list[dict[str, Any]]:
-    """Exceptions with ``reasons``: texts of the levels without any one of which the controllers that fell stand.
-
-    Args:
-        exceptions: of a campaign's summary.
-        tasks: of the campaign.
-        path: of the campaign's file, which keeps the further walks, too.
-        progress: called with how many walks are done, and of how many.
-    """
+    """Exceptions with ``reasons``: texts of the levels without any one of which the controllers that fell stand."""
     code, by_place = code_digest(), {(task.seed, task.contender): task for task in tasks}
     fell = [(entry, [by_place[entry["seed"], name] for name in entry["fell"]]) for entry in exceptions]
     walks = [other for _, those in fell for task in those for other in variations(task).values()]

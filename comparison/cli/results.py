@@ -40,14 +40,7 @@ _SETTINGS = ("table", "rows", "columns", "turned")
 
 
 def sources_of(page: str) -> list[str]:
-    """Names of the sources that a page's tables come from, each once.
-
-    Args:
-        page: its text.
-
-    Raises:
-        InputError: a comment is not what it should be.
-    """
+    """Names of the sources that a page's tables come from, each once."""
     return list(dict.fromkeys(_settings(match[2])["table"].partition("/")[0] for match in _BLOCK.finditer(page)))
 
 
@@ -57,9 +50,6 @@ def rewritten(page: str, table_of: Callable[[str, str], Table | None]) -> str:
     Args:
         page: its text.
         table_of: gives the table of a source, by the two names; None leaves what is there.
-
-    Raises:
-        InputError: a comment is not what it should be, or names a table, row or column that does not exist.
     """
 
     def block(match: re.Match[str]) -> str:
@@ -85,9 +75,6 @@ def markdown(
         rows: those to show, in this order, with their new names or without.
         columns: the same of the columns; one without a new name keeps its unit.
         turned: whether rows become columns.
-
-    Raises:
-        InputError: the table has no such row or column.
     """
     units = {cell.column: f"{cell.column}, {cell.unit}" if cell.unit else cell.column for cell in table.cells}
     down = _chosen(table, "row", rows, {row: row for row in table.rows})
@@ -102,11 +89,7 @@ def markdown(
 
 
 def read_blocks(page: str) -> dict[str, dict[tuple[str, str], str]]:
-    """The figures that stand in a page: for each table the text of its cells by row and column, as they are shown.
-
-    Args:
-        page: its text.
-    """
+    """The figures that stand in a page: for each table the text of its cells by row and column, as they are shown."""
     found: dict[str, dict[tuple[str, str], str]] = {}
     for match in _BLOCK.finditer(page):
         lines = [[part.strip() for part in line.strip("|").split("|")] for line in match[3].splitlines()]

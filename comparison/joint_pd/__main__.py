@@ -54,13 +54,7 @@ FALL = 1000.0
 def search_gains(
     cost: Callable[[JointPDGains, float], float], seed: int = SEED, *, start: JointPDGains | None = None
 ) -> tuple[JointPDGains, float]:
-    """The best gains within the budget, and their cost.
-
-    Args:
-        cost: of gains; it may stop where it exceeds the given one.
-        seed: of what is tried.
-        start: what is tried first; by default the default gains.
-    """
+    """The best gains within the budget, and their cost."""
     default = asdict(JointPDGains())
     best = {name: getattr(start or JointPDGains(), name) / default[name] for name in SPACE}
     variant, rng, least = Variant("joint PD", {}, SPACE), np.random.default_rng(seed), np.inf
@@ -80,15 +74,7 @@ def _gains(point: Point) -> JointPDGains:
 def cost(
     robot: str, gains: JointPDGains, most: float = inf, *, walks: tuple[tuple[str, int], ...] = WALKS, seed: int = SEED
 ) -> float:
-    """What gains cost: falls first, the earlier the more; then the logarithm of slip.
-
-    Args:
-        robot: its name.
-        gains: to be tried.
-        most: cost at which no more is walked.
-        walks: by kind and number.
-        seed: of the walks.
-    """
+    """What gains cost: falls first, the earlier the more; then the logarithm of slip."""
     total = 0.0
     for what, number in walks:
         job = job_of(robot, what, DURATION, seed, controller="joint_pd", number=number)

@@ -152,22 +152,14 @@ class JointPD:
         return {"stance": self.gait.target.stance, **self.gait.telemetry()}
 
     def step(self, state: State) -> Command:
-        """Torques of one tick; those of the last one at a state that no robot can have.
-
-        Args:
-            state: as measured.
-        """
+        """Torques of one tick; those of the last one at a state that no robot can have."""
         self.gait.observe(state)
         self.gait.update(state.t)
         joint_torques(*self._records, state.q, state.v)
         return self._command
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
-        """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
-
-        Args:
-            state: arrays of the measured state, which stay where they are.
-        """
+        """The kernels of a tick, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part."""
         calls = self.gait.calls(state)
         return None if calls is None else (*calls, Call(joint_torques, *self._records, state.q, state.v))
 

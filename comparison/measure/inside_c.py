@@ -38,11 +38,7 @@ class ReplayInsideC(TickReplay):
         self._kept = (sample, *(number for array in written for number in (array.ctypes.data, array.size)))
 
     def time_block(self, begin: int, end: int) -> None:
-        """See :meth:`TickReplay.time_block`.
-
-        Raises:
-            HarpyError: a tick is not compiled code's alone.
-        """
+        """See :meth:`TickReplay.time_block`."""
         rows, commands, laps = (array[begin:end] for array in (self._rows, self.commands, self.laps))
         given = (self._links, len(self._links), *self._kept[1:], rows.ctypes.data, len(rows))
         if _library().replay(*given, commands.ctypes.data, laps.ctypes.data) != len(rows):

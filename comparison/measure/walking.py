@@ -91,9 +91,6 @@ def walk_as_far_as_it_goes(scenario: Scenario, controller: Callable[..., Control
     Args:
         scenario: what is walked.
         controller: makes another controller than the scenario's, from the gait.
-
-    Raises:
-        ControlError: the controller failed before the first tick was logged.
     """
     return as_far_as_it_goes(partial(walk, scenario, controller=controller))
 
@@ -170,11 +167,7 @@ def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) 
 
 
 def record_states(name: str, run: Run, *, least: int) -> StateSequence:
-    """The states of a walk.
-
-    Raises:
-        InputError: the walk has fewer ticks.
-    """
+    """The states of a walk."""
     if len(run) < least:
         raise InputError(
             f"the walk of '{name}' {run.ending} after {len(run)} ticks; the timing needs {least} (more friction helps)",

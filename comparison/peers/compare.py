@@ -155,9 +155,6 @@ def standing_problem(
         folder: for a copy of its URDF without meshes, which placo would load.
         warm_up: ticks that are not counted.
         most: ticks.
-
-    Raises:
-        HarpyError: there is no such robot here.
     """
     robot, posture = load_robot(name), None
     weights, feet = ROBOTS[name]

@@ -123,11 +123,7 @@ class WorkerError(Exception):
 
 
 def run_worker(python: Path, worker: Path, problem: Path, result: Path, *, timeout: float = GIVEN_UP) -> None:
-    """Run a worker to its end, for at most so many seconds.
-
-    Raises:
-        WorkerError: there is no such interpreter, the worker crashed, or it wrote nothing.
-    """
+    """Run a worker to its end, for at most so many seconds."""
     if not python.exists():
         raise WorkerError(NOT_INSTALLED)
     # -I: neither this folder's modules nor PYTHONPATH come before those of the environment.

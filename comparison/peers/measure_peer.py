@@ -74,9 +74,6 @@ def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:
         path: ``.npz`` with ``<variant>_<quantity>``, ``<variant>_tick_ns``, ``<variant>_solve_ns``, ``overhead_ns``,
             and ``versions`` (JSON).
         problem: that was posed; gives the shapes.
-
-    Raises:
-        WorkerError: the file is not such a file.
     """
     answers = {}
     try:

@@ -124,9 +124,6 @@ def measure_public(
 
     Returns:
         For each repository what was found; ``missing`` has the commands that bring the absent ones.
-
-    Raises:
-        InputError: no clone is there, or a file in one is not what it should be.
     """
     clones = {name: folder / Path(repository).name for name, repository in SOURCES.items()}
     found = [name for name, clone in clones.items() if (clone / "data").is_dir()]

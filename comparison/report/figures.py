@@ -39,11 +39,7 @@ def pareto_front(points: dict[str, tuple[float, float]]) -> list[str]:
 
 @styled
 def pareto_figure(table: Table) -> Figure:
-    """Time per tick against slip, one point per controller and governor, both axes logarithmic.
-
-    Raises:
-        InputError: no row has both numbers.
-    """
+    """Time per tick against slip, one point per controller and governor, both axes logarithmic."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator
 

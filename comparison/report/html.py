@@ -121,11 +121,7 @@ def figures_of(tables: Mapping[str, Table]) -> dict[str, Figure]:
 
 
 def write_report(folder: OwnFolder, document: Mapping[str, Any]) -> None:
-    """Write ``report.html``, ``results.json`` and ``results.csv``; the CSV holds every number of the page.
-
-    Raises:
-        RunFileError: one of them cannot be written.
-    """
+    """Write ``report.html``, ``results.json`` and ``results.csv``; the CSV holds every number of the page."""
     tables = to_csv(tables_of(document))
     folder.write({"results.json": json_text(document), "results.csv": tables, "report.html": render(document)})
 

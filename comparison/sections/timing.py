@@ -205,9 +205,6 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
     Returns:
         ``timing``: summaries of each contender's tick and phases, and the ratios; ``checks``: what was checked, and
         whether it held (``passed``); ``activity``: share of ticks with violated rows, and the solver's iterations.
-
-    Raises:
-        InputError: a sequence is shorter than the warm-up.
     """
     robot, friction, settings = bench.robot, bench.friction, bench.settings
     digests = [sequence.digest() for sequence in sequences]

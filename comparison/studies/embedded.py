@@ -72,9 +72,6 @@ def _counted(settings: Any, progress: Progress) -> Rows:
     Returns:
         A row for each robot, controller, precision, chip and level; and one with ``chip`` None for the difference
         between the precisions.
-
-    Raises:
-        HarpyError: compiler or emulator are missing; the message says what to install.
     """
     missing = missing_tools()
     if missing is not None:

@@ -138,9 +138,6 @@ def search_bound(
 
     The records are those of the program, of the reused active set and of the dual method; the folder is that of an
     exported controller, whose board is used; ``systems`` says how many of the reused active set there may be.
-
-    Raises:
-        HarpyError: it does not compile, or the program failed.
     """
     program, exchange, dual = records
     state = _dense(

@@ -89,9 +89,6 @@ def run_standing(
 
     Returns:
         The run, and the ticks' times, µs of this thread.
-
-    Raises:
-        InputError: the controller does not take the robot.
     """
     gait = hp.Standing(robot) if robot.corners != (1, 1) else hp.WalkingGait(robot, "step", (0.0, 0.0, 0.0))
     mass = robot.mass

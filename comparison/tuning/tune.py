@@ -154,9 +154,6 @@ def tune(settings: TuneSettings, path: Path, progress: Progress = silent) -> dic
 
     Returns:
         The search's settings and, by variant, the best settings and the scores of these and of the published ones.
-
-    Raises:
-        HarpyError: a setting is out of its domain, or the file cannot be used.
     """
     found: dict[str, Any] = {}
     each = settings.budget + 2

@@ -80,10 +80,6 @@ def world(name: str, feet: Sequence[str] = FEET) -> tuple[Any, Robot]:
     Args:
         name: of a world, or the path of an MJCF file whose ground, if it has one, is level at height zero.
         feet: frames of the feet in such a file.
-
-    Raises:
-        InputError: the models are not installed, or MuJoCo cannot read a file.
-        RobotError: Pinocchio cannot.
     """
     model, robot = _world(name, FEET if name in ROBOTS else tuple(feet))
     return copy.copy(model), robot

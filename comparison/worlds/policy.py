@@ -24,11 +24,7 @@ WEIGHTS = Path("experimental", "sim2sim", "onnx", "go1_policy.onnx")
 
 
 def package_in(folder: Path, name: str) -> Path:
-    """Folder of a Python package in the worlds' environment, within the folder of the peers' environments.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """Folder of a Python package in the worlds' environment, within the folder of the peers' environments."""
     for found in (folder / WORLDS.name.lower()).glob(f"[lL]ib/**/{name}"):
         return found
     raise InputError(f"'{name}' is {NOT_INSTALLED}", name="folder")
@@ -61,10 +57,6 @@ class Policy:
 
     Attributes:
         action: (12,) the last.
-
-    Raises:
-        InputError: it is not installed.
-        WorkerError: it cannot be started; the message says why.
     """
 
     def __init__(self, folder: Path, worker: Path = WORLDS.worker) -> None:

@@ -241,10 +241,6 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
             ``duration``, s; ``commands``, each with the time from which on it holds, s, forward, to the left and
             turning; ``push``, its time, s, and impulse over mass, m/s, or None; ``noise``, its seed, or None; and
             ``kept``, what alone is kept of the world (:func:`~comparison.worlds.models.strip`), or None.
-
-    Raises:
-        InputError: the models are not installed.
-        WorkerError: the policy does not run.
     """
     who = CONTENDERS[job["who"]] if isinstance(job["who"], str) else Contender(**job["who"])
     mujoco = import_mujoco()
