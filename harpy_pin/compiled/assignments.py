@@ -50,8 +50,6 @@ class Assignments(Expressions):
         self.stores = Counter(stored([source.tree]))
         self.local = set(self.stores) | set(source.parameters)
 
-    # --- lines and sizes -------------------------------------------------------------------------------------------
-
     def emit(self, line: str) -> None:
         """Add a line."""
         self.emitted += 1
@@ -89,8 +87,6 @@ class Assignments(Expressions):
 
     def _writes(self, value: Value) -> None:
         self.function.written |= value.roots
-
-    # --- names -----------------------------------------------------------------------------------------------------
 
     def keep(self, name: str, value: Value) -> Value:
         """The value in a variable of its own, before the statement."""

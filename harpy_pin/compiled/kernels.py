@@ -105,8 +105,6 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         def __call__(self, *arguments: Any, **named: Any) -> Result_co:
             """Run it."""
 
-    # --- calls ---------------------------------------------------------------------------------------------------
-
     def slowly(self, *arguments: Any, **named: Any) -> Any:
         """A call with arguments of new types: they are checked, and the kernel is compiled for them.
 
@@ -212,8 +210,6 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
                     raise KernelError(f"{name} of {self.py_func.__name__} {message}")
             break
 
-    # --- C -------------------------------------------------------------------------------------------------------
-
     def _load(self, types: tuple[Type, ...]) -> None:
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
@@ -238,8 +234,6 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         """The C that arguments like these make."""
         values = self._bind(tuple(_plain(value) for value in arguments), {})
         return entry_code(self, argument_types(self, values), debug=debug)
-
-    # --- Python ------------------------------------------------------------------------------------------------
 
     def _elements_of(self, values: Iterable[Any]) -> list[Any]:
         """Arguments as the function in Python takes them: a record instead of the array that holds it."""

@@ -81,8 +81,6 @@ class Unit:
     _names: set[str] = field(default_factory=set)
     _under_way: list[Any] = field(default_factory=list)
 
-    # --- what translators ask ------------------------------------------------------------------------------------
-
     def function_for(self, kernel: Any, types: tuple[Type, ...]) -> CFunction:
         """A kernel for arguments of these types, translated once."""
         key = (kernel.py_func, types)
@@ -172,8 +170,6 @@ class Unit:
             return []
         lines = textwrap.wrap(" ".join(text.replace("*/", "* /").split()), 112)
         return ("/* " + "\n   ".join(lines) + " */").split("\n")
-
-    # --- the file ------------------------------------------------------------------------------------------------
 
     def types(self) -> str:
         """The types of the numbers, and the structs."""

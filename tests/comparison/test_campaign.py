@@ -60,9 +60,6 @@ def shares(factor: str) -> dict[float | str, float]:
     return {level: count / len(given) for level, count in Counter(given).items()}
 
 
-# --- Which walks ----------------------------------------------------------------------------------------------------
-
-
 def test_every_contender_meets_the_same_balanced_scenarios() -> None:
     tasks = plan(WIDE)
     assert len({t.key("x") for t in tasks}) == len(tasks) == WIDE.walks == 210 * len(WIDE.contenders)
@@ -133,9 +130,6 @@ BAD: dict[str, Any] = {
 def test_settings_out_of_their_domain(name: str) -> None:
     with pytest.raises(InputError, match=name.rstrip("s").split("_")[0][:8]):
         CampaignSettings(**{name: BAD[name]})
-
-
-# --- One walk -------------------------------------------------------------------------------------------------------
 
 
 def test_a_walk_is_what_its_task_says() -> None:
@@ -222,9 +216,6 @@ def test_motors_and_contact_of_the_harsh_campaign_reach_the_walk() -> None:
     assert not free.controller.limits
 
 
-# --- The file -------------------------------------------------------------------------------------------------------
-
-
 def test_rows_survive_and_are_never_doubled(tmp_path: Path) -> None:
     path = tmp_path / "rows.jsonl"
     with Store(path) as store:
@@ -250,9 +241,6 @@ def test_a_damaged_file_is_not_touched(tmp_path: Path) -> None:
         with pytest.raises(RunFileError, match="line 2"):
             Store(path)
         assert path.read_bytes() == before
-
-
-# --- The summary ----------------------------------------------------------------------------------------------------
 
 
 def rows_of(tasks: list[Task], slip: Any, fell: Any) -> dict[str, dict[str, Any]]:
@@ -302,9 +290,6 @@ def test_a_row_of_another_kind_is_one_line(row: dict[str, Any]) -> None:
     tasks = plan(CampaignSettings(walks=1))
     with pytest.raises(RunFileError, match="does not hold its measures"):
         summarise_rows(tasks, {tasks[0].key(code_digest()): row})
-
-
-# --- Exceptions -----------------------------------------------------------------------------------------------------
 
 
 def walks_of(seed: int, **fell: bool) -> list[dict[str, object]]:

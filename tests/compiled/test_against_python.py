@@ -13,9 +13,6 @@ wholes = st.integers(-50, 50)
 SCALE = 2.5
 
 
-# --- numbers ----------------------------------------------------------------------------------------------------------
-
-
 @kernel
 def parts(a, n, m, out, counts):
     x, y = a[0], a[1]
@@ -118,9 +115,6 @@ def widened(a, n):
 @given(st.lists(st.floats(-10, 10), max_size=5), wholes)
 def test_whole_numbers_become_real_ones(numbers, n):
     same(widened, np.array(numbers), n)
-
-
-# --- control flow -----------------------------------------------------------------------------------------------------
 
 
 @kernel

@@ -12,9 +12,6 @@ pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
 N = 3
 
 
-# --- assignments ------------------------------------------------------------------------------------------------------
-
-
 @kernel
 def swaps(a, n):
     a[0], a[1] = a[1], a[0]
@@ -120,9 +117,6 @@ def test_tuples():
         receives((1.0, 2.0, 3.0), [1.0])
 
 
-# --- calls ------------------------------------------------------------------------------------------------------------
-
-
 @kernel
 def twice(x):
     return 2.0 * x
@@ -208,9 +202,6 @@ def test_what_is_written_through_another_name_must_be_writable():
     with pytest.raises(TypeError):
         either(a, b, 1)
     assert b[0] == 0.0
-
-
-# --- names ------------------------------------------------------------------------------------------------------------
 
 
 @kernel

@@ -231,9 +231,6 @@ def test_bad_samples_are_ignored_and_times_refused():
         gait.update(float("inf"))
 
 
-# --- A quadrotor on four legs -----------------------------------------------------------------------------------------
-
-
 LEGS = {"fl": (1, 1), "fr": (1, -1), "hl": (-1, 1), "hr": (-1, -1)}
 WEIGHT_ROTORS = 1.52 * 9.81
 

@@ -35,9 +35,6 @@ def both(*vector):
     return np.tile(vector, (2, 1))
 
 
-# --- Bounds -----------------------------------------------------------------------------------------------------------
-
-
 @given(samples, st.floats(0.0, 10.0))
 def test_it_is_within_its_bounds_whatever_is_measured(sequence, assumed):
     estimator, lowest = FrictionEstimator(assumed=assumed), LEAST_ESTIMATE
@@ -76,9 +73,6 @@ def test_what_sticks_never_lowers_it(seed):
         estimate = feed(estimator, force, velocity)
         assert np.all(estimate >= before)
         before = estimate
-
-
-# --- What it learns ---------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("ratio", [0.05, 0.15, 0.5, 0.79])
@@ -156,9 +150,6 @@ def test_a_foot_that_lands_takes_what_the_other_knows_if_it_is_lower():
 def test_other_arrays_are_refused(velocity):
     with pytest.raises(InputError, match="foot_velocity"):
         FrictionEstimator(assumed=0.8).update(np.zeros((2, 3)), velocity, HELD)
-
-
-# --- Who follows it ---------------------------------------------------------------------------------------------------
 
 
 def evaluated_case(robot, rng):

@@ -38,9 +38,6 @@ def follow(gait, times):
     return np.array(body), np.array(heading), np.array(feet), np.array(stance) > 0.0
 
 
-# --- Targets --------------------------------------------------------------------------------------------------------
-
-
 @given(scripts)
 @settings(max_examples=12)
 def test_targets_are_continuous_whatever_is_commanded(script):
@@ -171,9 +168,6 @@ def test_the_time_between_updates_matters_little():
         np.testing.assert_array_equal(gait.target.stance, fine.target.stance)
 
 
-# --- The command ----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("wild", [(3.0, 0.0, 0.0), (0.0, -3.0, 0.0), (0.0, 0.0, 20.0), (-50.0, 9.0, 3.0)])
 def test_a_wild_command_is_scaled_down_as_a_whole(wild):
     gait = CommandedGait(ROBOT)
@@ -247,9 +241,6 @@ def test_a_gait_out_of_reach_is_refused():
         CommandedGait(ROBOT, parameters=CommandedParameters(height=0.79))
 
 
-# --- The protocol ---------------------------------------------------------------------------------------------------
-
-
 def test_it_starts_where_its_targets_are():
     gait = CommandedGait(ROBOT, [(0.0, 0.3, 0.0, 0.0)])
     for _ in range(2):
@@ -297,8 +288,6 @@ def test_who_cannot_follow_it_says_so():
     with pytest.raises(InputError, match="cannot turn"):
         hp.Scenario(controller="governed", gait="commanded")
 
-
-# --- Walks ----------------------------------------------------------------------------------------------------------
 
 QUARTER = ((0.3, 0.3, 0.0, 0.0), (1.5, 0.2, 0.0, np.pi / 4), (3.5, 0.0, 0.0, 0.0))
 

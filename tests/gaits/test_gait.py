@@ -54,9 +54,6 @@ def grid(gait, periods=2, rows=1501):
     return t[(np.abs(phase - p.double_support * p.step_duration) > 2e-6) & (phase > 2e-6)]
 
 
-# --- Bezier ---------------------------------------------------------------------------------------------------------
-
-
 def evaluate(points, s, duration):
     out = np.zeros((3, 3))
     bezier(points, s, duration, out[0], out[1], out[2])
@@ -71,9 +68,6 @@ def test_bezier_against_bernstein(points, s, duration):
     np.testing.assert_allclose(position, polynomial(t), rtol=0, atol=1e-13)
     np.testing.assert_allclose(velocity, polynomial.derivative(1)(t), rtol=0, atol=1e-11 / duration)
     np.testing.assert_allclose(acceleration, polynomial.derivative(2)(t), rtol=0, atol=1e-10 / duration**2)
-
-
-# --- The walk -------------------------------------------------------------------------------------------------------
 
 
 def test_feet_stand_in_turns_with_double_support_between(gait):
@@ -212,9 +206,6 @@ def test_paper_numbers(robot):
     np.testing.assert_allclose(targets(gait, (0.375, 1.125))["body"][:, 1], (0.025, -0.025), atol=1e-12)
 
 
-# --- Initial state --------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("depth", [0.0, 0.0025])
 def test_initial_state_matches_the_targets(robot, gait, depth):
     q, v = gait.initial_state(penetration=depth)
@@ -238,9 +229,6 @@ def test_initial_state_matches_the_targets(robot, gait, depth):
     assert np.all(q[7:] <= robot.joint_upper)
 
 
-# --- Standing -------------------------------------------------------------------------------------------------------
-
-
 def test_standing(robot):
     gait = make_gait(robot, speed=0.0)
     assert gait.standing
@@ -254,9 +242,6 @@ def test_standing(robot):
     q, v = gait.initial_state()
     np.testing.assert_array_equal(v, 0.0)
     np.testing.assert_allclose(q[7:10] * [-1, 1, 1], q[10:13], atol=1e-15)
-
-
-# --- Refusing -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

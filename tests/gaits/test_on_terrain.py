@@ -222,9 +222,6 @@ def test_what_was_felt_is_forgotten_when_the_clock_goes_back():
     np.testing.assert_array_equal(gait.slope, 0.0)
 
 
-# --- Slopes that are too steep for friction ---------------------------------------------------------------------------
-
-
 STEEP = Plane(slope=np.radians(25.0), heading=0.7)
 FRICTION = 0.2
 
@@ -277,9 +274,6 @@ def test_harpy_walks_where_friction_holds_a_sixth_of_what_it_must(plant):
     assert run.ending == "completed"
     assert run["q"][-1, 0] - run["q"][0, 0] > 0.5
     assert measure(run).slip_mm_per_step < 3.0
-
-
-# --- Harpy on stairs --------------------------------------------------------------------------------------------------
 
 
 AWAY = 0.02

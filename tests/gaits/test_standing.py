@@ -230,9 +230,6 @@ def test_settings_fit_the_weight(solo):
     assert "formulation" not in parameters
 
 
-# --- Robots of the catalogue ------------------------------------------------------------------------------------------
-
-
 ALWAYS = ("g1",)  # the study of robots stands with solo12
 REQUIRED = (*ALWAYS, "solo12", "go2", "anymal_b", "talos")
 
@@ -280,9 +277,6 @@ def test_a_push_askew_does_not_tip_the_soles(speed, degrees):
         inside = np.minimum(pressure - corners.min(axis=0), corners.max(axis=0) - pressure)
         assert len(inside) > 1000
         assert (inside > 0.02 * np.ptp(corners, axis=0)).all()
-
-
-# --- Postures that the joints cannot have -----------------------------------------------------------------------------
 
 
 @needs_robots

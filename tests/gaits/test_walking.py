@@ -22,9 +22,6 @@ from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, pre
 small = st.floats(-1.0, 1.0)
 
 
-# --- Pendulum, support and momentum -----------------------------------------------------------------------------------
-
-
 @given(small, small, small, st.floats(3.0, 8.0), st.floats(0.0, 0.5))
 @settings(max_examples=20)
 def test_prediction_is_the_pendulums_motion(place, velocity, pressure, omega, time):
@@ -103,9 +100,6 @@ def test_what_is_measured_is_pinocchios(name):
         about_ground = data.hg.angular + np.cross((0.0, 0.0, centre[2]), robot.mass * data.vcom[0])
         pendulum = robot.mass * centre[2] * np.array((-m["drift"][1], m["drift"][0]))
         np.testing.assert_allclose(pendulum, about_ground[:2], atol=1e-11)
-
-
-# --- Targets ----------------------------------------------------------------------------------------------------------
 
 
 @needs_robots
@@ -250,9 +244,6 @@ def test_what_it_cannot_do_is_refused():
     gait.observe(made_state(gait))
     with pytest.raises(hp.InputError, match="finite"):
         gait.update(np.inf)
-
-
-# --- The centre of mass on soles --------------------------------------------------------------------------------------
 
 
 SIDES = [45 * k for k in range(8)]

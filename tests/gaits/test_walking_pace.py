@@ -99,9 +99,6 @@ def test_anymal_b_bounds_as_fast_as_its_legs_reach():
     assert run["centre"][-1, 0] > 5.0 * 0.9 * gait.max_speed
 
 
-# --- Limits of walks --------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(("near", "low", "height"), [(NEAR, LOW, 0.053), (STRAIGHT_NEAR, 0.0, 0.04)])
 @pytest.mark.parametrize("speed", [0.0, 0.1, 0.3, 0.6, 1.0])
 def test_a_foot_is_slow_when_it_is_near_the_ground(speed, near, low, height):
@@ -206,9 +203,6 @@ def test_solo12_walks_fast_at_friction_three_tenths_in_mujoco(start):
     )
     assert run.ending == "completed"
     assert 1e3 * run["slip_path"][-1].sum() / run["steps"][-1] < 0.5
-
-
-# --- Velocities beyond what the legs walk -----------------------------------------------------------------------------
 
 
 @needs_robots

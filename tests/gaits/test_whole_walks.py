@@ -177,9 +177,6 @@ def test_a_biped_on_points_that_is_pushed_askew_is_not_lifted(time):
     assert run["centre"][:, 2].max() < 1.15 * run["centre"][0, 2]
 
 
-# --- Ground that the gait does not know -------------------------------------------------------------------------------
-
-
 @needs_robots
 @pytest.mark.parametrize("rise", [0.02, -0.02])
 @pytest.mark.parametrize("name", ["solo12", "bolt"])
@@ -270,9 +267,6 @@ def test_a_copy_walks_alone():
     assert other.walking
     assert not gait.walking
     assert not np.shares_memory(gait.record, other.command)
-
-
-# --- Pushes on soles --------------------------------------------------------------------------------------------------
 
 
 SIDES = [45 * k for k in range(8)]

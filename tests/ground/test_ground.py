@@ -36,9 +36,6 @@ def stribeck(ground, speed, normal):
     return mu * normal + ground.mu_v * speed
 
 
-# --- The implicit step ----------------------------------------------------------------------------------------------
-
-
 def solve(ground, mobility, free, height, dt, guess=None):
     force = np.zeros(len(free)) if guess is None else guess.copy()
     friction = np.tile((ground.mu_s, ground.mu_c, 1.0), (len(height), 1))
@@ -122,9 +119,6 @@ def test_feet_in_the_air_feel_nothing(ground, seed):
     np.testing.assert_array_equal(force, 0.0)
 
 
-# --- Refusing -------------------------------------------------------------------------------------------------------
-
-
 def test_defaults_and_ratio():
     assert Ground().mu_c == pytest.approx(0.225)
     assert Ground(mu_s=0.8).mu_c == pytest.approx(0.72)
@@ -132,8 +126,6 @@ def test_defaults_and_ratio():
     with pytest.raises(InputError, match=r"circular.*per_axis"):
         Ground(cone="box")
 
-
-# --- A sled on a slope, in the simulator ----------------------------------------------------------------------------
 
 NO_COMMAND = Command(np.zeros(0), np.zeros((0, 3)))
 MASS = 2.0

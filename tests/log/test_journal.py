@@ -18,8 +18,6 @@ from harpy_pin.errors import Interrupted, RunFileError, RunFileWarning
 from harpy_pin.log.journal import MAGIC, Journal, read_journal
 from harpy_pin.log.recorder import Recorder
 
-# --- The whole way --------------------------------------------------------------------------------------------------
-
 
 @pytest.mark.parametrize("rows", [3, 1000, 2345])
 def test_saved_run_is_the_run(simulator, tmp_path, rows):
@@ -128,9 +126,6 @@ def test_a_loop_over_walks_ends_with_the_first_that_is_interrupted(simulator):
     with pytest.raises(KeyboardInterrupt):
         study()
     assert done == [0, 1]
-
-
-# --- What an earlier run left behind --------------------------------------------------------------------------------
 
 
 def leave(target, rows=5):

@@ -23,9 +23,6 @@ def pack(path, signals, metadata):
     return path
 
 
-# --- Round trip -----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["run.npz", "run", "läuft – schön.npz"])
 @pytest.mark.parametrize("rows", [1, 7])
 def test_round_trip(tmp_path, name, rows):
@@ -63,9 +60,6 @@ def test_signals_by_name():
     assert "noise" not in run
     with pytest.raises(InputError, match=r"'noise'.*torque"):
         run["noise"]
-
-
-# --- Damage ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -135,9 +129,6 @@ def test_missing_signal_is_named(tmp_path, name):
 def test_wrong_format(tmp_path, metadata):
     with pytest.raises(RunFileError):
         Run.load(pack(tmp_path / "run.npz", make_run().signals, metadata))
-
-
-# --- Writing --------------------------------------------------------------------------------------------------------
 
 
 def test_unwritable_paths_are_found_beforehand(tmp_path):

@@ -36,9 +36,6 @@ def generalised(robot, q, torque, foot_force, thrust):
     return total
 
 
-# --- One state ------------------------------------------------------------------------------------------------------
-
-
 @given(seed=seeds)
 def test_equation_of_motion_against_aba(robot, draw_state, seed):
     """For any gravity, which leaves the robot as it is."""
@@ -86,9 +83,6 @@ def test_feet_move_as_pinocchio_says(robot, draw_state, seed):
         )
     mounts = [pin.getFrameJacobian(model, data, model.getFrameId(name), axes)[:3] for name in robot.thrusters]
     np.testing.assert_allclose(dynamics.thruster_jacobian, np.vstack(mounts), rtol=0, atol=1e-13)
-
-
-# --- Free flight ----------------------------------------------------------------------------------------------------
 
 
 def rate(robot, force):

@@ -71,8 +71,6 @@ def test_geometry_is_read_from_the_model(legs):
         assert (leg.upper, leg.lower) == pytest.approx((UPPER, LOWER), abs=1e-15)
 
 
-# --- Closed form ----------------------------------------------------------------------------------------------------
-
 hanging = st.tuples(sides, st.floats(-1.5, 1.5), st.floats(-2.5, 2.5), st.floats(0.05, np.pi - 0.05))
 
 
@@ -147,9 +145,6 @@ def test_other_legs_are_refused_by_the_closed_form(tripod, urdf_with, end):
         with pytest.raises(RobotError, match="solve_ik"):
             LegGeometry.from_robot(robot, foot)
     LegGeometry.from_robot(strange, "right_foot")
-
-
-# --- Iterative ------------------------------------------------------------------------------------------------------
 
 
 def joint(name, parent, child, xyz, axis, low, high):

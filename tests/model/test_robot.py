@@ -18,9 +18,6 @@ leg_angles = st.tuples(angle, angle, angle)
 seeds = st.integers(0, 2**32 - 1)
 
 
-# --- The pantograph, written from its description (equations.md §3), not from the URDF --------------------------------
-
-
 def rot_x(a):
     return np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
 
@@ -69,9 +66,6 @@ def mirror_velocity():
     return matrix
 
 
-# --- Reading --------------------------------------------------------------------------------------------------------
-
-
 def test_pinocchio_reads_it(robot):
     assert (robot.model.nq, robot.model.nv) == (13, 12)
     assert robot.name == "harpy"
@@ -115,9 +109,6 @@ def test_limits_and_armature_are_those_of_the_file(robot):
 def test_armature_follows_the_name_and_is_zero_where_it_is_missing(urdf_with, given, first):
     path = urdf_with(' armature="0.005"', given)
     np.testing.assert_array_equal(hp.load_harpy(path).model.armature[6:], [first, *[0.005] * 5])
-
-
-# --- Kinematics and dynamics of the pantograph ----------------------------------------------------------------------
 
 
 @given(left=leg_angles, right=leg_angles)
@@ -185,9 +176,6 @@ def test_left_and_right_have_the_same_limits(robot):
     np.testing.assert_array_equal(robot.joint_lower[1:3], robot.joint_lower[4:6])
     np.testing.assert_array_equal(robot.joint_upper[1:3], robot.joint_upper[4:6])
     np.testing.assert_array_equal(robot.torque_limit[:3], robot.torque_limit[3:])
-
-
-# --- Refusing -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -21,9 +21,6 @@ def press(number=signal.SIGINT):
     os.kill(os.getpid(), number)
 
 
-# --- Links, modes, devices ------------------------------------------------------------------------------------------
-
-
 def test_links_are_followed(tmp_path):
     (tmp_path / "data").mkdir()
     target, link, chain = tmp_path / "data" / "a.json", tmp_path / "link.json", tmp_path / "chain.json"
@@ -93,9 +90,6 @@ def test_file_that_is_printed_to_keeps_what_was_printed(tmp_path):
     assert (tmp_path / "out.txt").read_text().split() == ["before", "{", '"x":', "1", "}"]
 
 
-# --- Outputs that are one file --------------------------------------------------------------------------------------
-
-
 def test_outputs_that_are_one_file(tmp_path):
     (tmp_path / "a").write_text("")
     (tmp_path / "link").symlink_to("a")
@@ -121,9 +115,6 @@ def test_output_that_is_an_input(tmp_path):
     with pytest.raises(InputError, match="RUN and --html are the same"):
         check_outputs({"--html": tmp_path / "a"}, inputs={"RUN": tmp_path / "a"})
     check_outputs({"--html": tmp_path / "b"}, inputs={"RUN": tmp_path / "absent"})
-
-
-# --- Signals --------------------------------------------------------------------------------------------------------
 
 
 def test_signal_waits_until_the_file_is_in_place(tmp_path):

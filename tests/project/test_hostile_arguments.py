@@ -92,8 +92,6 @@ def test_values_in_messages_are_short_and_on_one_line():
     assert shown(Unshowable()) == "a value of type Unshowable"
 
 
-# ---- every public name ---------------------------------------------------------------------------------------------
-
 SECONDS = 60
 """Of the process's CPU time in which a call has to end, and ten times as many by the clock; compiling takes some."""
 MEMORY = 3_000_000_000

@@ -43,9 +43,6 @@ def walker(robot, name):
     return hp.make_controller(kind, hp.make_gait(robot), mu=0.3, **options)
 
 
-# ---- assignments ---------------------------------------------------------------------------------------------------
-
-
 def test_command_of_a_gait_is_followed_however_it_is_set(robot):
     assigned, written = hp.make_commanded_gait(robot), hp.make_commanded_gait(robot)
     for k in range(300):
@@ -160,9 +157,6 @@ def test_targets_of_feet_that_are_absurd_are_a_bad_sample(robot, state, name, ta
     assert controller.bad_samples == 1
 
 
-# ---- samples -------------------------------------------------------------------------------------------------------
-
-
 def impossible(state):
     """Copies of a state that no robot can have, by what is wrong."""
     for name in ("q", "v", "foot_force"):
@@ -268,9 +262,6 @@ def test_reset_estimate_is_a_new_one(value):
     np.testing.assert_array_equal(slide(estimator, 0.2), slide(FrictionEstimator(assumed=0.8), 0.2))
 
 
-# ---- ranges --------------------------------------------------------------------------------------------------------
-
-
 class Zero:
     """A row of zeros, whose error is −b whatever the robot does."""
 
@@ -294,9 +285,6 @@ def test_range_on_a_row_of_zeros_is_hard(robot, state, formulation):
         task.b = 5.0
         with pytest.raises(hp.InputError, match=r"row 0 of Zero is zero.*outside \[-1, 1\]"):
             controller.add(task, lower=-1.0, upper=1.0)
-
-
-# ---- forked children -----------------------------------------------------------------------------------------------
 
 
 def in_a_child(work, *, after_fork=lambda: None, seconds=600.0):

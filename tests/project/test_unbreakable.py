@@ -13,9 +13,6 @@ GUARD = 16
 CANARY = 1.2345e67
 
 
-# ---- memory: shapes and types --------------------------------------------------------------------------------------
-
-
 def guarded(array):
     """A copy in the middle of a larger buffer, and a function that says whether the rest of it is untouched."""
     array = np.asarray(array, dtype=np.float64)

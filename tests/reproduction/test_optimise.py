@@ -42,9 +42,6 @@ def in_space(q, v):
     return q3, rows @ v, rows, drift
 
 
-# --- Planar model ---
-
-
 @pytest.mark.parametrize("seed", range(10))
 def test_planar_model_is_the_robot_held_in_the_plane(robot, model, seed):
     """Mass matrix, bias, feet and accelerations of the 3D model projected onto the plane."""
@@ -109,9 +106,6 @@ def test_walk_is_the_controller_in_the_simulator(model, packaged, ground):
 def test_a_robot_that_is_no_planar_biped(robot):
     with pytest.raises(RobotError, match="biped"):
         PlanarModel.from_robot(dataclasses.replace(robot, feet=("left_foot",)))
-
-
-# --- Curves ---
 
 
 def joints_at(t, gait, model):
@@ -181,9 +175,6 @@ def test_joint_targets_put_the_feet_there(robot, model):
             leg_forward(geometry.record[0], np.array([0.0, *found[2 * k : 2 * k + 2]]), foot)
             np.testing.assert_allclose(foot[[0, 2]], position[k], atol=1e-12)
         np.testing.assert_allclose(rate, (ahead - found) / 1e-6, atol=1e-4)
-
-
-# --- The packaged gait ---
 
 
 @pytest.mark.parametrize("path", [PACKAGED_GAIT, SPACE_GAIT, PAPER_CURVES_GAIT], ids=lambda path: path.stem)

@@ -147,9 +147,6 @@ def test_too_long_a_step_is_reported():
         simulate_vlip(None, VlipParameters(dt=0.2, duration=100.0))
 
 
-# --- Equations as they are printed ------------------------------------------------------------------------------------
-
-
 def measured(theta, phi, length, rate):
     return np.concatenate((cartesian(theta, phi, length), rate, np.zeros(3)))
 

@@ -53,9 +53,6 @@ def walked(plant="compliant", *, friction=0.8, controller=UNGOVERNED, duration=3
     return hp.walk(Scenario(controller=controller, plant=plant, ground=ground, duration=duration, **more))
 
 
-# --- The robot and its conventions -----------------------------------------------------------------------------------
-
-
 def test_robot_is_the_one_that_mujoco_reads_itself(robot, draw_state):
     """MuJoCo's own reading of the URDF has the same mass matrix and the same feet at any configuration."""
     spec = mujoco.MjSpec.from_file(str(robot.urdf))
@@ -153,9 +150,6 @@ def test_flight_under_torques_thrusts_and_a_push_converges_to_ours(robot):
     assert moved > 1.0
     assert gaps[1] < 0.6 * gaps[0]
     assert gaps[2] < 0.6 * gaps[1] < 1e-3
-
-
-# --- The ground -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -256,9 +250,6 @@ def test_spheres_roll_and_that_is_no_slip(pole):
     still.reset(q, np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
     still.advance(NOTHING, steps=4)
     assert still.slip_path[0] > 0.0
-
-
-# --- Walks ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("controller", [hp.Governed(), hp.Governed(governor="filter"), hp.Condensed(), hp.WholeBody()])

@@ -20,9 +20,6 @@ def walk(controller="governed", governor="none", dt=5e-4, duration=1.5, speed=0.
     return hp.walk(hp.Scenario(controller=part, gait=gait, ground=ground, dt=dt, duration=duration))
 
 
-# --- Vertical motion of the sled ------------------------------------------------------------------------------------
-
-
 def drop_exactly(ground, height, times):
     """The condensed controller, integrated phase by phase: in the air, going down in the ground, coming up in it."""
 
@@ -95,9 +92,6 @@ def test_bouncing_never_gains_height(sled):
     # Semi-implicit flight exchanges m g · g dt² / 2 per step at most, contact gives nothing.
     assert np.max(np.diff(energies)) <= 0.5 * MASS * 9.81**2 * 5e-4**2 + 1e-12
     assert np.max(energies) <= energies[0] + 1e-9
-
-
-# --- Harpy ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("stiffness", [4, 8, 80])

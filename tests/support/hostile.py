@@ -94,9 +94,6 @@ def outcome(function: Callable[..., Any], *arguments: Any, **given: Any) -> tupl
         return None, error
 
 
-# ---- mappings ------------------------------------------------------------------------------------------------------
-
-
 def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     """Paths of everything in nested mappings and lists."""
     items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
@@ -125,9 +122,6 @@ def spoil_mapping(rng: np.random.Generator, data: dict[str, Any], changes: int =
         else:
             owner[path[-1]] = value
     return data
-
-
-# ---- run files -----------------------------------------------------------------------------------------------------
 
 
 def spoil_signals(rng: np.random.Generator, signals: dict[str, Any], changes: int = 2) -> dict[str, Any]:
@@ -190,8 +184,6 @@ def write_log(path: Path, signals: dict[str, Any], metadata: Any) -> Path:
             archive.writestr(f"{name}.npy", buffer.getvalue())
     return path
 
-
-# ---- URDFs ---------------------------------------------------------------------------------------------------------
 
 NUMBERS = (
     *("0", "-1", "nan", "inf", "-inf", "1e308", "1e-320", "1e6", "1e7", "-1e6", "1e400", "", "x", "0x10", "1,5", "1e"),

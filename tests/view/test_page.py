@@ -25,8 +25,6 @@ from harpy_pin.view.scene.forces import ROUNDING
 from harpy_pin.view.scene.frames import Contacts, Frames
 from harpy_pin.view.scene.ground import centre_of_pressure, footholds, slip_steps
 
-# --- thinning ---------------------------------------------------------------------------------------------------------
-
 
 def test_thinning_keeps_the_extremes_of_every_span() -> None:
     rng = np.random.default_rng(3)
@@ -57,9 +55,6 @@ def test_short_runs_are_not_thinned_and_periods_mix() -> None:
     assert np.nanmax(thin) == fine[-1]
     assert np.all(np.isnan(thin[70:]))
     assert not np.any(np.isnan(thin[:58]))
-
-
-# --- the moment -------------------------------------------------------------------------------------------------------
 
 
 def test_page_opens_where_a_loaded_foot_slides_most(robot: Robot) -> None:
@@ -101,9 +96,6 @@ def test_what_happens_in_a_fall_is_not_the_moment(robot: Robot) -> None:
     run = make_run(robot, foot_velocity=velocity, foot_force=force)
     run["q"][800:, 3:7] = (np.sin(0.4), 0.0, 0.0, np.cos(0.4))
     assert 0.3 <= telling_moment(Frames(run, robot, fps=1e3)).time < 0.4
-
-
-# --- several runs -----------------------------------------------------------------------------------------------------
 
 
 def walked(robot: Robot, **changes: Any) -> Run:
@@ -155,9 +147,6 @@ def test_packing_is_plain_letters_and_exact() -> None:
     assert unpack(text) == content
 
 
-# --- robots -----------------------------------------------------------------------------------------------------------
-
-
 @needs_robots
 @pytest.mark.parametrize("name", ["solo12", "g1"])
 def test_the_robot_of_a_log_is_found(robot: Robot, name: str) -> None:
@@ -188,9 +177,6 @@ def test_other_robots_fit_in_the_picture(name: str) -> None:
     size = picture_size(frames)
     reach = max(np.ptp(points[:, 2]), np.ptp(points[:, 0]), np.ptp(points[:, 1]))
     assert 1.1 * reach < size < 3.0 * reach
-
-
-# --- marks ------------------------------------------------------------------------------------------------------------
 
 
 def test_slip_marks_are_where_held_feet_move(robot: Robot) -> None:

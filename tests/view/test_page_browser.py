@@ -83,9 +83,6 @@ def node(path: str) -> str:
     return f"replay.scenes[0].viewer.scene_tree.find(['meshcat','walk',{','.join(map(repr, path.split('/')))}]).object"
 
 
-# --- what is seen -----------------------------------------------------------------------------------------------------
-
-
 def test_page_loads_nothing_and_opens_paused_at_its_moment(page: Any, address: str) -> None:
     assert page.asked == [address]
     assert page.said == []
@@ -125,9 +122,6 @@ def test_cone_is_red_where_the_log_says_that_the_foot_slides(page: Any, run: Run
         assert (
             "slides" in page.evaluate("document.getElementById('key').textContent.split('friction cone')[1]")[:12]
         ) is (slides)
-
-
-# --- time -------------------------------------------------------------------------------------------------------------
 
 
 def check_together(page: Any, run: Run, time: float) -> None:
@@ -193,8 +187,6 @@ def test_playing_goes_on_and_pausing_stops(page: Any) -> None:
     page.evaluate("new Promise((done) => setTimeout(done, 100))")
     assert page.evaluate("replay.time") == time
 
-
-# --- layout -----------------------------------------------------------------------------------------------------------
 
 LAYOUT = """(() => {
   const names = ["header", "#scenes", "#key", "#scores", "#charts", "#bar"];
@@ -271,9 +263,6 @@ def test_runs_side_by_side_play_in_step(browser: Any, run: Run, robot: Robot, tm
     assert any("walked to the end" in row and "fell at 0.50 s" in row for row in rows)
 
 
-# --- strangers --------------------------------------------------------------------------------------------------------
-
-
 def test_text_of_a_log_stays_text(browser: Any, robot: Robot, tmp_path: Path) -> None:
     """Of every name and entry that a page shows; half a surrogate pair is shown as �."""
     attack = " ".join(ATTACKS)
@@ -308,9 +297,6 @@ def test_fault_in_a_page_is_reported(browser: Any, run: Run, robot: Robot, monke
     monkeypatch.setattr(film_module, "write_html", broken)
     with pytest.raises(HarpyError, match=r"could not show the page: .*nonsense"):
         Film([(run, robot)])
-
-
-# --- pictures and films -----------------------------------------------------------------------------------------------
 
 
 def test_pictures_and_gif_beside_a_running_loop(browser: Any, run: Run, robot: Robot, tmp_path: Path) -> None:

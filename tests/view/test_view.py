@@ -35,9 +35,6 @@ def turn(quaternion: np.ndarray) -> np.ndarray:
     return np.asarray(pin.Quaternion(np.asarray(quaternion, dtype=float)).toRotationMatrix())
 
 
-# --- mathematics ------------------------------------------------------------------------------------------------------
-
-
 def test_turn_z_to_every_direction() -> None:
     rng = np.random.default_rng(1)
     directions = np.vstack((rng.normal(size=(50, 3)), [[0, 0, 1], [0, 0, -1], [1e-12, 0, -1], [1, 0, 0]]))
@@ -137,9 +134,6 @@ def test_camera_path_is_the_line_of_a_straight_walk(robot: Robot) -> None:
 @pytest.mark.parametrize(("given", "desired"), [(119.0, 100.0), (100.0, 100.0), (7.0, 5.0), (0.0, 100.0), (0.3, 0.2)])
 def test_nice_scale(given: float, desired: float) -> None:
     assert nice_scale(given) == pytest.approx(desired)
-
-
-# --- the page, without a browser --------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -242,9 +236,6 @@ def test_per_axis_ground_draws_a_pyramid(robot: Robot) -> None:
     assert len(side.shape.faces) == 4
 
 
-# --- runs that are not as one would wish ------------------------------------------------------------------------------
-
-
 def test_signals_and_metadata_that_are_missing_are_left_out(robot: Robot) -> None:
     bare = make_run(robot, 50, x_r=None, x_w=None)
     bare.metadata.clear()
@@ -344,9 +335,6 @@ def test_mesh_is_drawn_in_its_place(tmp_path: Path, robot: Robot) -> None:
     (drawn,) = (c for c in commands if c["type"] == "set_object" and c["path"].endswith("0_base_0"))
     points = np.frombuffer(drawn["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
     np.testing.assert_allclose(points.reshape(-1, 3).max(axis=0), [0.2, 0.4, 0.6], rtol=1e-6)
-
-
-# --- files, server, figures -------------------------------------------------------------------------------------------
 
 
 def test_write_html_checks_the_file_first(tmp_path: Path, run: Run, robot: Robot) -> None:
