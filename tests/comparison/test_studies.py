@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from needs import needs_robots
+from PIL import Image
 
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
@@ -16,6 +17,7 @@ from comparison.measure.walking import Rows
 from comparison.studies import contacts, grounds, ice, limits, steering, thrusters, walking
 from comparison.studies.crossings import CROSSINGS
 from comparison.studies.flights import FLIGHTS
+from comparison.studies.slopes import static_bound, what_happens
 from comparison.tables import Table
 from harpy_pin.files import finite
 
@@ -382,3 +384,55 @@ def test_torques_of_a_heavy_robot_are_those_of_the_qp():
     row = walking.ticks_of(walked(robot="hyq", duration=3.0, seed=1000, number=4))
     assert row["apart_worst"] < 1e-5
     assert 0.0 < row["apart"] < 1e-6
+
+
+def test_a_wrong_friction_makes_feet_slip_beyond_the_margin():
+    """The margin of 0.4 covers an error of 150 %; an estimate brings most of what is beyond it back."""
+    rows = STUDIES["assumption"].run(quick=True, walkers=("governed/none", "condensed"), errors=(0.0, 1.5, 4.0))
+    slip = {(row["walker"], row["estimate"], row["error"]): row["slip_mm_per_step"] for row in rows}
+    right, within, wrong = (slip["condensed", False, error] for error in (0.0, 1.5, 4.0))
+    estimated = slip["condensed", True, 4.0]
+    assert within < 3.0 * right < wrong
+    assert estimated < 0.5 * wrong
+    assert slip["governed/none", False, 0.0] == slip["governed/none", False, 4.0]  # it assumes nothing
+
+
+@pytest.mark.parametrize(("degrees", "friction"), [(10.0, 0.2), (10.0, 0.15), (20.0, 0.4), (20.0, 0.3)])
+def test_without_thrust_it_stands_up_to_the_angle_of_friction(degrees, friction):
+    without, least = static_bound(degrees, friction)
+    assert without == (np.tan(np.radians(degrees)) <= friction)
+    assert least is not None
+    assert (least < 1e-6) == without
+
+
+def test_little_thrust_is_what_friction_lacks():
+    """Thrust along x at the feet's line alone would be W (tan θ − μ) / (1 + μ tan θ); the bound needs no less."""
+    least = static_bound(15.0, 0.2)[1]
+    tangent = np.tan(np.radians(15.0))
+    assert least is not None
+    assert 4.02 * 9.81 * (tangent - 0.2) / (1.0 + 0.2 * tangent) == pytest.approx(least, rel=0.02)
+
+
+@needs_robots
+@pytest.mark.parametrize(("name", "degrees"), [("go2", 10.0), ("go2", 30.0), ("g1", 10.0)])
+def test_robots_without_thrusters_stand_up_to_the_angle_of_friction(name, degrees):
+    tangent = np.tan(np.radians(degrees))
+    assert static_bound(degrees, 0.98 * tangent, name) == (False, None)
+    assert static_bound(degrees, 1.02 * tangent, name) == (True, 0.0)
+
+
+@needs_robots
+def test_go2_topples_on_steep_ground():
+    """However rough that is: no place that its legs reach is above its feet."""
+    assert static_bound(65.0, 10.0, "go2") == (False, None)
+
+
+@needs_robots
+def test_the_map_is_drawn(tmp_path):
+    small = {"degrees": (0.0, 30.0), "frictions": (0.1, 0.8), "walkers": ("no_thrust", "go2"), "duration": 0.2}
+    rows = STUDIES["slopes"].run(**small)
+    happens = {(row["walker"], row["degrees"], row["friction"]): what_happens(row) for row in rows}
+    assert happens["no_thrust", 0.0, 0.8] == happens["go2", 0.0, 0.8] == "stands"
+    assert happens["go2", 30.0, 0.1] in ("not possible", "stands")  # within 0.2 s it may slide little
+    STUDIES["slopes"].figure(rows).savefig(tmp_path / "map.png")
+    assert Image.open(tmp_path / "map.png").size[0] > 400

@@ -11,12 +11,36 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from counting import Counting, check, names
 
 import harpy_pin as hp
 from harpy_pin.errors import Interrupted, RunFileError, RunFileWarning
 from harpy_pin.log.journal import MAGIC, Journal, read_journal
 from harpy_pin.log.recorder import Recorder
+
+
+class Counting:
+    """Commands that say which tick they are of; does something at one of them."""
+
+    period = 1e-3
+
+    def __init__(self, at=-1, action=lambda: None):
+        self.tick, self.at, self.action = 0, at, action
+
+    def step(self, state):
+        if self.tick == self.at:
+            self.action()
+        command = hp.Command(np.full(6, float(self.tick)), np.zeros((2, 3)))
+        self.tick += 1
+        return command
+
+
+def check(run, rows):
+    np.testing.assert_array_equal(run["torque"][:, 0], np.arange(rows))
+    np.testing.assert_allclose(run["t"], 1e-3 * np.arange(rows), atol=1e-12)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
 
 
 @pytest.mark.parametrize("rows", [3, 1000, 2345])

@@ -7,8 +7,7 @@ import pinocchio as pin
 import pytest
 from forward_dynamics import generalised_force
 from pinocchio_plane import PinocchioPlane
-from planar_controller import PlanarWalkController
-from planar_targets import targets
+from planar_controller import PlanarWalkController, targets
 from scipy.interpolate import BPoly
 
 import harpy_pin as hp

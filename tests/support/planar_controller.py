@@ -1,10 +1,11 @@
-"""The planar walk as a controller of the simulator, which holds the compiled loop to it."""
+"""Targets of a planar gait, and the planar walk as a controller of the simulator, to which the compiled loop is held."""
 
 import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.record import field
 from harpy_pin.model.state import Command
+from reproduction.gait.planar_gait import planar_targets
 from reproduction.gait.planar_walk import PlanarJoints, planar_control, walk_record
 
 
@@ -27,3 +28,9 @@ class PlanarWalkController:
 @kernel
 def _tick(t, q, v, walk, model):
     planar_control(t, q, v, walk[0], model[0])
+
+
+def targets(gait, t):
+    position, velocity, stance = np.zeros((2, 2)), np.zeros((2, 2)), np.zeros((2, 2))
+    planar_targets(t, gait.record[0], position, velocity, stance)
+    return position, velocity, stance
