@@ -1,4 +1,4 @@
-"""Targets of a planar gait, and the planar walk as a controller of the simulator, to which the compiled loop is held."""
+"""Targets of a planar gait, and the planar walk as a controller, to which the compiled loop is held."""
 
 import numpy as np
 
