@@ -12,7 +12,7 @@ from comparison.benchmark import FRICTION, Settings, compare
 from comparison.campaign.plan import KINDS, QUICK, plan
 from comparison.campaign.summary import variants_table
 from comparison.campaign.walks import exceptions_table, run_campaign, with_reasons
-from comparison.cli.output import NumbersFile, print_tables, stages, writing
+from comparison.cli.output import NO_EVIDENCE, NumbersFile, print_tables, stages, writing
 from comparison.contenders import VARIANTS
 from comparison.peers.compare import ROBOTS, compare_peers, peer_tables
 from comparison.peers.environment import PEERS, WORLDS, default_folder
@@ -76,7 +76,7 @@ def whole(
     if plates is not None:
         drawn = figures_of({table.name: table for table in tables_of(document)})
         plates.write({f"{name}.png": picture_of(figure) for name, figure in drawn.items()})
-    typer.echo(answer_of(document).to_string(folder.path / "report.html"))
+    typer.echo(answer_of(document).to_string(folder.path / "report.html") + (f"\n{NO_EVIDENCE}" if quick else ""))
     if not passed(document):
         typer.echo("error: a timed command was not what it should be; do not use these times", err=True)
         raise typer.Exit(1)
@@ -125,7 +125,7 @@ def campaign(
         if kind == "harsh":
             again = partial(progress, "reasons")
             summary["exceptions"] = with_reasons(summary["exceptions"], plan(settings), out, progress=again)
-    print_tables([variants_table(summary), *([exceptions_table(summary)] if kind == "harsh" else [])])
+    print_tables([variants_table(summary), *([exceptions_table(summary)] if kind == "harsh" else [])], quick=quick)
 
 
 def tune(
@@ -224,7 +224,7 @@ def peers(
             folder=folder,
             growth=tuple(ROBOTS)[: 1 if quick else None],
         )
-    print_tables(peer_tables(document["peers"]))
+    print_tables(peer_tables(document["peers"]), quick=quick)
 
 
 def _install(folder: Path) -> None:
@@ -253,4 +253,4 @@ def public(
     how = {"problems": 6, "repetitions": 1} if quick else {}
     with writing(json) as document, stages() as progress:
         document |= measure_public(data, partial(progress, "public"), **how)
-    print_tables(public_tables(document))
+    print_tables(public_tables(document), quick=quick)

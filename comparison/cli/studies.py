@@ -48,7 +48,7 @@ def command_of(study: Study) -> Callable[..., None]:
         chosen |= {name: value for name, value in options.items() if value is not None}
         with writing(json) as document, stages() as progress:
             document["walks"] = rows = study.run(partial(progress, study.name), quick=quick, path=out, **chosen)
-        print_tables(study.tables(rows))
+        print_tables(study.tables(rows), quick=quick)
         if figure is not None and study.figure is not None:
             study.figure(rows).savefig(figure)
 

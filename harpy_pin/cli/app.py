@@ -16,11 +16,21 @@ from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.view import film, view
 from harpy_pin.cli.walk import demo, walk
 
+FIRST = """\
+Six first things to do:
+  harpy demo                                 three controllers on low friction
+  harpy walk --robot go2 --save walk.npz     a robot dog trots
+  harpy view walk.npz                        its replay, forces in their cones
+  harpy live --robot go2                     drive it in the browser
+  harpy walk --robot my.urdf --feet a,b,c,d  your robot
+  harpy export go2 --to folder               its controller in C
+All commands: harpy --help; all options of one: harpy walk --help"""
+"""What ``harpy`` alone says."""
 app = typer.Typer(
     name="harpy",
-    help="Walk legged robots with thrusters, such as Harpy, under governors and whole-body controllers.",
-    epilog="Start with:  harpy demo,  or  harpy walk --save walk.npz  and then  harpy view walk.npz",
-    no_args_is_help=True,
+    help="Walk legged robots under governors and whole-body controllers.",
+    epilog="Start with:  harpy",
+    invoke_without_command=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -38,12 +48,14 @@ def _print_version(desired: bool) -> None:
 
 
 @app.callback()
-def harpy(
+def _first(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
-    """Walk legged robots with thrusters, such as Harpy, under governors and whole-body controllers."""
+    if context.invoked_subcommand is None:
+        print(FIRST)
 
 
 def main() -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from harpy_pin.cli import walk_options as options
-from harpy_pin.cli.output import Force, console
+from harpy_pin.cli.output import Force, console, say_next
 from harpy_pin.errors import HarpyError
 
 if TYPE_CHECKING:
@@ -30,15 +30,13 @@ def compile_ahead(
     feet: options.FeetOption = None,
     posture: options.PostureOption = None,
     clear: Annotated[
-        bool,
-        typer.Option("--clear", help="Remove the compiled libraries; only robots that are named are compiled again."),
+        bool, typer.Option("--clear", help="Remove compiled libraries; only robots that are named are compiled again.")
     ] = False,
 ) -> None:
     """Compile what these robots need to walk, stand or hover.
 
-    For Harpy that is the condensed controller, the whole-body QP, the governors, the commanded gait and the simulator;
-    for other robots both whole-body controllers with standing or hovering. Libraries are kept in the user's cache, or
-    in $HARPY_PIN_CACHE; without this command each is compiled when it is first needed.
+    For Harpy also the governors and the commanded gait. Libraries are kept in the user's cache, or in $HARPY_PIN_CACHE;
+    without this command each is compiled when it is first needed.
 
     \b
     harpy compile
@@ -73,6 +71,7 @@ def compile_ahead(
     folder = compiler.MADE[-1].parent if compiler.MADE else compiler.folder()
     message = f"{_count(len(compiler.MADE))} compiled in {perf_counter() - begin:.1f} s; they are in {folder}"
     console.print(message, soft_wrap=True)
+    say_next(f"harpy walk --robot {(robots or [HARPY])[0]}")
 
 
 def _count(libraries: int) -> str:
@@ -100,9 +99,7 @@ def _scenarios(robots: Sequence[str | Robot]) -> Iterator[tuple[str, Scenario]]:
 def export(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help=options.ROBOTS)],
     to: Annotated[str, typer.Option("--to", metavar="DIR", help="Output folder: new, empty, or an exported one.")],
-    controller: Annotated[
-        str, typer.Option("--controller", metavar="NAME", help="condensed, wbc, paper or filter.")
-    ] = "condensed",
+    controller: Annotated[str, typer.Option(metavar="NAME", help="condensed, wbc, paper or filter.")] = "condensed",
     precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
     feet: options.FeetOption = None,
     posture: options.PostureOption = None,
@@ -110,11 +107,9 @@ def export(
 ) -> None:
     """Write a controller as C99 for a microcontroller.
 
-    That is one .h, one .c, and recorded ticks to check it with.
-    condensed is the whole-body QP condensed to contact forces, wbc the whole-body QP (last active set, then dual
-    method), paper the paper's reference governor, filter the contact-force filter behind the paper's controller. The
-    last two are for Harpy. The code allocates no memory and needs only the C mathematical library. Where
-    gcc-arm-none-eabi and qemu-system-arm are installed, the README in the folder gives the cost of a tick.
+    With recorded ticks to check it with. The controllers paper (its governor) and filter (the contact-force filter) are
+    for Harpy. The code allocates no memory and needs only the C mathematical library. Where gcc-arm-none-eabi and
+    qemu-system-arm are installed, the README in the folder gives the cost of a tick.
     """
     from harpy_pin.export import export as write
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from harpy_pin import __version__
-from harpy_pin.cli.output import console
+from harpy_pin.cli.output import console, say_next
 from harpy_pin.cli.walk_options import UrdfOption
 from harpy_pin.errors import install_line
 
@@ -18,7 +19,7 @@ from harpy_pin.errors import install_line
 def info(urdf: UrdfOption = None) -> None:
     """Print the robot's numbers, versions, and where examples are.
 
-    The numbers are masses, joints and limits; versions are those in use; tutorials are beside the examples.
+    Versions are those in use; tutorials are beside the examples.
     """
     from harpy_pin.log.run import describe_versions
     from harpy_pin.model.robot import load_harpy
@@ -45,13 +46,13 @@ def info(urdf: UrdfOption = None) -> None:
         folder = package.parent / path if checkout else package / Path(path).name
         if folder.is_dir():
             print(f"{folder.name}: {folder}")
+    say_next("harpy robots")
 
 
 def robots() -> None:
     """List the robots that are known by name.
 
-    Each is loaded by its name, such as load_robot("solo12"). Their files, but for Harpy's, are in example-robot-data,
-    the extra "robots"; without it, masses, joints and licences are not known.
+    Their files, but for Harpy's, are in example-robot-data, the extra "robots"; without it masses are not known.
     """
     from harpy_pin.model.catalogue import installed_data
     from harpy_pin.model.robot import robots as known_robots
@@ -67,6 +68,7 @@ def robots() -> None:
     output = _console(100)
     output.print(table)
     output.print(f"example-robot-data {found}", soft_wrap=True)
+    say_next("harpy walk --robot go2")
 
 
 def settings(
@@ -76,8 +78,7 @@ def settings(
 ) -> None:
     """List the settings of a walk: what --set takes.
 
-    Where a setting does not belong to all gaits, controllers or engines, those that have it are named first. A part
-    that is not named is the first one that has the settings given.
+    Gaits, controllers or engines that have a setting are named first. A part not named is the first that has it.
 
     \b
     harpy settings controller
@@ -95,8 +96,10 @@ def settings(
     for setting in found:
         default = "null" if setting.default is None else str(setting.default).removesuffix("()")
         owners = f"{', '.join(setting.parts)}: " if setting.parts else ""
-        table.add_row(setting.name, default, owners + setting.meaning.replace("``", ""))
+        meaning = re.sub(r":\w+:`[~!]?([^`]*)`", r"\1", setting.meaning).replace("``", "")
+        table.add_row(setting.name, default, owners + meaning)
     _console(140).print(table)
+    say_next(f"harpy walk --set {found[-1].name}=VALUE")
 
 
 def _console(width: int) -> Console:

@@ -14,7 +14,7 @@ import typer
 
 from harpy_pin import checks
 from harpy_pin.cli import walk_options as options
-from harpy_pin.cli.output import INTERRUPTED, TERMINATED, console
+from harpy_pin.cli.output import INTERRUPTED, TERMINATED, console, say_next
 from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.files import check_outputs, journal_path, write_json
 
@@ -29,10 +29,7 @@ def live(
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
     settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="NAME=VALUE", help="Another setting of the page, such as controller=wbc or slope=0.17."
-        ),
+        list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Another setting, such as slope=0.17.")
     ] = None,
     duration: Annotated[
         float | None, typer.Option(help="Time of the clock after which it ends, s; Ctrl-C without.", show_default=False)
@@ -50,10 +47,8 @@ def live(
 ) -> None:
     """Drive a robot in the browser, in real time.
 
-    The page has its speed, turns, friction, ice, slope, controllers and pushes; --set takes them by the names of
-    harpy_pin.view.live.settings.LiveSettings. It is served to this machine only.
-    Ctrl-C ends it (exit code 130; 143 on SIGTERM). With --save the log is written to disk while it is driven; if the
-    process dies, harpy view reads FILE.npz.part.
+    --set takes what the page has by the names of harpy_pin.view.live.settings.LiveSettings. The page is this machine's
+    alone. Ctrl-C ends it (exit code 130; 143 on SIGTERM). If the process dies, harpy view reads FILE.npz.part.
 
     \b
     harpy live --set controller=paper --friction 0.25 --speed 0.3
@@ -102,6 +97,7 @@ def live(
     if json is not None:
         write_json(json, times)
     if save is not None:
-        console.print(f"log: {save}  (replay: harpy view {save})", soft_wrap=True)
+        console.print(f"log: {save}", soft_wrap=True)
+    say_next("the same with --save drive.npz" if save is None else f"harpy view {save}")
     if driven.signal is not None:
         raise typer.Exit(TERMINATED if driven.signal == SIGTERM else INTERRUPTED)

@@ -24,8 +24,13 @@ def values_table(title: str, values: dict[str, Any]) -> Table:
     table = Table("measure", "value", title=title)
     table.columns[1].justify = "right"
     for name, value in values.items():
-        table.add_row(name, f"{value:.4g}" if isinstance(value, float) else str(value))
+        table.add_row(name, f"{value:.3g}" if isinstance(value, float) else str(value))
     return table
+
+
+def say_next(command: str) -> None:
+    """The last line of a command: what may follow it."""
+    console.print(f"next: {command}", soft_wrap=True)
 
 
 @contextmanager

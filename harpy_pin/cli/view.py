@@ -9,7 +9,7 @@ import typer
 
 from harpy_pin import checks
 from harpy_pin.cli import walk_options as options
-from harpy_pin.cli.output import FELL, console, walking_bar
+from harpy_pin.cli.output import FELL, console, say_next, walking_bar
 from harpy_pin.errors import InputError
 from harpy_pin.files import check_outputs, replacing
 
@@ -34,8 +34,7 @@ def view(
         Path | None, typer.Option(metavar="FILE.html", help="Write one self-contained page instead of serving it live.")
     ] = None,
     png: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE.png", help="Save a picture, or one for each of --times (their time in the name)."),
+        Path | None, typer.Option(metavar="FILE.png", help="Save a picture, or one for each of --times.")
     ] = None,
     times: Annotated[
         str | None, typer.Option(metavar="T,T,...", help="Moments of the pictures, s; the most telling one by default.")
@@ -49,36 +48,25 @@ def view(
         str | None, typer.Option(metavar="WxH", help="Pixels of pictures and films.  [default: 1200x675, GIF 640x400]")
     ] = None,
     figures: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="The page's charts as figures (.png, .pdf, .svg); feet, body or effort in the name."
-        ),
+        Path | None, typer.Option(metavar="FILE", help="The page's charts as figures: .png, .pdf or .svg.")
     ] = None,
     csv: Annotated[Path | None, typer.Option(metavar="FILE.csv", help="Export all signals as a table.")] = None,
     charts: Annotated[bool, typer.Option("--charts", help="Pictures and films of the whole page, charts too.")] = False,
     port: Annotated[int, typer.Option(help="Port of the live page; any free one by default.", show_default=False)] = 0,
     urdf: Annotated[
         Path | None,
-        typer.Option(
-            "--robot",
-            "--urdf",
-            metavar="FILE",
-            help="URDF or MJCF file of the robot (or its name in harpy robots) if the log does not lead to it.",
-        ),
+        typer.Option("--robot", "--urdf", metavar="FILE", help="URDF, MJCF or name, if the log leads to no robot."),
     ] = None,
 ) -> None:
     """Replay runs in the browser, with forces and charts.
 
-    It shows the robot, contact forces in their friction cones, references, and charts over time. Several runs are
-    played in step, with their measures beside each other. Pictures and films need Chromium and the extra film.
-    Without --html, pictures, films or figures the page is served until Ctrl-C (exit code 130; 143 on SIGTERM).
+    Several runs are played in step, with their measures beside each other. Pictures and films need Chromium and the
+    extra film. Without --html, pictures, films or figures the page is served until Ctrl-C (code 130; 143 on SIGTERM).
 
     \b
-    harpy view walk.npz --html walk.html
     harpy view walk.npz --png walk.png --times 1.2,1.4
     harpy view paper.npz condensed.npz --gif walk.gif --span 0:4
-    harpy view walk.npz --figures walk.pdf
-    harpy view walk.npz --csv walk.csv
+    harpy view walk.npz --figures walk.pdf --csv walk.csv
     """
     checks.whole("port", port, high=65535)
     if len(runs) > MAX_RUNS:
@@ -104,6 +92,7 @@ def view(
         logs[0].to_csv(csv)
         console.print(f"wrote {csv}")
         if html is None and figures is None and not pictured:
+            say_next(f"harpy view {runs[0]}")
             return
     pairs = [(log, robot_of(log, urdf)) for log in logs]
     if html is not None:
@@ -121,6 +110,7 @@ def view(
                 console.print(f"wrote {path}")
     elif html is None and figures is None:
         show(pairs, port=port).wait()
+    say_next(f"harpy view {runs[0]} --html walk.html" if html is None else f"open {html} in a browser")
 
 
 def film(
@@ -137,8 +127,7 @@ def film(
 ) -> None:
     """Walk a robot, and save a film of its replay.
 
-    It shows forces in their friction cones, footholds and slip. Needs Chromium and the extra film. The film
-    begins 0.4 s after the walk. Exit code 1 if the robot fell; the film is saved.
+    Needs Chromium and the extra film. It begins 0.4 s after the walk. Exit code 1 if the robot fell.
 
     \b
     harpy film anymal.gif --robot anymal_c --set gait.schedule=crawl --friction 0.6
@@ -157,6 +146,7 @@ def film(
         run = build(scenario).run(on_piece=on_piece)
     with Film(run, words=False) as shot:
         console.print(f"wrote {shot.save(path, begin=BEGIN, size=pixels)}")
+    say_next(f"harpy live --robot {robot}")
     if run.fell:
         raise typer.Exit(FELL)
 

@@ -11,7 +11,7 @@ import typer
 
 from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.ending import say
-from harpy_pin.cli.output import FELL, INTERRUPTED, console, stderr, values_table, walking_bar
+from harpy_pin.cli.output import FELL, INTERRUPTED, console, say_next, stderr, values_table, walking_bar
 from harpy_pin.errors import ControlError, InputError, Interrupted, RunFileError
 from harpy_pin.files import Shield, check_outputs, journal_path, write_json
 
@@ -42,14 +42,12 @@ def walk(
 ) -> None:
     """Simulate a walk of the full robot, and print its measures.
 
-    Everything that is not an option here is a setting of a part, given by --set; `harpy settings` lists them. It is 6 s
-    long by default. Exit code 0 if the robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM
-    (the log is kept). With --save the log is written to disk during the walk: if the process dies, harpy view reads
-    FILE.npz.part.
+    Everything that is not an option here is a setting, given by --set; `harpy settings` lists them. Exit code 0 if the
+    robot walked to the end, 1 if it fell or stumbled, 130 on Ctrl-C, 143 on SIGTERM (the log is kept). With --save the
+    log is written to disk during the walk: if the process dies, harpy view reads FILE.npz.part.
 
     \b
-    harpy walk --friction 0.8 --duration 6 --save a.npz
-    harpy walk --set controller.governor=paper --friction 0.25
+    harpy walk --set controller.governor=paper --friction 0.25 --save a.npz
     harpy walk --push 2.0:0,5,0 --set disturbances.noise=0.5 --set disturbances.delay=0.001
     harpy walk --robot go2 --set gait.velocity="0.5 0 0; 3s 0 0 0.5" --set plant.preset=stiff
     harpy walk --robot my.urdf --feet lf_foot,rf_foot,lh_foot,rh_foot
@@ -118,8 +116,11 @@ def _report(
         write_json(json, {**measures, "metadata": run.metadata})
     if isinstance(trouble, RunFileError):
         raise trouble
-    if save is not None and not journal_path(save).exists():
-        console.print(f"log: {save}  (replay: harpy view {save})")
+    if save is None:
+        say_next("the same with --save walk.npz, then harpy view walk.npz")
+    elif not journal_path(save).exists():
+        console.print(f"log: {save}", soft_wrap=True)
+        say_next(f"harpy view {save}")
     if trouble is not None:
         say(trouble)
         return INTERRUPTED if isinstance(trouble, Interrupted) else FELL
@@ -139,8 +140,7 @@ def demo(
 ) -> None:
     """Walk on slippery ground under three controllers.
 
-    They are the paper's governor, the condensed controller and the whole-body QP, shown side by side.
-    The friction coefficient is 0.15, and each walk lasts 4 s, if the robot does not fall.
+    The paper's governor, the condensed controller and the whole-body QP side by side, for 4 s at friction 0.15.
     """
     check_outputs({"--html": html})
     from harpy_pin.ground.ground import Ground
@@ -160,5 +160,6 @@ def demo(
         console.print(f"{name_of(run):<{NAME_WIDTH}} {ending:<16} slip {slip:>6} mm per step   tick {tick:>3} µs")
     write_html(runs, html)
     console.print(f"wrote {html}")
+    say_next(f"harpy walk --friction {SLIPPERY:g} --save walk.npz, then harpy view walk.npz")
     if not no_open:
         webbrowser.open(html.resolve().as_uri())

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
 
 ROBOTS = "harpy (by default), a robot that `harpy robots` lists, or a URDF or MJCF file with --feet."
 RobotOption = Annotated[str, typer.Option(help=ROBOTS.replace(" (by default)", ""))]
-FrictionOption = Annotated[
-    float | None, typer.Option(help="Static friction coefficient.  [default: 0.25]", show_default=False)
-]
+FrictionOption = Annotated[float | None, typer.Option(help="Static friction.  [default: 0.25]", show_default=False)]
 FeetOption = Annotated[
     str | None, typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a URDF or MJCF file.")
 ]
@@ -28,9 +26,7 @@ PostureOption = Annotated[
 ]
 SpeedOption = Annotated[
     float | None,
-    typer.Option(
-        help="Speed forward, m/s; at 0 the robot stands.  [default: 0.3; 0.15 on flat feet]", show_default=False
-    ),
+    typer.Option(help="Forward, m/s; at 0 it stands.  [default: 0.3; 0.15 on flat feet]", show_default=False),
 ]
 PushOption = Annotated[
     list[str] | None,
@@ -38,12 +34,8 @@ PushOption = Annotated[
 ]
 DurationOption = Annotated[float | None, typer.Option(help="Simulated time, s.", show_default=False)]
 SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="NAME=VALUE", help="Any other setting, such as controller=wbc; harpy settings lists them."
-    ),
+    list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="Any other setting; harpy settings lists them.")
 ]
-
 UrdfOption = Annotated[
     Path | None, typer.Option("--urdf", metavar="FILE", help="A variant of Harpy's URDF; the packaged one by default.")
 ]

@@ -13,6 +13,7 @@ from needs import needs_robots
 from PIL import Image
 
 import harpy_pin as hp
+from harpy_pin.cli import app as cli
 from harpy_pin.cli.walk_options import read_scenario
 from harpy_pin.controllers import CONTROLLERS
 from harpy_pin.errors import HarpyError
@@ -23,6 +24,7 @@ from harpy_pin.view.page.film import find_chromium
 def test_walk_writes_log_and_json(command, tmp_path):
     code, out, _ = command("walk", "--duration", 0.4, "--save", tmp_path / "a.npz", "--json", tmp_path / "a.json")
     assert code == 0
+    assert out.splitlines()[-1] == f"next: harpy view {tmp_path / 'a.npz'}"
     assert "slip, mm per step" in out
     run = hp.Run.load(tmp_path / "a.npz")
     written = json.loads((tmp_path / "a.json").read_text())
@@ -195,7 +197,8 @@ def test_vlip_and_info(command, tmp_path):
     assert code == 0
     assert "4.020 kg" in out
     assert "left_knee" in out
-    assert out.splitlines()[-2:] == [f"examples: {ROOT / 'examples'}", f"tutorials: {ROOT / 'docs' / 'tutorials'}"]
+    places = [f"examples: {ROOT / 'examples'}", f"tutorials: {ROOT / 'docs' / 'tutorials'}"]
+    assert out.splitlines()[-3:] == [*places, "next: harpy robots"]
 
 
 def test_gait_is_shown_searched_and_loaded(command, tmp_path):
@@ -227,6 +230,14 @@ def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, m
     assert opened == [page.as_uri()]
     assert command("demo", "--no-open", "--html", page)[0] == 0
     assert len(opened) == 1
+
+
+def test_harpy_alone_shows_six_first_things_that_are_commands(command):
+    code, out, _ = command()
+    named = re.findall(r"^  harpy (\w+)", out, re.M)
+    assert (code, len(named)) == (0, 6)
+    assert {*named} <= {info.name or info.callback.__name__ for info in cli.app.registered_commands}
+    assert max(map(len, out.splitlines())) <= 80
 
 
 def test_view_draws_figures(command, tmp_path):

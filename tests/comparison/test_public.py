@@ -138,6 +138,7 @@ def test_command_measures_what_is_there(tmp_path, capsys):
     app(["public", "--data", str(tmp_path), "--quick", "--json", str(tmp_path / "a.json")], standalone_mode=False)
     told = capsys.readouterr().out
     assert "1 dense programs of mpc_qpbenchmark" in told
+    assert "no evidence" in told.splitlines()[-1]
     assert "git clone https://github.com/qpsolvers/maros" in told.replace("\n", " ")
     found = json.loads((tmp_path / "a.json").read_text())
     assert found["mpc"]["problems"] == 1

@@ -185,7 +185,8 @@ def test_the_command_prints_the_answer_and_nothing_else(
     monkeypatch.setattr(command_line, "compare", lambda *args, **kwargs: document)
     done = CliRunner().invoke(app, ["--quick", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
-    *lines, last = done.stdout.splitlines()
+    *lines, last, quick = done.stdout.splitlines()
+    assert "no evidence" in quick
     assert last == f"Everything else: {tmp_path / 'report.html'}"
     assert len(lines) < 25
     assert max(map(len, lines)) <= 80
