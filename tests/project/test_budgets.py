@@ -16,7 +16,7 @@ LINES = {"harpy_pin": 36_284, CONTRIB: 3_071, "reproduction": 3_774, "comparison
 """Most lines of the Python files that Git tracks in a folder; those of ``harpy_pin`` are counted without contrib."""
 LONGEST_FILE = 450
 MOST_PUBLIC_NAMES = 70
-MOST_WORDS = 18_194
+MOST_WORDS = 18_000
 """Of prose in README and docs, without tables, code, formulas and comments."""
 
 
