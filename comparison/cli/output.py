@@ -20,13 +20,11 @@ NumbersFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
 ]
 NO_EVIDENCE = "--quick shows that it works; its results are no evidence. Leave it out for results."
-"""The last line of a quick run."""
 
 
 def print_tables(tables: Iterable[Table], *, quick: bool = False) -> None:
     """Print tables one below the other, as wide as the terminal; those of ``--quick`` say what they are."""
-    width = Console().width
-    typer.echo("\n".join([*(table.to_string(width) for table in tables), *([NO_EVIDENCE] if quick else [])]))
+    typer.echo("\n".join([*(t.to_string(Console().width) for t in tables), *([NO_EVIDENCE] if quick else [])]))
 
 
 @contextmanager

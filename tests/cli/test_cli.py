@@ -29,16 +29,8 @@ def test_walk_writes_log_and_json(command, tmp_path):
     run = hp.Run.load(tmp_path / "a.npz")
     written = json.loads((tmp_path / "a.json").read_text())
     measures = hp.measure(run).as_dict()
-    for name in (
-        "fell",
-        "distance_m",
-        "slip_mm_per_step",
-        "late_slip_mm_per_step",
-        "sliding",
-        "low_force",
-        "no_contact",
-    ):
-        assert written[name] == measures[name]
+    for name, value in measures.items():
+        assert value != value or written[name] == value
     assert hp.Scenario.of(run) == hp.Scenario(controller="condensed", duration=0.4)
     assert run.metadata["versions"]["pin"]
     assert run.metadata["controller"] == "CondensedController"
@@ -197,8 +189,7 @@ def test_vlip_and_info(command, tmp_path):
     assert code == 0
     assert "4.020 kg" in out
     assert "left_knee" in out
-    places = [f"examples: {ROOT / 'examples'}", f"tutorials: {ROOT / 'docs' / 'tutorials'}"]
-    assert out.splitlines()[-3:] == [*places, "next: harpy robots"]
+    assert out.endswith(f"{ROOT / 'examples'}\ntutorials: {ROOT / 'docs' / 'tutorials'}\nnext: harpy robots\n")
 
 
 def test_gait_is_shown_searched_and_loaded(command, tmp_path):
