@@ -23,8 +23,7 @@ from harpy_pin.view.page.film import find_chromium
 
 def test_walk_writes_log_and_json(command, tmp_path):
     code, out, _ = command("walk", "--duration", 0.4, "--save", tmp_path / "a.npz", "--json", tmp_path / "a.json")
-    assert code == 0
-    assert out.splitlines()[-1] == f"next: harpy view {tmp_path / 'a.npz'}"
+    assert (code, out.splitlines()[-1]) == (0, f"next: harpy view {tmp_path / 'a.npz'}")
     assert "slip, mm per step" in out
     run = hp.Run.load(tmp_path / "a.npz")
     written = json.loads((tmp_path / "a.json").read_text())
@@ -225,8 +224,7 @@ def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, m
 
 def test_harpy_alone_shows_six_first_things_that_are_commands(command):
     code, out, _ = command()
-    named = re.findall(r"^  harpy (\w+)", out, re.M)
-    assert (code, len(named)) == (0, 6)
+    assert (code, len(named := re.findall(r"^  harpy (\w+)", out, re.M))) == (0, 6)
     assert {*named} <= {info.name or info.callback.__name__ for info in cli.app.registered_commands}
     assert max(map(len, out.splitlines())) <= 80
 
