@@ -188,9 +188,6 @@ def _changed(
         changes: values by name; those of a dataclass inside as a mapping. Lists become tuples.
         fixed: names that may not change; those of a dataclass inside after its name and a dot.
         inside: name of the dataclass and a dot, for messages; empty at the top.
-
-    Raises:
-        InputError: unknown or fixed name, a value of the wrong kind or out of its domain.
     """
     changes = {} if changes is None else changes
     if not isinstance(changes, Mapping):

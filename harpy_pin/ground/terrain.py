@@ -308,11 +308,7 @@ def _plain(value: Any) -> Any:
 
 
 def _places(x: ArrayLike, y: ArrayLike) -> tuple[Vector, Vector]:
-    """Places as arrays of one shape.
-
-    Raises:
-        InputError: they are not.
-    """
+    """Places as arrays of one shape."""
     u, v = np.ascontiguousarray(x, dtype=np.float64), np.ascontiguousarray(y, dtype=np.float64)
     if np.shape(x) != np.shape(y):
         raise InputError(f"x and y must have one shape, got {np.shape(x)} and {np.shape(y)}", name="y", value=y)

@@ -167,11 +167,7 @@ def _candidates(dimension: int, seed: int, around: Vector | None, spread: float)
 
 
 def _cma() -> Any:
-    """The library of the search, imported when it is needed.
-
-    Raises:
-        HarpyError: it is not installed.
-    """
+    """The library of the search, imported when it is needed."""
     try:
         import cma
     except ImportError as error:
@@ -204,11 +200,7 @@ def _save_costs(path: Path, identity: dict[str, Any], costs: list[float]) -> Non
 
 
 def _load_costs(path: Path, identity: dict[str, Any]) -> list[float]:
-    """Costs found so far.
-
-    Raises:
-        RunFileError: the file is damaged or belongs to another search.
-    """
+    """Costs found so far."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         costs = [float(cost) for cost in content.pop("costs")]

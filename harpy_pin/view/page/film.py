@@ -254,11 +254,7 @@ class Film(AbstractContextManager["Film"]):
         return page
 
     def _do(self, act: Callable[..., Result], *arguments: Any, **options: Any) -> Result:
-        """Call something of Playwright's in its thread.
-
-        Raises:
-            HarpyError: Playwright could not do it.
-        """
+        """Call something of Playwright's in its thread."""
         try:
             return self._thread.submit(act, *arguments, **options).result()
         except self._error as error:

@@ -193,11 +193,7 @@ class Contacts:
 
 
 def _require_match(run: Run, robot: Robot) -> None:
-    """Make sure that a run is of a robot.
-
-    Raises:
-        InputError: it holds no tick, or its signals or names do not fit the robot.
-    """
+    """Make sure that a run is of a robot."""
     if not run.signals or len(run) == 0:
         raise InputError(f"the run holds no tick (it ended: {shown(run.ending, 200)})", name="run")
     _check_metadata(run.metadata)
@@ -217,11 +213,7 @@ def _require_match(run: Run, robot: Robot) -> None:
 
 
 def _finite_part(run: Run) -> Run:
-    """The rows before the first one whose motion or forces are not finite, beyond all measure, or of no rotation.
-
-    Raises:
-        InputError: there is none, or a signal is not what its name says.
-    """
+    """The rows before the first one whose motion or forces are not finite, beyond all measure, or of no rotation."""
     run = Run({name: _plain(run, name) for name in run.signals}, run.metadata)
     finite = np.ones(len(run), dtype=bool)
     for name in DRAWN:

@@ -96,11 +96,7 @@ def condensed_sizes(robot: Robot) -> dict[str, int]:
 
 
 def _limbs(robot: Robot) -> list[list[int]]:
-    """Columns of the joints between the root and each foot.
-
-    Raises:
-        InputError: feet of several kinds, a limb of another number of joints, or a joint that belongs to several.
-    """
+    """Columns of the joints between the root and each foot."""
     model = robot.model
     if len(set(robot.corners)) > 1:
         raise InputError(

@@ -262,11 +262,7 @@ class AddedTasks(KeepsViews):
 
 
 def _rows(task: Task, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
-    """A and b of a task as arrays, whatever it has returned.
-
-    Raises:
-        InputError: it has returned something else.
-    """
+    """A and b of a task as arrays, whatever it has returned."""
     returned = task.rows(dynamics, state)
     if not isinstance(returned, tuple | list) or len(returned) != 2:
         message = f"rows of {type(task).__name__} must return A and b, got {shown(returned)}"
