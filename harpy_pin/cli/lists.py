@@ -17,10 +17,7 @@ from harpy_pin.errors import install_line
 
 
 def info(urdf: UrdfOption = None) -> None:
-    """Print the robot's numbers, versions, and where examples are.
-
-    Versions are those in use; tutorials are beside the examples.
-    """
+    """Print the robot's numbers, versions, and where examples are."""
     from harpy_pin.log.run import describe_versions
     from harpy_pin.model.robot import load_harpy
 

@@ -168,6 +168,8 @@ class PIQPSolver(PackageSolver):
         lower = np.where(p.lower <= -UNBOUNDED, -1e30, p.lower)
         upper = np.where(p.upper >= UNBOUNDED, 1e30, p.upper)
         self._box[0, :bounded], self._box[1, :bounded] = lower[:bounded], upper[:bounded]
+        free = (lower[bounded:] == -1e30) & (upper[bounded:] == 1e30)  # PIQP would do the same, and print that it does
+        self._rows[free], lower[bounded:][free], upper[bounded:][free] = 0.0, -1.0, 1.0
         call = self._solver.update if self._started else self._solver.setup
         equalities = (self._equality, p.equality_value) if len(p.equality_value) else (None, None)
         # H is symmetric: its transpose is the same matrix, stored by columns.
