@@ -22,7 +22,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.util import find_spec
@@ -48,6 +48,8 @@ PATIENCE = 300.0
 """How long a process waits for another that makes the same library, s."""
 UNUSED_FOR = 60 * 24 * 3600
 """Time after which a library that nobody loaded is removed, s."""
+WATCHED = """exec 3<&0 0</dev/null; { read x <&3; kill -TERM 0; } >/dev/null 2>&1 & exec "$@" 3<&-"""
+"""A shell's words: run a command, and end its process group as soon as nobody writes to the standard input any more."""
 KEPT_FILE = re.compile(r"\w+-[0-9a-f]{32}.*\.(so|lock|part)")
 """Names of what is kept, and of what is being made."""
 MADE: list[Path] = []
@@ -285,8 +287,21 @@ def run_program(command: list[str], *, temporary: str | None = None, timeout: fl
     It has a process group of its own: Ctrl-C in a terminal ends what this process decides, not the compilers first.
     """
     known = os.environ if temporary is None else {**os.environ, "TMPDIR": temporary}
-    with _started(command, known) as process:
-        said = process.communicate(timeout=timeout)[0]
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "process_group": 0}
+    watched, ours = os.pipe()  # ours is closed, too, where this process is killed
+    with os.fdopen(ours, "wb"):
+        with os.fdopen(watched) as end, _STARTING:
+            if _ENDING:
+                raise KernelError("nothing is compiled while the process ends")
+            words = ["/bin/sh", "-c", WATCHED, "sh", *command]
+            process = subprocess.Popen(words, text=True, env=known, stdin=end, **pipes)
+            _RUNNING.add(process)
+        with process:
+            try:
+                said = process.communicate(timeout=timeout)[0]
+            finally:
+                _end(process)
+                _RUNNING.discard(process)
     return said, process.returncode
 
 
@@ -307,23 +322,6 @@ def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
     if code != 0:
         why = "was ended" if code < 0 else f"failed:\n{said[:4000]}"
         raise KernelError(f"{' '.join(command)} {why}")
-
-
-@contextmanager
-def _started(command: list[str], environment: Mapping[str, str]) -> Iterator[subprocess.Popen[str]]:
-    """A compiler that runs; it does not outlive the block."""
-    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "stdin": subprocess.DEVNULL}
-    with _STARTING:
-        if _ENDING:
-            raise KernelError("nothing is compiled while the process ends")
-        process = subprocess.Popen(command, text=True, env=environment, process_group=0, **pipes)
-        _RUNNING.add(process)
-    with process:
-        try:
-            yield process
-        finally:
-            _end(process)
-            _RUNNING.discard(process)
 
 
 def _end(process: subprocess.Popen[str]) -> None:
