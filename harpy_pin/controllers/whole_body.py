@@ -243,7 +243,7 @@ class WholeBodyController(TaskController):
         bound_thrusts(lag, False, lower, upper)
         self.build(state)
         if self.solve().usable:
-            command_thrusts(lag, self.dynamics.record, self._inputs, self._command.thrust)
+            command_thrusts(lag, self.dynamics.record, self._inputs, self._command._thrust_)
         self._inputs[:] = last
         bound_thrusts(lag, True, lower, upper)
         self._swap_active()

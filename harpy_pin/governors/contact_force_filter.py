@@ -128,7 +128,7 @@ class ContactForceFilter(KeepsViews):
         dynamics = self.dynamics
         refuse_law(command)
         try:
-            torque, thrust = command.torque, command.thrust
+            torque, thrust = command._torque_, command._thrust_
             if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:
                 return self.update(state, as_command(command, self.robot))
             records = (dynamics._record_, self._terms_, self._record_)

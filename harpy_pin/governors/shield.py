@@ -114,8 +114,8 @@ class Shield(KeepsViews):
             InputError: an array of the state or of the command has the wrong shape, or no numbers; or the command has
                 a motors' law.
         """
-        refuse_law(command)
         state, given = as_state(state, self.robot), as_command(command, self.robot)
+        refuse_law(given)
         arrays = (state.q, state.v, state.foot_force, given.torque, given.thrust)
         friction = self.governor.friction[None].copy()
         answer = self._loop.answer(friction, tuple(array[None] for array in arrays))

@@ -74,19 +74,19 @@ def as_state(state: State, robot: Robot) -> State:
 
 def refuse_law(command: Command) -> None:
     """Raise where a command has a motors' law, of whose torques what corrects torques would know nothing."""
-    if getattr(command, "law", None) is not None:
+    if getattr(command, "_law_", None) is not None:
         raise InputError("a command with a motors' law is not taken here: give torques alone", name="command.law")
 
 
 def as_command(command: Command, robot: Robot) -> Command:
-    """The command itself where its arrays are float64, of the robot's sizes and may be written, otherwise a copy."""
+    """A command itself where its arrays are float64, of the robot's sizes and may be written, otherwise a copy."""
     shapes = {"torque": (len(robot.joints),), "thrust": (len(robot.thrusters), 3)}
     arrays, same = _arrays("command", command, shapes)
     law = getattr(command, "law", None)
     if law is not None:
         fit = as_array("command.law", law, (4, shapes["torque"][0]))
         same, law = same and fit is law, fit
-    if same:
+    if same and isinstance(command, Command):
         return command
     made = Command(**arrays)
     made.law = law

@@ -25,7 +25,7 @@ ALIGNED = 64
 """Bytes: vectors of processors lie well there."""
 
 
-def fixed_arrays(*names: str, views: bool = True) -> Callable[[_Kind], _Kind]:
+def fixed_arrays(*names: str, copied: bool = True) -> Callable[[_Kind], _Kind]:
     """A decorator of classes: these attributes are arrays that stay where they are.
 
     The first assignment, in ``__init__``, makes the array an attribute. Every later one writes into it, after a check
@@ -34,25 +34,25 @@ def fixed_arrays(*names: str, views: bool = True) -> Callable[[_Kind], _Kind]:
 
     Args:
         names: of the attributes.
-        views: without, the attributes are the arrays themselves: of objects of a moment, whose readers check them.
+        copied: without, an array that owns its memory is kept itself: for objects of a moment, whose readers check it.
     """
 
     def decorate(kind: _Kind) -> _Kind:
         for name in names:
-            setattr(kind, name, _fixed_array(name, views=views))
+            setattr(kind, name, _fixed_array(name, copied=copied))
         return kind
 
     return decorate
 
 
-def _fixed_array(name: str, *, views: bool) -> property:
+def _fixed_array(name: str, *, copied: bool) -> property:
     """An attribute that is an array, kept under another name."""
     kept = f"_{name}_"
 
     def write(holder: Any, value: ArrayLike) -> None:
         held = getattr(holder, kept, None)
         if held is None:  # through __dict__, every later access would be slower
-            owns = views and isinstance(value, np.ndarray) and value.base is None
+            owns = copied and isinstance(value, np.ndarray) and value.base is None
             object.__setattr__(holder, kept, lasting(np.asarray(value)) if owns else value)
         elif not _same(value, held):  # which is what ``holder.array += 1`` assigns
             held[...] = _checked(name, value, held)
@@ -63,7 +63,7 @@ def _fixed_array(name: str, *, views: bool) -> property:
         held = array(holder)
         return held if held is None else held[...]
 
-    return property(view if views else array, write, doc="An array; see the attributes of its class.")
+    return property(view, write, doc="An array; see the attributes of its class.")
 
 
 def lasting(array: _Array) -> _Array:

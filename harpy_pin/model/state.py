@@ -61,7 +61,7 @@ class State:
         return State(self.t, *(array.copy() for array in arrays))
 
 
-@fixed_arrays("law", "thrust", "torque", views=False)
+@fixed_arrays("law", "thrust", "torque", copied=False)
 class Command(KeepsViews):
     """What a controller returns at each tick. To assign to an attribute writes into its array.
 
@@ -92,6 +92,8 @@ class Command(KeepsViews):
     torque: Vector
     thrust: Vector
     law: Vector | None
+    _torque_: Vector
+    _thrust_: Vector
 
     def __init__(
         self,

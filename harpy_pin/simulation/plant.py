@@ -398,7 +398,7 @@ class Plant(KeepsViews, ABC):
                 shapes.
         """
         self._clock[...], self._tick_ns[...] = self.t, elapsed
-        self._noted_torque[...], self._noted_thrust[...] = command.torque, command.thrust
+        self._noted_torque[...], self._noted_thrust[...] = command._torque_, command._thrust_
         for call in self.log_calls:
             call.kernel(*call.arguments)
         own = self.signals
@@ -424,7 +424,7 @@ class Plant(KeepsViews, ABC):
             InputError: an array has the wrong shape, or an entry that is not finite.
         """
         try:
-            torque, thrust = command.torque, command.thrust
+            torque, thrust = command._torque_, command._thrust_
             if (torque.shape, thrust.shape) == self._shapes and are_finite(torque, thrust):
                 return command
         except (AttributeError, TypeError):

@@ -94,12 +94,12 @@ class Simulator(Plant):
         plant = (self.dynamics._record_, self._ground, self._record_, self._q_, self._v_)
         self._take_law(command)
         try:
-            sweeps = physics_steps(*plant, command.torque, command.thrust, push)
+            sweeps = physics_steps(*plant, command._torque_, command._thrust_, push)
         except (AttributeError, TypeError):
             sweeps = MISFIT_COMMAND
         if sweeps == MISFIT_COMMAND:
             command = self.checked(command)
-            sweeps = physics_steps(*plant, command.torque, command.thrust, push)
+            sweeps = physics_steps(*plant, command._torque_, command._thrust_, push)
         self.sweeps = sweeps
         self.t += steps * self.dt
         for part in self.attached:

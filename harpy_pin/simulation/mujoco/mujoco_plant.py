@@ -160,10 +160,10 @@ class MujocoPlant(Plant):
         steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
         command = self.checked(command)
         self._take_law(command)
-        self._counts_[2] += read_thrusts(self.dynamics._record_, command.thrust, self._record_["thrust"][0])
+        self._counts_[2] += read_thrusts(self.dynamics._record_, command._thrust_, self._record_["thrust"][0])
         push = push_forces(pushes, self.t, self.dt, steps) if pushes else None
         for n in range(steps):
-            if not self._step(command.torque, None if push is None else push[n]):
+            if not self._step(command._torque_, None if push is None else push[n]):
                 break
         self.t += steps * self.dt
 
