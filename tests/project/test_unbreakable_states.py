@@ -30,7 +30,7 @@ CONTROLLERS = {
 QPS = {f"{a}, {b}": ("wbc", {"formulation": a, "solver": b}) for a in FORMULATIONS for b in installed_solvers()}
 """Formulations of the whole-body QP, with the solver that is its last resort."""
 CASES = [("harpy", name) for name in CONTROLLERS]
-CASES += [(robot, name) for robot in ("solo12", "g1", "talos") for name in ("wbc", "condensed")]
+CASES += [(robot, name) for robot in ("solo12", "go2", "g1", "talos") for name in ("wbc", "condensed")]
 CASES += [(robot, name) for robot in ("harpy", "solo12", "g1") for name in QPS]
 RARE = ("piqp", "osqp", "clarabel", "quadprog", "proxqp")
 
@@ -45,7 +45,8 @@ def max_systems(controller):
 
 @needs_robots
 @pytest.mark.parametrize(
-    ("who", "name"), long_but(CASES, [case for case in CASES if case[0] != "talos" and not case[1].endswith(RARE)])
+    ("who", "name"),
+    long_but(CASES, [case for case in CASES if case[0] not in ("go2", "talos") and not case[1].endswith(RARE)]),
 )
 def test_hostile_states(who, name, fuzz):
     """No exception, every command finite and within the limits, failures counted, and searches that end."""

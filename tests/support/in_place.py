@@ -13,13 +13,17 @@ from stateful import CASES, holders
 
 import harpy_pin as hp
 
+DTYPES = ("uint8", "float32", "int64", "bool", "complex128")
 CHANGES: dict[str, Callable[[Any], object]] = {
     "flat": lambda array: setattr(array, "shape", (array.size,)),
     "one more axis": lambda array: setattr(array, "shape", (1, *array.shape)),
     "shorter": lambda array: array.resize((1,), refcheck=False),
     "longer": lambda array: array.resize((100 * array.size + 1,), refcheck=False),
     "no strides": lambda array: setattr(array, "strides", (0,) * array.ndim),
-    "bytes": lambda array: setattr(array, "dtype", np.uint8),
+    "backwards": lambda array: setattr(array, "strides", tuple(-size for size in array.strides)),
+    "far apart": lambda array: setattr(array, "strides", tuple(1000 * size for size in array.strides)),
+    "columns first": lambda array: setattr(array, "strides", array.strides[::-1]),
+    **{kind: lambda array, kind=kind: setattr(array, "dtype", kind) for kind in DTYPES},
     "read only": lambda array: array.setflags(write=False),
 }
 
