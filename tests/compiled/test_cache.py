@@ -7,7 +7,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -271,20 +270,3 @@ def test_another_kind_of_kernels_is_one_line(program):
     assert done.returncode in (1, 2)
     assert done.stderr.count("\n") == 1
     assert "unknown kind of kernels in $HARPY_PIN_KERNELS 'x'" in done.stderr
-
-
-def test_a_process_that_is_killed_leaves_no_compiler(tmp_path):
-    """Nor what that has started."""
-    slow, told = tmp_path / "slow", tmp_path / "told"
-    slow.write_text(f"#!/bin/sh\nsleep 600 &\necho $$ $! > {told}.part\nmv {told}.part {told}\nwait\n")
-    slow.chmod(0o700)
-    known = {**os.environ, "CC": str(slow), "HARPY_PIN_CACHE": str(tmp_path), "HARPY_PIN_KERNELS": "c"}
-    with subprocess.Popen([sys.executable, "-c", "import harpy_pin.compiled"], env=known, cwd=Path.cwd()) as process:
-        while not told.exists():
-            assert process.poll() is None
-            time.sleep(0.01)
-        process.kill()
-    deadline, commands = time.monotonic() + 60.0, [Path(f"/proc/{pid}/cmdline") for pid in told.read_text().split()]
-    while any(path.exists() and path.read_bytes() for path in commands):  # of what ended and was not seen, it is empty
-        assert time.monotonic() < deadline
-        time.sleep(0.01)

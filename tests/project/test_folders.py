@@ -157,12 +157,13 @@ def test_printed_commands_work_in_a_folder_with_a_space(tmp_path, monkeypatch, c
     assert "iris_wbc.c: OK" in names.stdout
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT], ids=lambda n: n.name)
-def test_compilers_end_with_the_command(number, tmp_path):
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGKILL"])
+def test_compilers_end_with_the_command(name, tmp_path):
     """With the processes that they have started, whichever signal ends it."""
+    number, killed = getattr(signal, name), name == "SIGKILL"
     mark, handler = f"4{os.getpid()}.{number:02d}", "default_int_handler" if number == signal.SIGINT else "SIG_DFL"
     script = (
-        f"import signal, sys, typer\nsignal.signal({number:d}, signal.{handler})  # a parent may ignore it\n"
+        f"import signal, sys, typer\nif not {killed}: signal.signal({number:d}, signal.{handler})  # ignored before\n"
         "from harpy_pin.cli.signals import leave_at_signals\n"
         "from harpy_pin.cli.ending import stopping\nfrom harpy_pin.export import board\nleave_at_signals()\n"
         f"command = ['sh', '-c', 'sleep {mark} & echo > started; sleep {mark}']\n"
@@ -172,7 +173,7 @@ def test_compilers_end_with_the_command(number, tmp_path):
     while process.poll() is None and not (tmp_path / "started").exists():
         time.sleep(0.02)
     process.send_signal(number)
-    assert process.wait(60) == 128 + number
+    assert process.wait(60) == (-number if killed else 128 + number)
     deadline = time.monotonic() + 10.0
     while left := subprocess.run(["pgrep", "-f", f"sleep {mark}"], capture_output=True, text=True).stdout:
         assert time.monotonic() < deadline, left

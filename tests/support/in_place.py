@@ -38,11 +38,7 @@ def public_arrays(made: Any) -> Iterator[tuple[Any, str]]:
 
 
 def change_all(name: str) -> int:
-    """Change every public array of a case in place, one after the other: errors are ours, or there is no effect.
-
-    Returns:
-        How many changes NumPy let pass.
-    """
+    """Change each public array of a case in place: errors are ours, or nothing changes; how many NumPy let pass."""
     make, use = CASES[name]
     made, count = make(), 0
     use(made)
