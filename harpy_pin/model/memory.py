@@ -61,7 +61,7 @@ def _fixed_array(name: str, *, copied: bool) -> property:
 
     def view(holder: Any) -> Any:
         held = array(holder)
-        return held if held is None else held[...]
+        return held[...] if isinstance(held, np.ndarray) else held
 
     return property(view, write, doc="An array; see the attributes of its class.")
 
