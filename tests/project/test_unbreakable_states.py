@@ -54,24 +54,26 @@ def test_hostile_states(who, name, fuzz):
     gait = hp.Standing(robot) if who != "harpy" else hp.make_gait(robot)
     kind, options = (CONTROLLERS | QPS)[name]
     controller = hp.make_controller(kind, gait, mu=0.25, **options)
-    rng, times, failures, searched = np.random.default_rng(14), [], 0, 0
-    states = STATES * fuzz if fuzz > 1 or who == "harpy" else STATES // 3
+    searched, states = 0, STATES * fuzz if fuzz > 1 or who == "harpy" else STATES // 3
+    times = np.full(states, np.inf)
     controller.step(draw_hostile(robot, np.random.default_rng(2)))  # the first tick looks for kernels
-    controller.reset()
-    for k in range(states):
-        state = draw_hostile(robot, rng) if k % 4 or who != "harpy" else draw(robot, rng)
-        bad, begin = controller.bad_samples, thread_time_ns()
-        command = controller.step(state)
-        times.append((thread_time_ns() - begin) / 1e3)
-        assert np.isfinite(command.torque).all(), k
-        assert np.isfinite(command.thrust).all(), k
-        if kind != "governed" or "limits" in options:
-            assert np.all(np.abs(command.torque) <= robot.torque_limit + ACCEPTED), k
-            assert np.all(np.linalg.norm(command.thrust, axis=1) <= robot.thrust_limit + ACCEPTED), k
-        if kind == "wbc" and controller.bad_samples == bad:
-            failures += not controller.solution.usable
-        if kind != "governed":
-            searched = max(searched, controller.solution.iterations if kind == "wbc" else controller.solver.systems)
+    for _ in range(1 + (fuzz > 1)):  # the same ticks twice: what is slow only once is the machine's
+        controller.reset()
+        rng, failures = np.random.default_rng(14), 0
+        for k in range(states):
+            state = draw_hostile(robot, rng) if k % 4 or who != "harpy" else draw(robot, rng)
+            bad, begin = controller.bad_samples, thread_time_ns()
+            command = controller.step(state)
+            times[k] = min(times[k], (thread_time_ns() - begin) / 1e3)
+            assert np.isfinite(command.torque).all(), k
+            assert np.isfinite(command.thrust).all(), k
+            if kind != "governed" or "limits" in options:
+                assert np.all(np.abs(command.torque) <= robot.torque_limit + ACCEPTED), k
+                assert np.all(np.linalg.norm(command.thrust, axis=1) <= robot.thrust_limit + ACCEPTED), k
+            if kind == "wbc" and controller.bad_samples == bad:
+                failures += not controller.solution.usable
+            if kind != "governed":
+                searched = max(searched, controller.solution.iterations if kind == "wbc" else controller.solver.systems)
     assert 0.2 < controller.bad_samples / states < 0.6
     p50, p999, worst = np.percentile(times[10:], [50, 99.9, 100])
     print(f"{who:8s} {name:26s} {states:7d} ticks, µs: {p50:.1f}, 99.9 % {p999:.1f}, worst {worst:.1f}")
