@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from time import perf_counter_ns
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from harpy_pin.errors import InputError, RunFileError, reason
 from harpy_pin.files import Shield
@@ -113,7 +114,7 @@ class ClosedLoop:
         simulator.counts[:] = 0
         height = float(simulator.q[2]) - simulator.ground_below
         start, fall_height = simulator.t, 0.6 * height if height > 0.0 else -math.inf
-        self._telemetry = getattr(self.controller, "telemetry", None)
+        self._telemetry = self._signals if hasattr(self.sensors, "signals") else self._of_controller
         while tick < self.ticks and self.ending == "completed":
             if compiled is not None:
                 with shield.whole():
@@ -139,6 +140,15 @@ class ClosedLoop:
             tick += 1
             if self.on_piece is not None and tick % REPORT == 1:
                 self.on_piece(simulator.t)
+
+    def _of_controller(self) -> Mapping[str, ArrayLike]:
+        """Signals of the controller."""
+        signals: Mapping[str, ArrayLike] = getattr(self.controller, "telemetry", dict)()
+        return signals
+
+    def _signals(self) -> Mapping[str, ArrayLike]:
+        """Signals of the controller and of the sensors."""
+        return {**self._of_controller(), **getattr(self.sensors, "signals", {})}
 
     def _control(self, shield: Shield) -> Command | None:
         """The command at the present state, logged; None where the controller failed."""

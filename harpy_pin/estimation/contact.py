@@ -1,0 +1,94 @@
+"""Contact forces from motor torques, and which feet touch the ground.
+
+The rows of the equations of motion that belong to the joints leave over the torques of the contact forces,
+
+    τ_f = M a + n + D v − τ − J_tᵀ u,
+
+with the acceleration of the body from the accelerometer and those of the joints from two measured velocities. A
+low-pass of the rate K makes of it the observer of the generalised momentum (De Luca and Mattone, ICRA 2003): the
+difference of velocities, low-passed, is no noisier than they are. The joints j that a leg shares with no other one give
+the least forces that explain their torques, f = J_j (J_jᵀ J_j + ε)⁻¹ τ_j.
+
+The log-odds that a foot touches add up: of its normal force, (f_z / weight − load) / width; of the gait, which expects
+it on the ground or not; and of its speed, which no foot in contact has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.estimation.record import ContactRecord
+from harpy_pin.model.cholesky import factorise, solve_vector
+from harpy_pin.model.dynamics import DynamicsRecord
+from harpy_pin.model.state import Vector
+
+LATE = 0.6
+"""Share of a swing from which on the gait expects the touchdown."""
+CERTAIN = 30.0
+"""Largest log-odds."""
+
+
+@kernel
+def observe_torques(c: ContactRecord, d: DynamicsRecord, torque: Vector, thrust: Vector, period: float) -> None:
+    """Low-pass the joint torques of the contact forces, at the state and acceleration of this step.
+
+    ``torque`` (joints,), N·m, and ``thrust`` (thrust variables,), N, are those since the last step.
+    """
+    nv, weight = c.acceleration.shape[0], 1.0 - np.exp(-c.rate * period)
+    for j in range(c.external.shape[0]):
+        row = 6 + j
+        s = d.bias[row] + d.damping[row] * c.velocity[row] - torque[j]
+        for i in range(nv):
+            s += d.mass_matrix[row, i] * c.acceleration[i]
+        for i in range(thrust.shape[0]):
+            s -= d.thruster_jacobian[i, row] * thrust[i]
+        c.external[j] += weight * (s - c.external[j])
+
+
+@kernel
+def leg_forces(c: ContactRecord, d: DynamicsRecord) -> None:
+    """The forces of every leg's feet, world axes."""
+    joints, feet, a, y = c.leg_joints.shape[1], c.leg_feet.shape[1], c.normal, c.moment
+    for leg in range(c.leg_joints.shape[0]):
+        a[:] = 0.0
+        for i in range(joints):
+            a[i, i], y[i] = 1.0, 0.0
+            row = c.leg_joints[leg, i]
+            if row >= 0:
+                a[i, i], y[i] = c.damping, c.external[row - 6]
+                for j in range(i + 1):
+                    column = c.leg_joints[leg, j]
+                    for n in range(feet):
+                        k = c.leg_feet[leg, n]
+                        if k >= 0:
+                            for x in range(3):
+                                a[i, j] += d.foot_jacobian[3 * k + x, row] * d.foot_jacobian[3 * k + x, column]
+        factorise(a, a)
+        solve_vector(a, y)
+        for n in range(feet):
+            k = c.leg_feet[leg, n]
+            if k >= 0:
+                for x in range(3):
+                    s = 0.0
+                    for i in range(joints):
+                        if c.leg_joints[leg, i] >= 0:
+                            s += d.foot_jacobian[3 * k + x, c.leg_joints[leg, i]] * y[i]
+                    c.force[k, x] = s
+
+
+@kernel
+def contact_probability(c: ContactRecord, d: DynamicsRecord, stance: Vector, phase: Vector) -> None:
+    """Probability that each foot touches the ground.
+
+    ``stance`` and ``phase`` (feet,) are the gait's, of :class:`~harpy_pin.gaits.gait.GaitTarget`; a stance of 0.5
+    expects nothing.
+    """
+    for k in range(c.force.shape[0]):
+        expected = stance[k]
+        if expected == 0.0:
+            expected = min(max((phase[k] - LATE) / (1.0 - LATE), 0.0), 1.0)
+        square = d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2 + d.foot_velocity[k, 2] ** 2
+        odds = (c.force[k, 2] / c.weight - c.load) / c.load_width + c.prior * (2.0 * expected - 1.0)
+        odds -= square / (c.foot_speed * c.foot_speed)
+        c.probability[k] = 1.0 / (1.0 + np.exp(-min(max(odds, -CERTAIN), CERTAIN)))

@@ -1,0 +1,280 @@
+"""The estimator: readings in, a state out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.errors import InputError
+from harpy_pin.estimation.imu import Imu
+from harpy_pin.estimation.readings import Readings
+from harpy_pin.estimation.record import ERRORS, ContactRecord, EstimatorRecord, FilterRecord
+from harpy_pin.estimation import tick
+from harpy_pin.estimation.tick import MISFIT_READINGS, estimate
+from harpy_pin.model.dynamics import dynamics_record
+from harpy_pin.model.entry import as_array
+from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.record import Records, field, make_record
+from harpy_pin.model.robot import Robot, configuration
+from harpy_pin.model.rotor import read_thrusts
+from harpy_pin.model.state import State, Vector
+
+GRAVITY = 9.81
+STATUS = {
+    tick.GOOD: "good",
+    tick.NO_SAMPLE: "no sample",
+    tick.STUCK: "stuck gyroscope",
+    tick.SATURATED: "saturated",
+    tick.INCONSISTENT: "readings contradict each other",
+    tick.BACKWARDS: "time does not go on",
+}
+"""What :attr:`Estimator.status` says, by code."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimatorSettings:
+    """Settings of the estimator besides the noise of its sensors; the defaults are for all robots.
+
+    Attributes:
+        foothold_density: random walk of a foot in stance, m/s/√Hz: soft ground, small slips.
+        foothold_noise: of a foot's place by kinematics, besides the encoders', m: links that bend, calibration.
+        height_noise: of the ground's height under a foothold, m. Infinite for ground whose height nobody knows: then
+            the robot's height drifts like its place.
+        gate: squared Mahalanobis distance of a foot's place from which on the foot has slipped.
+        force_rate: of the momentum observer, 1/s.
+        load: normal force of a foot as likely in contact as not, as a share of the robot's weight.
+        load_width: share of the weight by which the log-odds of contact change by one.
+        prior: log-odds of contact that the gait's plan adds.
+        foot_speed: at which the log-odds of contact have fallen by one, m/s.
+        damping: of the least squares for the forces of a leg, m²; it keeps singular legs finite.
+        tilt: standard deviation at the start, rad.
+        velocity: standard deviation at the start, m/s.
+
+    Raises:
+        InputError: a number out of its domain.
+    """
+
+    foothold_density: float = 0.002
+    foothold_noise: float = 5e-4
+    height_noise: float = 0.02
+    gate: float = 40.0
+    force_rate: float = 300.0
+    load: float = 0.06
+    load_width: float = 0.02
+    prior: float = 2.0
+    foot_speed: float = 0.5
+    damping: float = 1e-4
+    tilt: float = 0.01
+    velocity: float = 0.02
+
+    def __post_init__(self) -> None:
+        for entry in fields(self):
+            value, name = getattr(self, entry.name), f"estimator {entry.name}"
+            if not (entry.name == "height_noise" and value == np.inf):
+                value = checks.number(name, value, low=0.0, high=1e6, strict=entry.name not in ("prior", "load"))
+            checks.keep(self, **{entry.name: value})
+
+
+class Estimator(KeepsViews):
+    """Where a robot is and how it moves, from what it feels itself.
+
+    Place and heading cannot be observed: they drift from where the estimate began. Equations and what to expect:
+    ``docs/estimation.md``. ::
+
+        estimator = hp.Estimator(robot)
+        while True:
+            state = estimator.step(hp.Readings(t, gyroscope, accelerometer, q, dq, tau))
+            command = controller.step(state)
+
+    Args:
+        robot: with joints as they are known (:meth:`~harpy_pin.model.robot.Robot.with_joints`): what friction and
+            armature a joint has besides counts as force of the ground.
+        imu: noise and place of the sensors.
+        settings: the rest.
+        period: time between steps, s.
+        foot_radius: of round feet, one for all or (feet,), m.
+
+    Attributes:
+        record: all that the kernels know.
+        probability: (feet,) of contact, of the last step.
+    """
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot,
+        imu: Imu | None = None,
+        *,
+        settings: EstimatorSettings | None = None,
+        period: float = 1e-3,
+        foot_radius: ArrayLike = 0.0,
+    ) -> None:
+        self.robot, self.period = robot, checks.number("period", period, low=0.0, strict=True)
+        self.imu = Imu() if imu is None else checks.instance("imu", imu, Imu)
+        self.settings = EstimatorSettings() if settings is None else settings
+        checks.instance("settings", self.settings, EstimatorSettings)
+        feet = len(robot.feet)
+        radius = np.full(feet, foot_radius) if np.ndim(foot_radius) == 0 else foot_radius
+        self.record = _record(robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet))
+        self.probability: Vector = field(self.record["contact"], "probability")
+        self._thrust = np.zeros(robot.n_thrust)
+        self._no_force = np.full(feet, np.nan)
+        self._nothing = (np.full(feet, 0.5), np.zeros(feet), np.zeros(feet))
+        self.signals: dict[str, NDArray[Any]] = {
+            "estimated_q": field(self.record, "q"),
+            "estimated_v": field(self.record, "v"),
+            "estimated_force": field(self.record, "foot_force"),
+            "contact_probability": self.probability,
+            "estimator_status": field(self.record, "status"),
+        }
+        names = ("q", "v", "foot_position", "foot_velocity", "foot_force")
+        self._arrays = tuple(field(self.record, name) for name in names)
+        self.reset()
+
+    def __repr__(self) -> str:
+        return f"Estimator('{self.robot.name}', period {1e3 * self.period:g} ms, {self.status})"
+
+    def reset(self, q: ArrayLike | None = None, v: ArrayLike | None = None) -> None:
+        """Begin anew.
+
+        Args:
+            q: (nq,) configuration at the next step. By default the body is at rest at the origin, as the first sample
+                of accelerometer and encoders tilts it, with its lowest foot on the ground.
+            v: (nv,) velocity; zero by default.
+
+        Raises:
+            InputError: wrong shapes, or entries that are not finite.
+        """
+        r, model = self.record, self.robot.model
+        r["level"] = q is None
+        q = pin.neutral(model) if q is None else configuration(model, q)
+        v = np.zeros(model.nv) if v is None else checks.vector("v", v, model.nv)
+        rotation, place = pin.Quaternion(q[3:7]).toRotationMatrix(), r["place"][0]
+        f, c = r["filter"], r["contact"]
+        f["rotation"], f["position"] = rotation, q[:3] + rotation @ place
+        f["velocity"] = rotation @ (v[:3] + np.cross(v[3:6], place))
+        f["gyroscope_bias"] = f["accelerometer_bias"] = f["held"] = 0
+        c["external"] = c["probability"] = c["force"] = 0.0
+        r["q"], r["v"] = q, v
+        r["begun"], r["status"], r["bad_in_a_row"], r["same_in_a_row"] = 0, tick.NO_SAMPLE, 0, 0
+        r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
+        r["t"] = np.nan
+
+    @property
+    def status(self) -> str:
+        """What the last step says of its readings.
+
+        ``good``; ``no sample`` where one was missing, not a number or beyond 1e6; ``stuck gyroscope`` where it has said
+        the same for 50 samples; ``saturated`` where the inertial unit is at its range; ``readings contradict each
+        other`` where the innovations of the last half second are far beyond their covariance, as those of a wrongly
+        mounted unit are; ``time does not go on``. The estimate goes on in all of them, and is finite.
+        """
+        return STATUS[int(self.record["status"][0])]
+
+    def step(self, readings: Readings, target: Any = None) -> State:
+        """One step.
+
+        Args:
+            readings: of the sensors.
+            target: the gait's targets of the last tick (:class:`~harpy_pin.gaits.gait.GaitTarget`, such as a
+                controller's ``target``): which feet it expects on the ground, and the ground's height there. None:
+                nothing is expected, and the ground is at height zero.
+
+        Returns:
+            The estimate; it shares memory with the next one.
+
+        Raises:
+            InputError: arrays of another robot.
+        """
+        s, thrust = readings, self._thrust
+        if s.thrust is not None and len(thrust):
+            read_thrusts(self.record["dynamics"], s.thrust, thrust)
+        force = self._no_force if s.foot_force is None else s.foot_force
+        expected = self._nothing if target is None else (target.stance, target.phase, target.ground_height)
+        legs = (s.joint_position, s.joint_velocity, s.joint_torque)
+        try:
+            status = estimate(self.record, float(s.t), s.gyroscope, s.accelerometer, *legs, thrust, force, *expected)
+        except (TypeError, AttributeError):
+            status = MISFIT_READINGS
+        if status == MISFIT_READINGS:
+            joints, feet = len(self.robot.joints), len(self.robot.feet)
+            sizes = {"gyroscope": 3, "accelerometer": 3}
+            sizes |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), joints)
+            unit = [as_array(f"readings.{name}", getattr(s, name, None), (n,)) for name, n in sizes.items()]
+            force = as_array("readings.foot_force", force, (feet,))
+            estimate(self.record, checks.number("readings.t", s.t), *unit, thrust, force, *expected)
+        q, v, *rest = self._arrays
+        return State(float(s.t), q, v, *rest)
+
+
+def _record(
+    robot: Robot, imu: Imu, settings: EstimatorSettings, period: float, radius: Vector
+) -> Records[EstimatorRecord]:
+    """A new :class:`~harpy_pin.estimation.record.EstimatorRecord`."""
+    joints, s, gravity = list(robot.model.joints)[2:], settings, np.array([0.0, 0.0, -GRAVITY])
+    start = (s.tilt, s.tilt, 0.0, *[s.velocity] * 3, 0.0, 0.0, 0.0)
+    start += (max(imu.gyroscope_bias, 1e-6),) * 3 + (max(imu.accelerometer_bias, 1e-6),) * 3
+    names = ("gyroscope_density", "accelerometer_density", "gyroscope_walk", "accelerometer_walk")
+    legs, feet = _legs(robot)
+    return make_record(
+        EstimatorRecord,
+        robot.sizes,
+        filter=make_record(
+            FilterRecord,
+            robot.sizes,
+            period=period,
+            gravity=gravity,
+            **{name: getattr(imu, name) for name in names},
+            **{name: getattr(s, name) for name in ("foothold_density", "foothold_noise", "height_noise", "gate")},
+            encoder_noise=np.hypot(imu.encoder_noise, imu.encoder_resolution / np.sqrt(12.0)),
+            start=np.array(start),
+            innovation=0.0,
+        ),
+        contact=make_record(
+            ContactRecord,
+            robot.sizes,
+            rate=s.force_rate,
+            **{name: getattr(s, name) for name in ("load", "load_width", "prior", "foot_speed", "damping")},
+            weight=robot.mass * GRAVITY,
+            leg_joints=legs,
+            leg_feet=feet,
+            normal=np.zeros((legs.shape[1], legs.shape[1])),
+            moment=np.zeros(legs.shape[1]),
+        ),
+        dynamics=dynamics_record(robot, gravity=gravity),
+        mounting=imu.rotation,
+        place=np.array(imu.position),
+        angle_place=np.array([joint.idx_q for joint in joints], dtype=np.int64),
+        unbounded=np.array([joint.nq - 1 for joint in joints], dtype=np.int64),
+        foot_radius=radius,
+        gyroscope_range=imu.gyroscope_range,
+        accelerometer_range=imu.accelerometer_range,
+        t=np.nan,
+        level=np.int64(1),
+        q=pin.neutral(robot.model),
+    )
+
+
+def _legs(robot: Robot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """For each leg the columns in v of the joints that only it has, and its contact points; −1 where there are fewer."""
+    model, legs = robot.model, {}
+    for k, name in enumerate(robot.feet):
+        joint, columns = model.frames[robot.frame_id(name)].parentJoint, []
+        while joint > 1:
+            columns.append(model.joints[joint].idx_v)
+            joint = model.parents[joint]
+        legs.setdefault(tuple(columns), []).append(k)
+    shared = [column for columns in legs for column in set(columns)]
+    own = [[column for column in columns if shared.count(column) == 1] for columns in legs]
+    most, points = max((len(columns) for columns in own), default=0), max(map(len, legs.values()), default=0)
+    joints = np.full((len(own), most), -1, np.int64)
+    feet = np.full((len(own), points), -1, np.int64)
+    for n, (columns, numbers) in enumerate(zip(own, legs.values(), strict=True)):
+        joints[n, : len(columns)], feet[n, : len(numbers)] = columns, numbers
+    return joints, feet

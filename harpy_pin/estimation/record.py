@@ -1,0 +1,98 @@
+"""What the kernels of the estimator read and work in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.model.dynamics import DynamicsRecord
+from harpy_pin.model.record import ZERO, RecordOf, sized
+from harpy_pin.model.state import Vector
+
+ERRORS = 15
+"""Errors before those of the footholds: rotation, velocity, position, biases of gyroscope and accelerometer."""
+
+
+class FilterRecord(RecordOf):
+    """The invariant extended Kalman filter; vectors are in world axes unless said otherwise."""
+
+    period: float  # s
+    gravity: Vector  # (3,) m/s²
+    gyroscope_density: float  # white noise, rad/s/√Hz
+    accelerometer_density: float  # m/s²/√Hz
+    gyroscope_walk: float  # of the bias, rad/s/√s
+    accelerometer_walk: float  # of the bias, m/s²/√s
+    foothold_density: float  # of the velocity of a foot in stance, m/s/√Hz
+    encoder_noise: float  # rad
+    foothold_noise: float  # of a foot's position by kinematics, besides that of the encoders, m
+    height_noise: float  # of the ground's height under a foothold, m; infinite where it is not known
+    gate: float  # squared Mahalanobis distance from which on a foot has slipped
+    start: Vector  # (15,) standard deviations at the start
+    rotation: Vector = sized(3, 3)  # body axes to world
+    velocity: Vector = sized(3)  # of the inertial unit, m/s
+    position: Vector = sized(3)  # of the inertial unit, m
+    gyroscope_bias: Vector = sized(3)  # body axes, rad/s
+    accelerometer_bias: Vector = sized(3)  # body axes, m/s²
+    foothold: Vector = sized("feet", 3)  # place of each foot in stance less that of the inertial unit, m
+    held: NDArray[np.int64] = sized("feet", whole=True)  # (feet,) 1 while a foothold is part of the filter
+    covariance: Vector = sized("3 feet + 15", "3 feet + 15")  # of the errors
+    work: Vector = sized("3 feet + 15", "3 feet + 15")
+    rows: Vector = sized(3, "3 feet + 15")
+    turned: Vector = sized(6, "3 feet + 15")
+    correction: Vector = sized("3 feet + 15")
+    step_rotation: Vector = sized(3, 3)
+    innovation: float  # low-passed squared Mahalanobis distance of three, of feet in stance
+
+
+class ContactRecord(RecordOf):
+    """Forces of the legs by their motor torques, and which feet touch the ground."""
+
+    rate: float  # of the momentum observer, 1/s
+    load: float  # normal force of a foot as likely in contact as not, share of the weight
+    load_width: float  # by which the log-odds change by one, share of the weight
+    prior: float  # log-odds of contact that the gait is sure of
+    foot_speed: float  # at which the log-odds of contact have fallen by one, m/s
+    damping: float  # that makes the forces of singular legs finite, m²
+    weight: float  # of the robot, N
+    leg_joints: NDArray[np.int64]  # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
+    leg_feet: NDArray[np.int64]  # (legs, feet) contact points of each leg; −1 beyond the last
+    external: Vector = sized("joints")  # torques of the contact forces, low-passed, N·m
+    force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
+    probability: Vector = sized("feet")  # of contact
+    velocity: Vector = sized("nv")  # of the last step
+    acceleration: Vector = sized("nv")  # of this step
+    normal: Vector  # (most joints of a leg, as many)
+    moment: Vector  # (most joints of a leg,)
+
+
+class EstimatorRecord(RecordOf):
+    """All of it."""
+
+    filter: FilterRecord
+    contact: ContactRecord
+    dynamics: DynamicsRecord
+    mounting: Vector  # (3, 3) axes of the inertial unit to the body's
+    place: Vector  # (3,) of the inertial unit in the body, body axes, m
+    angle_place: NDArray[np.int64]  # (joints,) of each joint in q
+    unbounded: NDArray[np.int64]  # (joints,) 1 for a joint whose q is a cosine and a sine
+    foot_radius: Vector  # (feet,) of round feet, m
+    gyroscope_range: float  # rad/s
+    accelerometer_range: float  # m/s²
+    t: float  # of the last step, s; NaN before the first
+    level: int  # 1 where the first sample says how the body is tilted
+    begun: int = ZERO  # 1 from the first good sample on
+    saturated: int = ZERO
+    status: int = ZERO
+    bad_in_a_row: int = ZERO
+    same_in_a_row: int = ZERO
+    angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
+    raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s
+    raw_acceleration: Vector = sized(3)  # of the last good sample, body axes, m/s²
+    angular_acceleration: Vector = sized(3)  # low-passed, body axes, rad/s²
+    q: Vector  # (nq,) the estimate
+    v: Vector = sized("nv")
+    foot_position: Vector = sized("feet", 3)
+    foot_velocity: Vector = sized("feet", 3)
+    foot_force: Vector = sized("feet", 3)
+    local_foot: Vector = sized("feet", 3)  # less the inertial unit, body axes, m
+    local_speed: Vector = sized("feet", 3)  # against the body, body axes, m/s

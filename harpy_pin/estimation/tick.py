@@ -1,0 +1,335 @@
+"""One step of the estimator: from readings to a state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.estimation.contact import contact_probability, leg_forces, observe_torques
+from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
+from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.model.entry import all_possible, is_finite
+from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import update_terms
+
+MISFIT_READINGS, GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS = -1, 0, 1, 2, 3, 4, 5
+"""Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
+LIKELY = 0.5
+"""Probability of contact from which on a foot holds."""
+SAME = 50
+"""Equal samples of the gyroscope in a row that no working one gives."""
+EXPECTED = 3.0
+"""Mean of the squared Mahalanobis distance of three measurements."""
+INCONSISTENCY = 8.0
+"""Factor on it that says that the readings do not belong together."""
+MOST_PERIODS = 100.0
+"""Periods without a step that are made up for."""
+DOUBT = (2.0, 20.0)
+"""Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
+SMOOTH = 0.1
+"""Share of a new sample in the angular acceleration."""
+MAX_ACCELERATION = 1e4
+"""Of joints and body by differences, rad/s² and m/s²."""
+
+
+@kernel
+def estimate(
+    e: EstimatorRecord,
+    t: float,
+    gyroscope: Vector,
+    accelerometer: Vector,
+    joint_position: Vector,
+    joint_velocity: Vector,
+    torque: Vector,
+    thrust: Vector,
+    normal_force: Vector,
+    stance: Vector,
+    phase: Vector,
+    ground: Vector,
+) -> int:
+    """One step; see :meth:`harpy_pin.estimation.estimator.Estimator.step`, whose arrays these are.
+
+    ``thrust`` are the thrust variables; ``normal_force`` (feet,) is that of foot sensors, N, NaN where there is none.
+    Returns the status, or ``MISFIT_READINGS`` with nothing done for arrays of another robot.
+    """
+    joints = e.unbounded.shape[0]
+    if joint_position.shape[0] != joints or joint_velocity.shape[0] != joints or torque.shape[0] != joints:
+        return MISFIT_READINGS
+    if normal_force.shape[0] != e.foot_radius.shape[0] or stance.shape[0] != e.foot_radius.shape[0]:
+        return MISFIT_READINGS
+    legs = all_possible(joint_position) and all_possible(joint_velocity) and all_possible(torque)
+    legs = legs and all_possible(thrust)
+    if not legs and e.begun == 0:
+        e.status = NO_SAMPLE
+        return NO_SAMPLE
+    periods = 1.0
+    if e.begun != 0:
+        periods = np.floor((t - e.t) / e.filter.period + 0.5)
+        if not 1.0 <= periods < np.inf:
+            e.status = BACKWARDS
+            return BACKWARDS
+    unit = _read_unit(e, gyroscope, accelerometer)
+    if e.begun == 0 and not unit:
+        e.status = NO_SAMPLE
+        return NO_SAMPLE
+    e.t = t
+    if legs:
+        _place_joints(e, joint_position, joint_velocity)
+    if e.begun == 0:
+        _begin(e)
+    else:
+        for _ in range(int(min(periods, MOST_PERIODS))):
+            _predict(e)
+        if e.saturated or not unit:
+            _doubt(e)
+        _body_state(e)
+        update_terms(e.dynamics, e.q, e.v)
+    if legs:
+        _accelerate(e)
+        observe_torques(e.contact, e.dynamics, torque, thrust, e.filter.period)
+        leg_forces(e.contact, e.dynamics)
+        for k in range(normal_force.shape[0]):
+            if abs(normal_force[k]) < np.inf:
+                e.contact.force[k, 2] = normal_force[k]
+        contact_probability(e.contact, e.dynamics, stance, phase)
+        _use_feet(e, ground)
+    _write_state(e)
+    e.status = _status(e, unit and legs)
+    return e.status
+
+
+@kernel
+def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> bool:
+    """Keep the inertial unit's sample in body axes; a bad one leaves the last one. Returns whether it was good."""
+    if not (all_possible(gyroscope) and all_possible(accelerometer)):
+        e.bad_in_a_row += 1
+        return False
+    e.bad_in_a_row = 0
+    e.saturated = 0
+    same, m, t = 1, e.mounting, e.filter.period
+    for i in range(3):
+        if abs(gyroscope[i]) >= e.gyroscope_range or abs(accelerometer[i]) >= e.accelerometer_range:
+            e.saturated = 1
+        w = m[i, 0] * gyroscope[0] + m[i, 1] * gyroscope[1] + m[i, 2] * gyroscope[2]
+        a = m[i, 0] * accelerometer[0] + m[i, 1] * accelerometer[1] + m[i, 2] * accelerometer[2]
+        if w != e.raw_angular_velocity[i]:
+            same = 0
+        if e.begun != 0:
+            rate = min(max((w - e.raw_angular_velocity[i]) / t, -MAX_ACCELERATION), MAX_ACCELERATION)
+            e.angular_acceleration[i] += SMOOTH * (rate - e.angular_acceleration[i])
+        e.raw_angular_velocity[i], e.raw_acceleration[i] = w, a
+    e.same_in_a_row = e.same_in_a_row + 1 if same == 1 else 0
+    return True
+
+
+@kernel
+def _begin(e: EstimatorRecord) -> None:
+    """The first step: with the tilt that the accelerometer says, and the lowest foot on the ground, where asked to."""
+    f, c, a = e.filter, e.contact, e.raw_acceleration
+    begin_filter(f)
+    length = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    if e.level and length > 1.0 and a[1] * a[1] + a[2] * a[2] > 0.01 * length * length:
+        r, x, y, z = f.rotation, a[0] / length, a[1] / length, a[2] / length
+        across = np.sqrt(y * y + z * z)  # of the body's x axis, less its part along the vertical
+        r[2, 0], r[2, 1], r[2, 2] = x, y, z
+        r[0, 0], r[0, 1], r[0, 2] = across, -x * y / across, -x * z / across
+        r[1, 0], r[1, 1], r[1, 2] = 0.0, z / across, -y / across
+        _body_state(e)
+    update_terms(e.dynamics, e.q, e.v)
+    if e.level:
+        lowest = 0.0
+        for k in range(e.foot_radius.shape[0]):
+            height = e.dynamics.foot_position[k, 2] - e.foot_radius[k]
+            lowest = height if k == 0 else min(lowest, height)
+        f.position[2] -= lowest
+    _body_state(e)
+    update_terms(e.dynamics, e.q, e.v)
+    for j in range(6, e.v.shape[0]):
+        c.velocity[j] = e.v[j]
+    e.begun = 1
+
+
+@kernel
+def _doubt(e: EstimatorRecord) -> None:
+    """Let rotation and velocity be less certain, after a period without a good sample."""
+    p, t = e.filter.covariance, e.filter.period
+    for i in range(3):
+        p[i, i] += (DOUBT[0] * t) ** 2
+        p[3 + i, 3 + i] += (DOUBT[1] * t) ** 2
+
+
+@kernel
+def _place_joints(e: EstimatorRecord, position: Vector, velocity: Vector) -> None:
+    """Joint angles and velocities into the configuration."""
+    for j in range(position.shape[0]):
+        n = e.angle_place[j]
+        if e.unbounded[j]:
+            e.q[n], e.q[n + 1] = np.cos(position[j]), np.sin(position[j])
+        else:
+            e.q[n] = position[j]
+        e.v[6 + j] = velocity[j]
+
+
+@kernel
+def _predict(e: EstimatorRecord) -> None:
+    """Go on by a period; with the last sample of the inertial unit where there is no new one."""
+    f, rolling = e.filter, np.zeros((e.foot_velocity.shape[0], 3))
+    acceleration = np.empty(3)
+    for i in range(3):
+        e.angular_velocity[i] = e.raw_angular_velocity[i] - f.gyroscope_bias[i]
+        acceleration[i] = e.raw_acceleration[i] - f.accelerometer_bias[i]
+    for k in range(e.foot_radius.shape[0]):
+        if e.foot_radius[k] > 0.0 and f.held[k] != 0:
+            _roll(e, k, rolling[k])
+    predict(f, e.angular_velocity, acceleration, rolling)
+
+
+@kernel
+def _roll(e: EstimatorRecord, k: int, out: Vector) -> None:
+    """Velocity of the centre of a round foot that rolls on the level: ω × (0, 0, radius), world axes."""
+    t, r, radius = e.dynamics.tree, e.filter.rotation, e.foot_radius[k]
+    w = t.twist[e.dynamics.body[k]]
+    x = r[0, 0] * w[3] + r[0, 1] * w[4] + r[0, 2] * w[5]
+    y = r[1, 0] * w[3] + r[1, 1] * w[4] + r[1, 2] * w[5]
+    out[0], out[1] = radius * y, -radius * x
+
+
+@kernel
+def _body_state(e: EstimatorRecord) -> None:
+    """Configuration and velocity of the body from the filter's state of the inertial unit."""
+    f, r, o = e.filter, e.filter.rotation, e.place
+    for i in range(3):
+        e.angular_velocity[i] = e.raw_angular_velocity[i] - f.gyroscope_bias[i]
+    w = e.angular_velocity
+    sx, sy, sz = w[1] * o[2] - w[2] * o[1], w[2] * o[0] - w[0] * o[2], w[0] * o[1] - w[1] * o[0]
+    e.v[0] = r[0, 0] * f.velocity[0] + r[1, 0] * f.velocity[1] + r[2, 0] * f.velocity[2] - sx
+    e.v[1] = r[0, 1] * f.velocity[0] + r[1, 1] * f.velocity[1] + r[2, 1] * f.velocity[2] - sy
+    e.v[2] = r[0, 2] * f.velocity[0] + r[1, 2] * f.velocity[1] + r[2, 2] * f.velocity[2] - sz
+    for i in range(3):
+        e.q[i] = f.position[i] - r[i, 0] * o[0] - r[i, 1] * o[1] - r[i, 2] * o[2]
+        e.v[3 + i] = w[i]
+    _quaternion(r, e.q)
+
+
+@kernel
+def _quaternion(r: Vector, q: Vector) -> None:
+    """The quaternion of a rotation into q[3:7], of the two the one nearer to that which is there."""
+    x = np.sqrt(max(1.0 + r[0, 0] - r[1, 1] - r[2, 2], 0.0))
+    y = np.sqrt(max(1.0 - r[0, 0] + r[1, 1] - r[2, 2], 0.0))
+    z = np.sqrt(max(1.0 - r[0, 0] - r[1, 1] + r[2, 2], 0.0))
+    w = np.sqrt(max(1.0 + r[0, 0] + r[1, 1] + r[2, 2], 0.0))
+    if w >= max(x, y, z):
+        x, y, z = (r[2, 1] - r[1, 2]) / w, (r[0, 2] - r[2, 0]) / w, (r[1, 0] - r[0, 1]) / w
+    elif x >= max(y, z):
+        y, z, w = (r[0, 1] + r[1, 0]) / x, (r[0, 2] + r[2, 0]) / x, (r[2, 1] - r[1, 2]) / x
+    elif y >= z:
+        x, z, w = (r[0, 1] + r[1, 0]) / y, (r[1, 2] + r[2, 1]) / y, (r[0, 2] - r[2, 0]) / y
+    else:
+        x, y, w = (r[0, 2] + r[2, 0]) / z, (r[1, 2] + r[2, 1]) / z, (r[1, 0] - r[0, 1]) / z
+    norm = np.sqrt(x * x + y * y + z * z + w * w)
+    if x * q[3] + y * q[4] + z * q[5] + w * q[6] < 0.0:
+        norm = -norm
+    q[3], q[4], q[5], q[6] = x / norm, y / norm, z / norm, w / norm
+
+
+@kernel
+def _accelerate(e: EstimatorRecord) -> None:
+    """Acceleration of all coordinates: of the body by the inertial unit, of the joints by differences."""
+    f, c, r, w, b, o = e.filter, e.contact, e.filter.rotation, e.angular_velocity, e.angular_acceleration, e.place
+    # Of the body's origin: a − α × o − ω × (ω × o) + Rᵀ g, less ω × v for components in body axes.
+    sx, sy, sz = w[1] * o[2] - w[2] * o[1], w[2] * o[0] - w[0] * o[2], w[0] * o[1] - w[1] * o[0]
+    sx, sy, sz = sx + e.v[0], sy + e.v[1], sz + e.v[2]
+    turn = np.empty(3)
+    turn[0] = b[1] * o[2] - b[2] * o[1] + w[1] * sz - w[2] * sy
+    turn[1] = b[2] * o[0] - b[0] * o[2] + w[2] * sx - w[0] * sz
+    turn[2] = b[0] * o[1] - b[1] * o[0] + w[0] * sy - w[1] * sx
+    for i in range(3):
+        weight = r[0, i] * f.gravity[0] + r[1, i] * f.gravity[1] + r[2, i] * f.gravity[2]
+        c.acceleration[i] = e.raw_acceleration[i] - f.accelerometer_bias[i] + weight - turn[i]
+        c.acceleration[3 + i] = b[i]
+    for j in range(6, e.v.shape[0]):
+        difference = (e.v[j] - c.velocity[j]) / f.period
+        c.acceleration[j] = min(max(difference, -MAX_ACCELERATION), MAX_ACCELERATION)
+        c.velocity[j] = e.v[j]
+
+
+@kernel
+def _use_feet(e: EstimatorRecord, ground: Vector) -> None:
+    """Correct by the feet that touch the ground; others, and those that slipped, are forgotten."""
+    f, c, d, r, noise = e.filter, e.contact, e.dynamics, e.filter.rotation, np.empty((3, 3))
+    _local_feet(e)
+    for k in range(f.held.shape[0]):
+        if c.probability[k] < LIKELY:
+            if f.held[k] != 0:
+                leave(f, k)
+        else:
+            _kinematic_noise(e, k, noise)
+            place = e.local_foot[k]
+            if f.held[k] != 0:
+                slide(f, k, 1.0 / c.probability[k])
+                if not take_kinematics(f, k, place, noise):
+                    touch_down(f, k, place, noise, ground[k] + e.foot_radius[k])
+            else:
+                touch_down(f, k, place, noise, ground[k] + e.foot_radius[k])
+
+
+@kernel
+def _local_feet(e: EstimatorRecord) -> None:
+    """Place of the feet less that of the inertial unit, and their speeds against the body, in body axes."""
+    d, t, r, o = e.dynamics, e.dynamics.tree, e.dynamics.tree.rotation, e.place
+    for k in range(e.local_foot.shape[0]):
+        x, y, z = d.foot_position[k, 0] - e.q[0], d.foot_position[k, 1] - e.q[1], d.foot_position[k, 2] - e.q[2]
+        for i in range(3):
+            e.local_foot[k, i] = r[0, i] * x + r[1, i] * y + r[2, i] * z - o[i]
+        h, w, s = e.local_foot[k], e.angular_velocity, e.local_speed[k]
+        x, y, z = h[0] + o[0], h[1] + o[1], h[2] + o[2]
+        for i in range(3):
+            s[i] = r[0, i] * d.foot_velocity[k, 0] + r[1, i] * d.foot_velocity[k, 1] + r[2, i] * d.foot_velocity[k, 2]
+            s[i] -= e.v[i]
+        s[0] -= w[1] * z - w[2] * y
+        s[1] -= w[2] * x - w[0] * z
+        s[2] -= w[0] * y - w[1] * x
+
+
+@kernel
+def _kinematic_noise(e: EstimatorRecord, k: int, out: Vector) -> None:
+    """Covariance of a foot's place by kinematics, world axes, m²."""
+    f, d = e.filter, e.dynamics
+    for a in range(3):
+        for b in range(3):
+            s = 0.0
+            for j in range(6, e.v.shape[0]):
+                s += d.foot_jacobian[3 * k + a, j] * d.foot_jacobian[3 * k + b, j]
+            out[a, b] = s * f.encoder_noise**2
+        out[a, a] += f.foothold_noise**2
+
+
+@kernel
+def _write_state(e: EstimatorRecord) -> None:
+    """The estimate, with the feet that belong to it."""
+    _body_state(e)
+    f, r, w = e.filter, e.filter.rotation, e.angular_velocity
+    for k in range(e.local_foot.shape[0]):
+        h, s, o = e.local_foot[k], e.local_speed[k], e.place
+        x, y, z = h[0] + o[0], h[1] + o[1], h[2] + o[2]
+        sx = s[0] + e.v[0] + w[1] * z - w[2] * y
+        sy = s[1] + e.v[1] + w[2] * x - w[0] * z
+        sz = s[2] + e.v[2] + w[0] * y - w[1] * x
+        for i in range(3):
+            e.foot_position[k, i] = f.position[i] + r[i, 0] * h[0] + r[i, 1] * h[1] + r[i, 2] * h[2]
+            e.foot_velocity[k, i] = r[i, 0] * sx + r[i, 1] * sy + r[i, 2] * sz
+            e.foot_force[k, i] = e.contact.force[k, i]
+
+
+@kernel
+def _status(e: EstimatorRecord, good: bool) -> int:
+    """What is to be said of this step."""
+    if not good:
+        return NO_SAMPLE
+    if e.same_in_a_row >= SAME:
+        return STUCK
+    if e.saturated:
+        return SATURATED
+    if not is_finite(e.filter.innovation) or e.filter.innovation > INCONSISTENCY * EXPECTED:
+        return INCONSISTENT
+    return GOOD
