@@ -16,8 +16,10 @@ from comparison.worlds.models import JOINTS, PLAYGROUND, knowing, strip, world
 from comparison.worlds.policy import PERIOD, Policy
 from harpy_pin import Command, MujocoBridge, Noise, Robot, Standing, State, WalkingGait, make_controller
 from harpy_pin.errors import ControlError
+from harpy_pin.estimation import Estimator, Imu
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
+from harpy_pin.simulation.sensing import Sensing
 from harpy_pin.simulation.sensors import Sensors
 
 GRAVITY = 9.81
@@ -47,6 +49,7 @@ class Contender:
     contact_damping: float | None = None  # of the WBCs, 1/s; None for the gait's
     round: bool = True  # whether it is told that feet are spheres: the ground is one radius lower
     estimate: bool = False  # whether it estimates the friction in the joints
+    sensed: bool = False  # whether it knows only what an inertial unit, encoders and motor torques say
 
 
 _LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
@@ -58,6 +61,8 @@ CONTENDERS = {
     "joints known": Contender(known=JOINTS),
     "motor law": Contender(**_LAW),
     "motor law, joints known": Contender(known=JOINTS, **_LAW),
+    "motor law, sensors": Contender(sensed=True, **_LAW),
+    "motor law, joints known, sensors": Contender(known=JOINTS, sensed=True, **_LAW),
     "QP, torque alone": Contender(controller="wbc"),
     "QP, motor law": Contender(controller="wbc", **_LAW),
     POLICY: Contender(controller="policy"),
@@ -119,7 +124,11 @@ class Walker:
             kind = "wbc" if who.controller == "wbc" else "condensed"
             self.controller = make_controller(kind, self.gait, mu=friction, period=period, **how)
         late = -int(-DELAY // period)
-        self._sensors = None if seed is None else Sensors(robot, Noise.typical(), delay=late, seed=seed)
+        self._sensors = None if seed is None or who.sensed else Sensors(robot, Noise.typical(), delay=late, seed=seed)
+        self.estimator = self.sensing = None
+        if who.sensed:
+            self.sensing = Sensing(robot, Imu(), period=period, seed=0 if seed is None else seed)
+            self.estimator = Estimator(robot, Imu(), period=period, foot_radius=self.bridge.foot_radius)
 
     def place(self, data: Any) -> None:
         """Put the robot on the ground, at rest."""
@@ -128,12 +137,18 @@ class Walker:
         feet = np.zeros((len(self.bridge.foot_radius), 3))
         self.bridge.place(State(0.0, q, v, feet, feet, feet), data)
         import_mujoco().mj_forward(self.bridge.model, data)
+        if self.estimator is not None:
+            q[2] -= self._lower
+            self.estimator.reset(q, v)
 
     def act(self, data: Any, command: Vector) -> None:
         """Write the commands of a tick into MuJoCo's data."""
         state = self.bridge.read(data)
         state.q[2] -= self._lower
         state.foot_position[:, 2] -= self._lower
+        if self.estimator is not None:
+            readings = self.sensing.read(state, data.qfrc_actuator[self.bridge.velocity])
+            state = self.estimator.step(readings, self.controller.target)
         if self._sensors is not None:
             state = self._sensors.measure(state)
         if isinstance(self.gait, WalkingGait):

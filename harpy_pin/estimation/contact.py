@@ -23,8 +23,10 @@ from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.state import Vector
 
-LATE = 0.6
-"""Share of a swing from which on the gait expects the touchdown."""
+EARLIEST, LATEST = 0.3, 0.5
+"""Shares of a swing between which the gait begins to expect the touchdown."""
+LIKELY = 0.5
+"""Probability from which on a foot is in contact."""
 CERTAIN = 30.0
 """Largest log-odds."""
 
@@ -87,8 +89,9 @@ def contact_probability(c: ContactRecord, d: DynamicsRecord, stance: Vector, pha
     for k in range(c.force.shape[0]):
         expected = stance[k]
         if expected == 0.0:
-            expected = min(max((phase[k] - LATE) / (1.0 - LATE), 0.0), 1.0)
+            expected = min(max((phase[k] - EARLIEST) / (LATEST - EARLIEST), 0.0), 1.0)
         square = d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2 + d.foot_velocity[k, 2] ** 2
-        odds = (c.force[k, 2] / c.weight - c.load) / c.load_width + c.prior * (2.0 * expected - 1.0)
+        odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (2.0 * expected - 1.0)
         odds -= square / (c.foot_speed * c.foot_speed)
         c.probability[k] = 1.0 / (1.0 + np.exp(-min(max(odds, -CERTAIN), CERTAIN)))
+        c.share[k] = 0.0 if c.flat[k] and c.probability[k] < LIKELY else c.probability[k]

@@ -44,12 +44,13 @@ class EstimatorSettings:
     Attributes:
         foothold_density: random walk of a foot in stance, m/s/√Hz: soft ground, small slips.
         foothold_noise: of a foot's place by kinematics, besides the encoders', m: links that bend, calibration.
-        height_noise: of the ground's height under a foothold, m. Infinite for ground whose height nobody knows: then
-            the robot's height drifts like its place.
+        height_noise: of the height of footholds about zero, m. Infinite for ground that is not level: then the robot's
+            height drifts like its place.
         gate: squared Mahalanobis distance of a foot's place from which on the foot has slipped.
         force_rate: of the momentum observer, 1/s.
-        load: normal force of a foot as likely in contact as not, as a share of the robot's weight.
-        load_width: share of the weight by which the log-odds of contact change by one.
+        load: normal force of a foot as likely in contact as not, as a share of the robot's weight; of a contact point
+            of a flat foot the share of that share.
+        load_width: share of the same weight by which the log-odds of contact change by one.
         prior: log-odds of contact that the gait's plan adds.
         foot_speed: at which the log-odds of contact have fallen by one, m/s.
         damping: of the least squares for the forces of a leg, m²; it keeps singular legs finite.
@@ -62,9 +63,9 @@ class EstimatorSettings:
 
     foothold_density: float = 0.002
     foothold_noise: float = 5e-4
-    height_noise: float = 0.02
+    height_noise: float = 0.01
     gate: float = 40.0
-    force_rate: float = 300.0
+    force_rate: float = 150.0
     load: float = 0.06
     load_width: float = 0.02
     prior: float = 2.0
@@ -98,7 +99,8 @@ class Estimator(KeepsViews):
         imu: noise and place of the sensors.
         settings: the rest.
         period: time between steps, s.
-        foot_radius: of round feet, one for all or (feet,), m.
+        foot_radius: of round feet that roll, one for all or (feet,), m. Their centres are the robot's feet, which stand
+            on level ground at height zero.
 
     Attributes:
         record: all that the kernels know.
@@ -125,7 +127,7 @@ class Estimator(KeepsViews):
         self.probability: Vector = field(self.record["contact"], "probability")
         self._thrust = np.zeros(robot.n_thrust)
         self._no_force = np.full(feet, np.nan)
-        self._nothing = (np.full(feet, 0.5), np.zeros(feet), np.zeros(feet))
+        self._nothing = (np.full(feet, 0.5), np.zeros(feet))
         self.signals: dict[str, NDArray[Any]] = {
             "estimated_q": field(self.record, "q"),
             "estimated_v": field(self.record, "v"),
@@ -183,8 +185,7 @@ class Estimator(KeepsViews):
         Args:
             readings: of the sensors.
             target: the gait's targets of the last tick (:class:`~harpy_pin.gaits.gait.GaitTarget`, such as a
-                controller's ``target``): which feet it expects on the ground, and the ground's height there. None:
-                nothing is expected, and the ground is at height zero.
+                controller's ``target``): which feet it expects on the ground. None: it expects nothing.
 
         Returns:
             The estimate; it shares memory with the next one.
@@ -196,7 +197,7 @@ class Estimator(KeepsViews):
         if s.thrust is not None and len(thrust):
             read_thrusts(self.record["dynamics"], s.thrust, thrust)
         force = self._no_force if s.foot_force is None else s.foot_force
-        expected = self._nothing if target is None else (target.stance, target.phase, target.ground_height)
+        expected = self._nothing if target is None else (target.stance, target.phase)
         legs = (s.joint_position, s.joint_velocity, s.joint_torque)
         try:
             status = estimate(self.record, float(s.t), s.gyroscope, s.accelerometer, *legs, thrust, force, *expected)
@@ -241,7 +242,8 @@ def _record(
             robot.sizes,
             rate=s.force_rate,
             **{name: getattr(s, name) for name in ("load", "load_width", "prior", "foot_speed", "damping")},
-            weight=robot.mass * GRAVITY,
+            weight=robot.mass * GRAVITY / np.repeat(robot.corners, robot.corners),
+            flat=np.repeat(robot.corners, robot.corners) > 1,
             leg_joints=legs,
             leg_feet=feet,
             normal=np.zeros((legs.shape[1], legs.shape[1])),

@@ -50,7 +50,7 @@ class Imu:
     orientation: tuple[float, ...] = (0.0, 0.0, 0.0)
     rate: float | None = None
     gyroscope_density: float = 1.7e-4
-    gyroscope_bias: float = 5e-3
+    gyroscope_bias: float = 1e-3
     gyroscope_walk: float = 2e-5
     gyroscope_range: float = 35.0
     accelerometer_density: float = 2e-3

@@ -210,7 +210,7 @@ def leave(f: FilterRecord, k: int) -> None:
 
 
 @kernel
-def touch_down(f: FilterRecord, k: int, local: Vector, noise: Vector, ground: float) -> None:
+def touch_down(f: FilterRecord, k: int, local: Vector, noise: Vector) -> None:
     """Begin a foothold where kinematics say that the foot is.
 
     Args:
@@ -218,8 +218,6 @@ def touch_down(f: FilterRecord, k: int, local: Vector, noise: Vector, ground: fl
         k: number of the foot.
         local: (3,) of the foot less the inertial unit, body axes, m.
         noise: (3, 3) covariance of that, world axes, m².
-        ground: height of the foot when it stands on the ground there, m; used where the filter's height noise is
-            finite.
     """
     leave(f, k)
     f.held[k] = 1
@@ -229,18 +227,18 @@ def touch_down(f: FilterRecord, k: int, local: Vector, noise: Vector, ground: fl
         for j in range(3):
             f.covariance[m + i, m + j] = noise[i, j]
     if f.height_noise < np.inf:
-        _take_height(f, k, ground)
+        _take_height(f, k)
 
 
 @kernel
-def _take_height(f: FilterRecord, k: int, ground: float) -> None:
-    """Correct by the height of a foothold."""
+def _take_height(f: FilterRecord, k: int) -> None:
+    """Correct by the height of a foothold on level ground, zero."""
     n, p, m, row = f.covariance.shape[0], f.covariance, ERRORS + 3 * k, f.rows[0]
     rx, ry = f.foothold[k, 0], f.foothold[k, 1]
     for j in range(n):
         row[j] = p[8, j] + p[m + 2, j] + ry * p[0, j] - rx * p[1, j]
     variance = row[8] + row[m + 2] + ry * row[0] - rx * row[1] + f.height_noise * f.height_noise
-    off = f.position[2] + f.foothold[k, 2] - ground
+    off = f.position[2] + f.foothold[k, 2]
     for j in range(n):
         f.correction[j] = row[j] * off / variance
         row[j] /= np.sqrt(variance)

@@ -53,12 +53,14 @@ class ContactRecord(RecordOf):
     prior: float  # log-odds of contact that the gait is sure of
     foot_speed: float  # at which the log-odds of contact have fallen by one, m/s
     damping: float  # that makes the forces of singular legs finite, m²
-    weight: float  # of the robot, N
+    weight: Vector  # (feet,) of the robot, N, divided by how many contact points each foot has
+    flat: NDArray[np.int64]  # (feet,) 1 for a contact point of a flat foot
     leg_joints: NDArray[np.int64]  # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
     leg_feet: NDArray[np.int64]  # (legs, feet) contact points of each leg; −1 beyond the last
     external: Vector = sized("joints")  # torques of the contact forces, low-passed, N·m
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
+    share: Vector = sized("feet")  # of the force that is believed
     velocity: Vector = sized("nv")  # of the last step
     acceleration: Vector = sized("nv")  # of this step
     normal: Vector  # (most joints of a leg, as many)
@@ -88,7 +90,7 @@ class EstimatorRecord(RecordOf):
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
     raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s
     raw_acceleration: Vector = sized(3)  # of the last good sample, body axes, m/s²
-    angular_acceleration: Vector = sized(3)  # low-passed, body axes, rad/s²
+    angular_acceleration: Vector = sized(3)  # body axes, rad/s²
     q: Vector  # (nq,) the estimate
     v: Vector = sized("nv")
     foot_position: Vector = sized("feet", 3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.estimation.contact import contact_probability, leg_forces, observe_torques
+from harpy_pin.estimation.contact import LIKELY, contact_probability, leg_forces, observe_torques
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.model.entry import all_possible, is_finite
@@ -14,8 +14,6 @@ from harpy_pin.model.terms import update_terms
 
 MISFIT_READINGS, GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS = -1, 0, 1, 2, 3, 4, 5
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
-LIKELY = 0.5
-"""Probability of contact from which on a foot holds."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
 EXPECTED = 3.0
@@ -26,8 +24,6 @@ MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
-SMOOTH = 0.1
-"""Share of a new sample in the angular acceleration."""
 MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
@@ -45,7 +41,6 @@ def estimate(
     normal_force: Vector,
     stance: Vector,
     phase: Vector,
-    ground: Vector,
 ) -> int:
     """One step; see :meth:`harpy_pin.estimation.estimator.Estimator.step`, whose arrays these are.
 
@@ -92,7 +87,7 @@ def estimate(
             if abs(normal_force[k]) < np.inf:
                 e.contact.force[k, 2] = normal_force[k]
         contact_probability(e.contact, e.dynamics, stance, phase)
-        _use_feet(e, ground)
+        _use_feet(e)
     _write_state(e)
     e.status = _status(e, unit and legs)
     return e.status
@@ -116,7 +111,7 @@ def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> 
             same = 0
         if e.begun != 0:
             rate = min(max((w - e.raw_angular_velocity[i]) / t, -MAX_ACCELERATION), MAX_ACCELERATION)
-            e.angular_acceleration[i] += SMOOTH * (rate - e.angular_acceleration[i])
+            e.angular_acceleration[i] = rate
         e.raw_angular_velocity[i], e.raw_acceleration[i] = w, a
     e.same_in_a_row = e.same_in_a_row + 1 if same == 1 else 0
     return True
@@ -139,7 +134,7 @@ def _begin(e: EstimatorRecord) -> None:
     if e.level:
         lowest = 0.0
         for k in range(e.foot_radius.shape[0]):
-            height = e.dynamics.foot_position[k, 2] - e.foot_radius[k]
+            height = e.dynamics.foot_position[k, 2]
             lowest = height if k == 0 else min(lowest, height)
         f.position[2] -= lowest
     _body_state(e)
@@ -254,7 +249,7 @@ def _accelerate(e: EstimatorRecord) -> None:
 
 
 @kernel
-def _use_feet(e: EstimatorRecord, ground: Vector) -> None:
+def _use_feet(e: EstimatorRecord) -> None:
     """Correct by the feet that touch the ground; others, and those that slipped, are forgotten."""
     f, c, d, r, noise = e.filter, e.contact, e.dynamics, e.filter.rotation, np.empty((3, 3))
     _local_feet(e)
@@ -268,9 +263,9 @@ def _use_feet(e: EstimatorRecord, ground: Vector) -> None:
             if f.held[k] != 0:
                 slide(f, k, 1.0 / c.probability[k])
                 if not take_kinematics(f, k, place, noise):
-                    touch_down(f, k, place, noise, ground[k] + e.foot_radius[k])
+                    touch_down(f, k, place, noise)
             else:
-                touch_down(f, k, place, noise, ground[k] + e.foot_radius[k])
+                touch_down(f, k, place, noise)
 
 
 @kernel
@@ -318,7 +313,7 @@ def _write_state(e: EstimatorRecord) -> None:
         for i in range(3):
             e.foot_position[k, i] = f.position[i] + r[i, 0] * h[0] + r[i, 1] * h[1] + r[i, 2] * h[2]
             e.foot_velocity[k, i] = r[i, 0] * sx + r[i, 1] * sy + r[i, 2] * sz
-            e.foot_force[k, i] = e.contact.force[k, i]
+            e.foot_force[k, i] = e.contact.share[k] * e.contact.force[k, i]
 
 
 @kernel
