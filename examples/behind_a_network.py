@@ -9,9 +9,9 @@ from harpy_pin.contrib.shield_batch import ShieldBatch
 
 MU, HEIGHT, N = 0.2, 0.6, 1000
 robot, random = hp.load_harpy(), np.random.default_rng(0)
-legs = [hp.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
+legs = [hp.model.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
 feet = ((0.0, 0.125, -HEIGHT), (0.0, -0.125, -HEIGHT))
-posture = np.concatenate([hp.leg_inverse_kinematics(leg, foot) for leg, foot in zip(legs, feet, strict=True)])
+posture = np.concatenate([hp.model.leg_inverse_kinematics(leg, foot) for leg, foot in zip(legs, feet, strict=True)])
 REST = np.concatenate(([0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0], posture, np.zeros(12)))
 
 

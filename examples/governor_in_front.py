@@ -20,7 +20,7 @@ class SpeedRow:
 
 
 robot = hp.load_harpy()
-rows = hp.governors.StackedRows([hp.ForceRows(mass=robot.mass, mu=0.4), SpeedRow(0.4)])
+rows = hp.governors.StackedRows([hp.governors.ForceRows(mass=robot.mass, mu=0.4), SpeedRow(0.4)])
 governor = hp.ExplicitReferenceGovernor(rows)
 
 # Any controller that tracks [c; ċ] can stand behind it; here a point mass with a spring and a damper.

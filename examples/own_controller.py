@@ -9,12 +9,12 @@ class Squat:
     """PD on joint angles from inverse kinematics, and a spring on the body by the thrusters."""
 
     def __init__(self, gait: hp.Gait) -> None:
-        self.legs = [hp.LegGeometry.from_robot(gait.robot, foot) for foot in gait.robot.feet]
+        self.legs = [hp.model.LegGeometry.from_robot(gait.robot, foot) for foot in gait.robot.feet]
 
     def step(self, state: hp.State) -> hp.Command:
         height = 0.55 + 0.04 * np.cos(2.0 * np.pi * 0.5 * state.t)
         feet = [(0.0, 0.15, -height), (0.0, -0.15, -height)]
-        angles = [hp.leg_inverse_kinematics(leg, foot) for leg, foot in zip(self.legs, feet, strict=True)]
+        angles = [hp.model.leg_inverse_kinematics(leg, foot) for leg, foot in zip(self.legs, feet, strict=True)]
         torque = 400.0 * (np.concatenate(angles) - state.q[7:]) - 3.0 * state.v[6:]
         spring = 200.0 * (np.array([0.0, 0.0, height]) - state.q[:3]) - 20.0 * state.v[:3]
         return hp.Command(torque, np.array([0.5 * spring, 0.5 * spring]))

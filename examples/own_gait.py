@@ -28,8 +28,10 @@ class Squats:
         return self.target
 
     def initial_state(self, *, penetration: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        legs = [hp.LegGeometry.from_robot(self.robot, foot) for foot in self.robot.feet]
-        angles = [hp.leg_inverse_kinematics(leg, foot - (0.0, 0.0, HIGH)) for leg, foot in zip(legs, FEET, strict=True)]
+        legs = [hp.model.LegGeometry.from_robot(self.robot, foot) for foot in self.robot.feet]
+        angles = [
+            hp.model.leg_inverse_kinematics(leg, foot - (0.0, 0.0, HIGH)) for leg, foot in zip(legs, FEET, strict=True)
+        ]
         return np.concatenate(([0.0, 0.0, HIGH - penetration, 0.0, 0.0, 0.0, 1.0], *angles)), np.zeros(12)
 
 

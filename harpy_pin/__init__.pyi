@@ -3,14 +3,14 @@
 from . import controllers, gaits, governors, ground, log, model, scenario, simulation, view, wbc
 from .controllers import CondensedController, WholeBodyController, make_controller
 from .errors import ControlError, HarpyError, InputError, Interrupted, RobotError, RunFileError
+from .estimation import Estimator, Imu, Readings
 from .gaits import Gait, GaitTarget, Hovering, OnTerrain, Standing, WalkingGait, make_commanded_gait, make_gait
-from .governors import ContactForceFilter, ContactForceFilterParameters, ExplicitReferenceGovernor, ForceRows, Shield
+from .governors import ContactForceFilter, ContactForceFilterParameters, ExplicitReferenceGovernor, Shield
 from .ground.ground import Ground
 from .log.measures import measure
 from .log.run import Run
 from .model.dynamics import Dynamics
 from .model.flat_foot import FlatFoot
-from .model.kinematics import LegGeometry, leg_inverse_kinematics
 from .model.robot import Robot, load_harpy, load_robot, robots
 from .model.rotor import Rotor
 from .model.state import Command, State
@@ -52,10 +52,10 @@ __all__ = [
     "Controller",
     "Disturbances",
     "Dynamics",
+    "Estimator",
     "ExplicitReferenceGovernor",
     "FlatFoot",
     "FootForceTask",
-    "ForceRows",
     "FrameTask",
     "Gait",
     "GaitTarget",
@@ -63,15 +63,16 @@ __all__ = [
     "Ground",
     "HarpyError",
     "Hovering",
+    "Imu",
     "InputError",
     "Interrupted",
     "JointTask",
-    "LegGeometry",
     "Mujoco",
     "MujocoBridge",
     "Noise",
     "OnTerrain",
     "Push",
+    "Readings",
     "Recorder",
     "Robot",
     "RobotError",
@@ -95,7 +96,6 @@ __all__ = [
     "gaits",
     "governors",
     "ground",
-    "leg_inverse_kinematics",
     "load_harpy",
     "load_robot",
     "log",

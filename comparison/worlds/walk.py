@@ -125,9 +125,9 @@ class Walker:
             self.controller = make_controller(kind, self.gait, mu=friction, period=period, **how)
         late = -int(-DELAY // period)
         self._sensors = None if seed is None or who.sensed else Sensors(robot, Noise.typical(), delay=late, seed=seed)
-        self.estimator = self.sensing = None
+        self.estimator: Estimator | None = None
         if who.sensed:
-            self.sensing = Sensing(robot, Imu(), period=period, seed=0 if seed is None else seed)
+            self._sensing = Sensing(robot, Imu(), period=period, seed=0 if seed is None else seed)
             self.estimator = Estimator(robot, Imu(), period=period, foot_radius=self.bridge.foot_radius)
 
     def place(self, data: Any) -> None:
@@ -147,7 +147,7 @@ class Walker:
         state.q[2] -= self._lower
         state.foot_position[:, 2] -= self._lower
         if self.estimator is not None:
-            readings = self.sensing.read(state, data.qfrc_actuator[self.bridge.velocity])
+            readings = self._sensing.read(state, data.qfrc_actuator[self.bridge.velocity])
             state = self.estimator.step(readings, self.controller.target)
         if self._sensors is not None:
             state = self._sensors.measure(state)

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.errors import InputError
+from harpy_pin.estimation import tick
 from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
-from harpy_pin.estimation.record import ERRORS, ContactRecord, EstimatorRecord, FilterRecord
-from harpy_pin.estimation import tick
+from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRecord
 from harpy_pin.estimation.tick import MISFIT_READINGS, estimate
 from harpy_pin.model.dynamics import dynamics_record
 from harpy_pin.model.entry import as_array
@@ -264,8 +263,9 @@ def _record(
 
 
 def _legs(robot: Robot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """For each leg the columns in v of the joints that only it has, and its contact points; −1 where there are fewer."""
-    model, legs = robot.model, {}
+    """Columns in v of the joints that each leg alone has, and its contact points; −1 where there are fewer."""
+    model = robot.model
+    legs: dict[tuple[int, ...], list[int]] = {}
     for k, name in enumerate(robot.feet):
         joint, columns = model.frames[robot.frame_id(name)].parentJoint, []
         while joint > 1:

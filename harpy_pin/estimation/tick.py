@@ -251,7 +251,7 @@ def _accelerate(e: EstimatorRecord) -> None:
 @kernel
 def _use_feet(e: EstimatorRecord) -> None:
     """Correct by the feet that touch the ground; others, and those that slipped, are forgotten."""
-    f, c, d, r, noise = e.filter, e.contact, e.dynamics, e.filter.rotation, np.empty((3, 3))
+    f, c, noise = e.filter, e.contact, np.empty((3, 3))
     _local_feet(e)
     for k in range(f.held.shape[0]):
         if c.probability[k] < LIKELY:
@@ -271,7 +271,7 @@ def _use_feet(e: EstimatorRecord) -> None:
 @kernel
 def _local_feet(e: EstimatorRecord) -> None:
     """Place of the feet less that of the inertial unit, and their speeds against the body, in body axes."""
-    d, t, r, o = e.dynamics, e.dynamics.tree, e.dynamics.tree.rotation, e.place
+    d, r, o = e.dynamics, e.dynamics.tree.rotation, e.place
     for k in range(e.local_foot.shape[0]):
         x, y, z = d.foot_position[k, 0] - e.q[0], d.foot_position[k, 1] - e.q[1], d.foot_position[k, 2] - e.q[2]
         for i in range(3):

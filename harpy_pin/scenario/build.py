@@ -11,14 +11,17 @@ controller's default solver) the last digits may differ, as they depend on where
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
+from harpy_pin.estimation import Estimator, EstimatorSettings
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.log.run import Run
@@ -26,9 +29,10 @@ from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import State
 from harpy_pin.scenario.gait_parts import GaitPart, Stand
-from harpy_pin.scenario.scenario import Scenario
+from harpy_pin.scenario.scenario import ESTIMATED, Scenario
 from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.plant import Plant
+from harpy_pin.simulation.sensing import EstimatedState
 from harpy_pin.simulation.sensors import Sensors
 
 
@@ -41,7 +45,7 @@ class Walk:
         gait: targets of body and feet; ``gait.robot`` is the robot whose mass and inertia the controller assumes.
         controller: that walks it.
         simulator: holds the true robot, in its start state.
-        sensors: between them; none where the scenario has neither noise nor delay.
+        sensors: between them; none where the scenario has neither sensors nor noise nor delay.
         own: which of gait and controller are not the scenario's.
     """
 
@@ -49,7 +53,7 @@ class Walk:
     gait: Gait
     controller: Controller
     simulator: Plant
-    sensors: Sensors | None
+    sensors: Sensors | EstimatedState | None
     own: tuple[str, ...] = ()
 
     def run(
@@ -128,10 +132,23 @@ def build(
     v[:6] += np.array(disturbances.start_velocity)
     simulator.reset(q, v)
     delay = checks.multiple("delay", disturbances.delay, "period", scenario.period, low=0)
-    sensors = None
-    if disturbances.noise or delay > 0:
+    sensors: Sensors | EstimatedState | None = None
+    if scenario.sensors is not None:
+        sensors = _estimated(scenario, gait, chosen, simulator)
+    elif disturbances.noise or delay > 0:
         sensors = Sensors(simulator.robot, disturbances.noise, delay=delay, seed=disturbances.seed)
     return Walk(scenario, gait, chosen, simulator, sensors, own)
+
+
+def _estimated(scenario: Scenario, gait: Gait, controller: Controller, simulator: Plant) -> EstimatedState:
+    """Sensors and estimator of what the controller believes of the robot."""
+    surface, imu = scenario.ground.surface, scenario.sensors
+    level = surface is None or bool(surface.record["level"][0])
+    settings = EstimatorSettings() if level else EstimatorSettings(height_noise=math.inf)
+    radius = getattr(simulator, "foot_radius", 0.0)
+    estimator = Estimator(gait.robot, imu, settings=settings, period=scenario.period, foot_radius=radius)
+    how: dict[str, Any] = {"feedback": scenario.state == ESTIMATED, "seed": scenario.disturbances.seed}
+    return EstimatedState(simulator, estimator, controller=controller, **how)
 
 
 def _on_ground(gait: Gait, part: GaitPart, scenario: Scenario) -> Gait:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from os import PathLike
 from typing import Any
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
+from harpy_pin.estimation import Imu
 from harpy_pin.ground.ground import Ground, Unset
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
@@ -20,6 +21,9 @@ from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, Walking, gaits_o
 from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.push import check_pushes
+
+TRUE, ESTIMATED = "true", "estimated"
+"""What a controller may know of the state."""
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -42,6 +46,9 @@ class Scenario:
         ground: what the robot walks on; by default of friction 0.25. Where no stiffness is given it is the paper's, for
             another robot than Harpy one that fits its weight.
         disturbances: pushes, noise, delay, mass error and start velocity; none by default.
+        sensors: of the robot, which are simulated and logged with the estimate of the state from them; None: none.
+        state: what the controller knows: the ``true`` state, with the noise and delay of the disturbances, or the
+            ``estimated`` one, from sensors that are ``Imu()`` where no others are given.
         duration: simulated time, s.
         period: time between control ticks, s, a multiple of dt.
         dt: physics step, s, at least 1e-6.
@@ -58,6 +65,8 @@ class Scenario:
     plant: PlantPart
     ground: Ground
     disturbances: Disturbances
+    sensors: Imu | None
+    state: str
     duration: float
     period: float
     dt: float
@@ -72,18 +81,23 @@ class Scenario:
         plant: PlantPart | str | Mapping[str, Any] | None = None,
         ground: Ground | Mapping[str, Any] | None = None,
         disturbances: Disturbances | Mapping[str, Any] | None = None,
+        sensors: Imu | Mapping[str, Any] | None = None,
+        state: str = TRUE,
         duration: float = 6.0,
         period: float = 1e-3,
         dt: float = 5e-4,
         urdf: str | PathLike[str] | None = None,
     ) -> None:
         robot = named_robot(robot)
+        checks.one_of("state", state, (TRUE, ESTIMATED))
         values: dict[str, Any] = {
             "robot": robot,
             "gait": read_part(GAIT_PARTS, "gait", gait, gaits_of(robot)),
             "controller": read_part(CONTROLLER_PARTS, "controller", controller),
             "plant": read_part(PLANT_PARTS, "plant", plant),
             "disturbances": read_record(Disturbances, "disturbances", {} if disturbances is None else disturbances),
+            "sensors": _read_sensors(sensors, state),
+            "state": state,
             "duration": checks.number("duration", duration, low=0.0, strict=True),
             "period": checks.number("period", period, low=0.0, strict=True),
             "dt": checks.number("dt", dt, low=1e-6),
@@ -133,6 +147,9 @@ class Scenario:
     def _check_times(self) -> None:
         """Whether steps, ticks, delay and pushes fit into each other and into the duration."""
         pushes, delay = self.disturbances.pushes, self.disturbances.delay
+        if self.sensors is not None and (self.disturbances.noise or delay > 0.0):
+            message = "sensors have noise of their own: leave the disturbances' noise and delay out"
+            raise InputError(message, name="sensors", value=self.sensors)
         check_pushes(pushes, 0.0, checks.ticks(self.duration, self.period) * self.period)
         checks.multiple("period", self.period, "physics step", self.dt)
         checks.multiple("delay", delay, "period", self.period, low=0)
@@ -156,6 +173,7 @@ class Scenario:
     def to_dict(self) -> dict[str, Any]:
         """Names and values, those of a part inside it, ready for JSON and exact."""
         parts = {name: getattr(self, name).to_dict() for name in ("gait", "controller", "plant", "disturbances")}
+        parts["sensors"] = None if self.sensors is None else plain(asdict(self.sensors))
         parts["ground"] = plain(self.ground.to_dict())
         parts["robot"] = plain_source(self.robot.source) if isinstance(self.robot, Robot) else self.robot
         return {entry.name: parts.get(entry.name, getattr(self, entry.name)) for entry in fields(self)}
@@ -196,3 +214,10 @@ class Scenario:
             message = f"the run was walked with its own {parts or 'parts'}, which its scenario does not hold"
             raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
         return cls.from_dict(run.metadata["scenario"])
+
+
+def _read_sensors(value: Any, state: str) -> Imu | None:
+    """Sensors from themselves or a mapping of their attributes; the default ones where the state is to be estimated."""
+    if value is None:
+        return Imu() if state == ESTIMATED else None
+    return read_record(Imu, "sensors", value)

@@ -22,6 +22,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import plain_source
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.sensing import EstimatedState
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.step import VERDICTS
 
@@ -104,7 +105,7 @@ class ClosedLoop:
     on_tick: Callable[[State], None] | None
     on_piece: Callable[[float], None] | None
     pushes: Sequence[Push]
-    sensors: Sensors | None
+    sensors: Sensors | EstimatedState | None
     ending: str = "completed"
     failure: Exception | None = None
 

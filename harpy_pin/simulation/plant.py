@@ -36,6 +36,7 @@ from harpy_pin.model.terms import write_thrusts
 from harpy_pin.simulation.actuators import Actuators, motors_of, take_law
 from harpy_pin.simulation.loop import ClosedLoop, Controller, keep_run, run_metadata
 from harpy_pin.simulation.push import Push, check_pushes
+from harpy_pin.simulation.sensing import EstimatedState
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.step import VERDICTS, PlantRecord, plant_record, stands
 from harpy_pin.simulation.thrusters import settle_thrusters
@@ -305,7 +306,7 @@ class Plant(KeepsViews, ABC):
         on_tick: Callable[[State], None] | None = None,
         on_piece: Callable[[float], None] | None = None,
         pushes: Sequence[Push] = (),
-        sensors: Sensors | None = None,
+        sensors: Sensors | EstimatedState | None = None,
         save: str | Path | None = None,
     ) -> Run:
         """Run a controller in closed loop and log every tick.

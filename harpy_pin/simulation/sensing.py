@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +18,9 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
+
+if TYPE_CHECKING:
+    from harpy_pin.simulation.plant import Plant
 
 
 class Sensing(KeepsViews):
@@ -116,8 +119,7 @@ class EstimatedState(KeepsViews):
 
     Args:
         plant: placed already; the estimate begins at its state.
-        imu: its sensors.
-        estimator: of what the controller believes of the robot.
+        estimator: of the sensors that are simulated, and of what the controller believes of the robot.
         controller: whose ``target``, where it has one, says which feet the gait expects on the ground.
         feedback: whether the controller gets the estimate; the true state otherwise.
         seed: of the sensors.
@@ -127,10 +129,10 @@ class EstimatedState(KeepsViews):
     """
 
     def __init__(
-        self, plant: Any, imu: Imu, estimator: Estimator, *, controller: Any = None, feedback: bool = True, seed: int = 0
+        self, plant: Plant, estimator: Estimator, *, controller: Any = None, feedback: bool = True, seed: int = 0
     ) -> None:
         self.estimator, self.feedback, self._controller = estimator, feedback, controller
-        self.sensing = Sensing(plant.robot, imu, period=estimator.period, gravity=plant.gravity, seed=seed)
+        self.sensing = Sensing(plant.robot, estimator.imu, period=estimator.period, gravity=plant.gravity, seed=seed)
         motors = plant.record["motors"]
         self._torque, self._thrust = field(motors, "mean_torque"), plant.signals["thrust"]
         self._unit = np.zeros((2, 3))

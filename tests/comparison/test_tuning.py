@@ -68,7 +68,7 @@ def test_factors_multiply_what_is_published() -> None:
     assert isinstance(governor, ExplicitReferenceGovernor)
     rates = [float(governor._record[name][0]) for name in ("alpha_n", "alpha_r")]
     assert (rates, governor.conditions) == ([60.0, 10.0], "equation")
-    assert isinstance(governor.rows, hp.ForceRows)
+    assert isinstance(governor.rows, hp.governors.ForceRows)
     assert governor.rows.record["tracked"] == 1
 
 

@@ -95,11 +95,11 @@ def test_governed_tick_against_its_formulas(robot):
         held = rotation.T @ (target.body[:3] + p - q[:3])
         moving = rotation.T @ (target.body[3:6] + p_dot - velocity) - np.cross(v[3:6], held)
         point = (1 - level) * p + level * held
-        angles[3 * k : 3 * k + 3] = hp.leg_inverse_kinematics(geometry, point)
+        angles[3 * k : 3 * k + 3] = hp.model.leg_inverse_kinematics(geometry, point)
         step = 1e-6
         moved = (1 - level) * p_dot + level * moving
-        ahead = hp.leg_inverse_kinematics(geometry, point + step * moved)
-        behind = hp.leg_inverse_kinematics(geometry, point - step * moved)
+        ahead = hp.model.leg_inverse_kinematics(geometry, point + step * moved)
+        behind = hp.model.leg_inverse_kinematics(geometry, point - step * moved)
         rates[3 * k : 3 * k + 3] = (ahead - behind) / (2 * step)
     error = angles - q[7:]
     torque = k_p * error + np.clip(k_i * error * 1e-3, -4, 4) + k_d * (rates - v[6:])

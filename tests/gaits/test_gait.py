@@ -192,7 +192,7 @@ def test_every_target_is_within_reach_of_the_leg(robot, gait):
     """Between the moments that the constructor checks, too."""
     for row in targets(gait, grid(gait)):
         for k, geometry in enumerate(gait.geometry):
-            angles = hp.leg_inverse_kinematics(geometry, row["foot_position"][k])
+            angles = hp.model.leg_inverse_kinematics(geometry, row["foot_position"][k])
             assert np.all(angles >= robot.joint_lower[3 * k : 3 * k + 3])
             assert np.all(angles <= robot.joint_upper[3 * k : 3 * k + 3])
 

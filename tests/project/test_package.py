@@ -26,6 +26,7 @@ ORDER = [
     ("arguments",),
     ("compiled",),
     ("model",),
+    ("estimation",),
     ("ground",),
     ("log",),
     ("simulation",),

@@ -209,7 +209,7 @@ def test_terms_and_filters_say_that_a_state_is_impossible(robot, state):
         assert force_filter.status.bad_samples == count, what
         np.testing.assert_array_equal(command.torque, 1.0)
         assert "bad state" in shield(bad, command)[1].reasons, what
-    governor = hp.ExplicitReferenceGovernor(hp.ForceRows(mass=robot.mass, mu=0.3))
+    governor = hp.ExplicitReferenceGovernor(hp.governors.ForceRows(mass=robot.mass, mu=0.3))
     governor.reset(np.zeros(6))
     governor.update(np.full(9, 1e200), np.zeros(6), 1e-3)
     assert governor.status.bad_samples == 1

@@ -37,7 +37,7 @@ assert_type(added, hp.wbc.AddedTask)
 assert_type(added.error, Vector)
 controller.add(hp.FootForceTask("left_foot", force=(0.0, 0.0, 25.0)), weight=0.01)
 
-rows = hp.governors.StackedRows([hp.ForceRows(mass=robot.mass, mu=0.4), SpeedRow()])
+rows = hp.governors.StackedRows([hp.governors.ForceRows(mass=robot.mass, mu=0.4), SpeedRow()])
 governor: hp.governors.Governor = hp.ExplicitReferenceGovernor(rows)
 governor.reset(np.array([0.0, 0.0, 0.6, 0.0, 0.0, 0.0]))
 applied = governor.update(

@@ -90,7 +90,7 @@ def values() -> dict[str, Any]:
     command = controller.step(simulator.state)
     run, problem = hp.walk(hp.Scenario(duration=0.01)), hp.wbc.make_problem("input_space", robot)
     program, feet = problem.program, np.zeros((2, 3))
-    rows = hp.ForceRows(mass=robot.mass, mu=0.25)
+    rows = hp.governors.ForceRows(mass=robot.mass, mu=0.25)
     iris, solo = (hp.load_robot(name) for name in ("iris", "solo12"))
     return {
         **{"robot": robot, "gait": gait, "state": simulator.state, "command": command, "run": run, "q": q, "v": v},
@@ -106,7 +106,7 @@ def values() -> dict[str, Any]:
         **{"action": np.zeros(12), "actions": np.zeros((1, 12)), "step_duration": 0.75, "begin": 0.0, "end": 1.0},
         **{"size": 4, "equalities": 1, "inequalities": 3, "bounded": 2, "offset": (0.0, 0.0, 0.01)},
         **{"stance": np.ones(2), "data": hp.Scenario().to_dict(), "error": np.zeros(3), "velocity": np.zeros(3)},
-        **{"geometry": hp.LegGeometry.from_robot(robot, "left_foot"), "length": 0.1, "width": 0.05, "gain": 1.0},
+        **{"geometry": hp.model.LegGeometry.from_robot(robot, "left_foot"), "length": 0.1, "width": 0.05, "gain": 1.0},
         **{"body": np.zeros(9), "h": np.zeros(7), "jacobian": np.zeros((7, 6)), "message": "text", "time": 0.0},
         **{"hip": (0.0, 0.1, 0.0), "upper": 0.3, "lower": 0.3, "impulse": (0.0, 1.0, 0.0), "model": robot.model},
         **{"thrusters": robot.thrusters, "thrust_limit": 50.0, "signals": run.signals, "metadata": run.metadata},

@@ -65,6 +65,10 @@ def _started(plant: Any) -> Any:
     return plant
 
 
+def _rows():
+    return hp.governors.ForceRows(mass=ROBOT.mass, mu=0.2)
+
+
 def _bend(governor: Any) -> list[np.ndarray]:
     x = np.concatenate([Q[:3], V[:3], np.zeros(3)])
     return [governor.update(x, REFERENCE + 0.01 * k, 1e-3).copy() for k in range(5)]
@@ -134,7 +138,10 @@ CASES: dict[str, Case] = {
     "CommandedGait": (lambda: hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.1, 0.3)]), _follow),
     "WalkingGait": (lambda: hp.WalkingGait(ROBOT, velocity=(0.2, 0.1, 0.3), posture=LEVEL), _follow),
     "ContactForceFilter": (lambda: hp.ContactForceFilter(ROBOT), _filter),
-    "ExplicitReferenceGovernor": (lambda: hp.ExplicitReferenceGovernor(hp.ForceRows(mass=ROBOT.mass, mu=0.2)), _bend),
+    "ExplicitReferenceGovernor": (
+        lambda: hp.ExplicitReferenceGovernor(hp.governors.ForceRows(mass=ROBOT.mass, mu=0.2)),
+        _bend,
+    ),
 }
 
 
