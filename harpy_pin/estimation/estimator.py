@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.errors import InputError
 from harpy_pin.estimation import tick
 from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRecord
-from harpy_pin.estimation.tick import MISFIT_READINGS, estimate
+from harpy_pin.estimation.tick import estimate
 from harpy_pin.model.dynamics import dynamics_record
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews
@@ -173,8 +174,8 @@ class Estimator(KeepsViews):
 
         ``good``; ``no sample`` where one was missing, not a number or beyond 1e6; ``stuck gyroscope`` where it has said
         the same for 50 samples; ``saturated`` where the inertial unit is at its range; ``readings contradict each
-        other`` where the innovations of the last half second are far beyond their covariance, as those of a wrongly
-        mounted unit are; ``time does not go on``. The estimate goes on in all of them, and is finite.
+        other`` where the innovations of the last half second or the biases are far beyond their covariance, as those
+        of a wrongly mounted unit are; ``time does not go on``. The estimate goes on in all of them, and is finite.
         """
         return STATUS[int(self.record["status"][0])]
 
@@ -199,10 +200,8 @@ class Estimator(KeepsViews):
         expected = self._nothing if target is None else (target.stance, target.phase)
         legs = (s.joint_position, s.joint_velocity, s.joint_torque)
         try:
-            status = estimate(self.record, float(s.t), s.gyroscope, s.accelerometer, *legs, thrust, force, *expected)
-        except (TypeError, AttributeError):
-            status = MISFIT_READINGS
-        if status == MISFIT_READINGS:
+            estimate(self.record, float(s.t), s.gyroscope, s.accelerometer, *legs, thrust, force, *expected)
+        except (TypeError, AttributeError, InputError):
             joints, feet = len(self.robot.joints), len(self.robot.feet)
             sizes = {"gyroscope": 3, "accelerometer": 3}
             sizes |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), joints)

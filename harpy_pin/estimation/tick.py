@@ -8,18 +8,20 @@ from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY, contact_probability, leg_forces, observe_torques
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.record import EstimatorRecord
-from harpy_pin.model.entry import all_possible, is_finite
+from harpy_pin.model.entry import all_possible
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
-MISFIT_READINGS, GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS = -1, 0, 1, 2, 3, 4, 5
+GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS = 0, 1, 2, 3, 4, 5
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
 EXPECTED = 3.0
 """Mean of the squared Mahalanobis distance of three measurements."""
-INCONSISTENCY = 8.0
+INCONSISTENCY = 3.0
 """Factor on it that says that the readings do not belong together."""
+BIASED = 8.0
+"""Estimated bias that says the same, in standard deviations of the sensor."""
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
 DOUBT = (2.0, 20.0)
@@ -28,7 +30,16 @@ MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
 
-@kernel
+@kernel(
+    gyroscope=(3,),
+    accelerometer=(3,),
+    joint_position="e.contact.external",
+    joint_velocity="e.contact.external",
+    torque="e.contact.external",
+    normal_force="e.foot_radius",
+    stance="e.foot_radius",
+    phase="e.foot_radius",
+)
 def estimate(
     e: EstimatorRecord,
     t: float,
@@ -45,13 +56,8 @@ def estimate(
     """One step; see :meth:`harpy_pin.estimation.estimator.Estimator.step`, whose arrays these are.
 
     ``thrust`` are the thrust variables; ``normal_force`` (feet,) is that of foot sensors, N, NaN where there is none.
-    Returns the status, or ``MISFIT_READINGS`` with nothing done for arrays of another robot.
+    Returns the status.
     """
-    joints = e.unbounded.shape[0]
-    if joint_position.shape[0] != joints or joint_velocity.shape[0] != joints or torque.shape[0] != joints:
-        return MISFIT_READINGS
-    if normal_force.shape[0] != e.foot_radius.shape[0] or stance.shape[0] != e.foot_radius.shape[0]:
-        return MISFIT_READINGS
     legs = all_possible(joint_position) and all_possible(joint_velocity) and all_possible(torque)
     legs = legs and all_possible(thrust)
     if not legs and e.begun == 0:
@@ -325,6 +331,9 @@ def _status(e: EstimatorRecord, good: bool) -> int:
         return STUCK
     if e.saturated:
         return SATURATED
-    if not is_finite(e.filter.innovation) or e.filter.innovation > INCONSISTENCY * EXPECTED:
-        return INCONSISTENT
-    return GOOD
+    f = e.filter
+    consistent = f.innovation <= INCONSISTENCY * EXPECTED
+    for i in range(3):
+        consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
+        consistent = consistent and abs(f.accelerometer_bias[i]) <= BIASED * f.start[12 + i]
+    return GOOD if consistent else INCONSISTENT

@@ -1,0 +1,233 @@
+"""The estimator on simulated sensors: what it finds out, what it says of bad readings, and walks on it alone."""
+
+import copy
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from needs import PLANTS, needs_robots
+
+import harpy_pin as hp
+from harpy_pin.estimation import EstimatorSettings
+from harpy_pin.simulation.sensing import Sensing
+
+STANDING = np.array([0.0, 0.0, 9.81])
+LEVEL = np.eye(3)
+SLOPE = EstimatorSettings(height_noise=np.inf)
+EXACT = {name: 0.0 for name in ("gyroscope_bias", "accelerometer_bias", "encoder_resolution", "torque_error")}
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return hp.load_harpy()
+
+
+def still(robot, t=0.0, *, tilt=LEVEL):
+    """Readings of a robot at rest, tilted about its feet, without noise."""
+    q, joints = hp.make_gait(robot).initial_state()[0], len(robot.joints)
+    zero = np.zeros(joints)
+    quiver = np.full(3, 1e-9 * np.sin(1e5 * t))  # a gyroscope that says always the same is stuck
+    return hp.Readings(t, quiver, tilt.T @ STANDING, q[7:].copy(), zero, zero, None, np.full(2, 25.0))
+
+
+def rotations(q):
+    return [pin.Quaternion(row[3:7]).toRotationMatrix() for row in q]
+
+
+def errors(run):
+    """Drift as a share of the way, rms of velocity, m/s, and of tilt, rad."""
+    q, guess = run["q"], run["estimated_q"]
+    way = np.linalg.norm(np.diff(q[:, :2], axis=0), axis=1).sum()
+    true, own = rotations(q), rotations(guess)
+    v = [a @ x[:3] - b @ y[:3] for a, x, b, y in zip(true, run["v"], own, run["estimated_v"], strict=True)]
+    tilt = [np.arccos(min(a[2] @ b[2], 1.0)) for a, b in zip(true, own, strict=True)]
+    drift = np.linalg.norm((q - guess)[-1, :2] - (q - guess)[0, :2]) / way
+    return drift, np.sqrt(np.mean(np.square(v)) * 3.0), np.sqrt(np.mean(np.square(tilt)))
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("name", ["harpy", pytest.param("go2", marks=needs_robots)])
+def test_walk_on_the_estimate(name, plant):
+    run = hp.walk(hp.Scenario(robot=name, plant=plant, state="estimated", ground=hp.Ground(mu_s=0.5), duration=3.0))
+    assert run.ending == "completed"
+    drift, velocity, tilt = errors(run)
+    assert drift < 0.02
+    assert velocity < 0.02
+    assert tilt < np.deg2rad(0.6)
+    assert not run["estimator_status"].any()
+    touching, held = run["foot_force"][:, :, 2] > 1.0, run["contact_probability"] > 0.5
+    assert (touching & held).sum() > 0.95 * held.sum()
+    assert (touching & held).sum() > 0.95 * touching.sum()
+
+
+def test_exact_sensors_know_the_forces():
+    """On the true state the momentum observer's forces are those of the plant, but for its delay."""
+    sensors = hp.Imu(**EXACT, encoder_noise=0.0, velocity_noise=0.0, torque_noise=0.0, accelerometer_density=0.0)
+    run = hp.walk(hp.Scenario(sensors=sensors, ground=hp.Ground(mu_s=0.5), duration=2.0))
+    force, guess = run["foot_force"][500:], run["estimated_force"][500:]
+    steady = np.abs(np.gradient(force, axis=0)).max(axis=(1, 2)) < 0.1
+    assert steady.mean() > 0.3
+    assert np.sqrt(np.mean((force - guess)[steady] ** 2)) < 0.02 * force.max()
+
+
+def test_sensors_alone_do_not_change_a_walk():
+    plain = hp.walk(hp.Scenario(duration=0.5))
+    sensed = hp.walk(hp.Scenario(duration=0.5, sensors=hp.Imu()))
+    np.testing.assert_array_equal(plain["q"], sensed["q"])
+    assert "estimated_q" in sensed.signals
+    assert hp.Scenario.of(sensed) == hp.Scenario(duration=0.5, sensors=hp.Imu())
+
+
+@pytest.mark.parametrize("start", [False, True])
+def test_place_and_heading_do_not_matter(robot, start):
+    """The same readings from two places and headings give the same motion, turned."""
+    turn = pin.rpy.rpyToMatrix(0.0, 0.0, 2.0)
+    rng = np.random.default_rng(0)
+    one, other = (hp.Estimator(robot) for _ in "12")
+    q, v = hp.make_gait(robot).initial_state()
+    away = q.copy()
+    away[:2] += (300.0, -200.0)
+    away[3:7] = pin.Quaternion(turn @ pin.Quaternion(q[3:7]).toRotationMatrix()).coeffs()
+    one.reset(q, v)
+    other.reset(away, v)
+    for n in range(300):
+        readings = still(robot, 1e-3 * n)
+        readings.gyroscope += 0.2 * rng.standard_normal(3)
+        readings.accelerometer += rng.standard_normal(3)
+        readings.joint_position += 1e-3 * rng.standard_normal(6)
+        if n > 150:
+            readings.foot_force[n // 50 % 2] = 0.0
+        a, b = one.step(readings), other.step(readings)
+    np.testing.assert_allclose(b.v, a.v, atol=1e-9)
+    np.testing.assert_allclose(b.q[:3] - away[:3], turn @ (a.q[:3] - q[:3]), atol=1e-9)
+    np.testing.assert_allclose(rotations(b.q[None])[0], turn @ rotations(a.q[None])[0], atol=1e-9)
+    covariance = one.record["filter"]["covariance"][0, 9:15, 9:15]
+    np.testing.assert_allclose(other.record["filter"]["covariance"][0, 9:15, 9:15], covariance, atol=1e-12)
+    np.testing.assert_allclose(covariance, covariance.T, atol=1e-15)
+    assert np.linalg.eigvalsh(covariance).min() > 0.0
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.3, -0.2), (-0.5, 0.6)])
+def test_first_sample_says_how_the_body_is_tilted(robot, tilt):
+    turn, estimator = pin.rpy.rpyToMatrix(*tilt, 0.0), hp.Estimator(robot, settings=SLOPE)
+    state = estimator.step(still(robot, tilt=turn))
+    np.testing.assert_allclose(rotations(state.q[None])[0][2], turn[2], atol=1e-12)
+    assert state.foot_position[:, 2].min() == pytest.approx(0.0, abs=1e-12)
+    for n in range(1, 500):
+        state = estimator.step(still(robot, 1e-3 * n, tilt=turn))
+    np.testing.assert_allclose(state.v, 0.0, atol=1e-6)
+    assert estimator.status == "good"
+
+
+def test_place_of_the_inertial_unit_does_not_matter():
+    """A unit away from the body's origin, with axes of its own, tells the same."""
+    for imu in (hp.Imu(**EXACT), hp.Imu(**EXACT, position=(0.1, -0.05, 0.08), orientation=(0.3, -1.2, 2.0))):
+        run = hp.walk(hp.Scenario(sensors=imu, duration=2.0))
+        drift, velocity, tilt = errors(run)
+        assert drift < 0.02
+        assert velocity < 0.02
+        assert tilt < np.deg2rad(0.3)
+
+
+def spoil(name, readings, n):
+    if name == "nan":
+        readings.gyroscope[n % 3] = np.nan
+    elif name == "no legs":
+        readings.joint_position[:] = np.inf
+    elif name == "stuck":
+        readings.gyroscope[:] = 0.01
+    elif name == "saturated":
+        readings.accelerometer[2] = 157.0
+    elif name == "backwards":
+        readings.t -= 1.0
+    elif name == "huge":
+        readings.joint_torque[:] = 1e7
+    return readings
+
+
+@pytest.mark.parametrize(
+    ("name", "status"),
+    [
+        ("nan", "no sample"),
+        ("no legs", "no sample"),
+        ("huge", "no sample"),
+        ("stuck", "stuck gyroscope"),
+        ("saturated", "saturated"),
+        ("backwards", "time does not go on"),
+    ],
+)
+def test_bad_readings_are_said_and_survived(robot, name, status):
+    rng, estimator = np.random.default_rng(1), hp.Estimator(robot)
+    seen = set()
+    for n in range(1200):
+        readings = still(robot, 1e-3 * n)
+        readings.gyroscope += 1e-3 * rng.standard_normal(3)
+        bad = 400 <= n < 470
+        state = estimator.step(spoil(name, readings, n) if bad else readings)
+        assert all(np.isfinite(x).all() for x in (state.q, state.v, state.foot_position, state.foot_force))
+        if bad:
+            seen.add(estimator.status)
+    assert status in seen
+    assert estimator.status == "good"
+    np.testing.assert_allclose(state.v, 0.0, atol=0.02)
+    assert rotations(state.q[None])[0][2, 2] > np.cos(0.02)
+
+
+def test_a_gap_is_made_up_for(robot):
+    """Of samples that are missing the last one holds; after a long pause the estimate goes on from where it was."""
+    estimator = hp.Estimator(robot, settings=SLOPE)
+    for t in (*np.arange(0.0, 0.5, 1e-3), *np.arange(0.53, 0.8, 1e-3), *np.arange(100.0, 100.3, 1e-3)):
+        state = estimator.step(still(robot, t))
+    assert estimator.status == "good"
+    np.testing.assert_allclose(state.v, 0.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("orientation", [(0.4, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 1.5), (np.pi, 0.0, 0.0)])
+def test_a_wrong_mounting_is_said(orientation):
+    run = hp.walk(hp.Scenario(sensors=hp.Imu(), duration=1.5))
+    robot = hp.load_harpy()
+    wrong = hp.Estimator(robot, hp.Imu(orientation=orientation))
+    wrong.reset(run["q"][0], run["v"][0])
+    sensing, said = Sensing(robot, hp.Imu(), period=1e-3), []
+    for n, t in enumerate(run["t"]):
+        state = hp.State(t, *(run[name][n] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")))
+        wrong.step(sensing.read(state, run["torque"][max(n - 1, 0)], run["thrust"][max(n - 1, 0)]))
+        said.append(wrong.status)
+    assert said.count("readings contradict each other") > 100
+
+
+def test_misfits_are_refused(robot):
+    estimator, good = hp.Estimator(robot), still(robot)
+    for name in ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque", "foot_force"):
+        bad = copy.copy(good)
+        setattr(bad, name, np.zeros(7))
+        with pytest.raises(hp.InputError, match=name):
+            estimator.step(bad)
+    lists = hp.Readings(0.0, [0, 0, 0], [0, 0, 9.81], [0.0] * 6, [0.0] * 6, [0.0] * 6)
+    assert np.isfinite(estimator.step(lists).q).all()
+    with pytest.raises(hp.InputError, match="height_noise"):
+        EstimatorSettings(height_noise=-1.0)
+    with pytest.raises(hp.InputError, match="orientation"):
+        hp.Imu(orientation=(0.0, 1.0))
+    with pytest.raises(hp.InputError, match="gyroscope_density"):
+        hp.Imu(gyroscope_density=-1.0)
+    with pytest.raises(hp.InputError, match="noise of their own"):
+        hp.Scenario(state="estimated", disturbances=hp.Disturbances(noise=hp.Noise.typical()))
+    with pytest.raises(hp.InputError, match="valid names: estimated, true"):
+        hp.Scenario(state="guessed")
+
+
+def test_copies_and_resets_are_their_own(robot):
+    estimator = hp.Estimator(robot)
+    for n in range(100):
+        estimator.step(still(robot, 1e-3 * n))
+    twin = copy.deepcopy(estimator)
+    moving = still(robot, 0.1)
+    moving.gyroscope[:] = 3.0
+    estimator.step(moving)
+    other = hp.Estimator(robot)
+    for n in range(101):
+        state = other.step(still(robot, 1e-3 * n))
+    np.testing.assert_array_equal(twin.step(still(robot, 0.1)).q, state.q)
+    estimator.reset()
+    np.testing.assert_array_equal(estimator.step(still(robot)).q, hp.Estimator(robot).step(still(robot)).q)
