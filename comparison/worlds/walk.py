@@ -11,6 +11,7 @@ import numpy as np
 
 from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
+from comparison.measure.estimates import off
 from comparison.peers.environment import default_folder
 from comparison.worlds.models import JOINTS, PLAYGROUND, knowing, strip, world
 from comparison.worlds.policy import PERIOD, Policy
@@ -126,6 +127,7 @@ class Walker:
         late = -int(-DELAY // period)
         self._sensors = None if seed is None or who.sensed else Sensors(robot, Noise.typical(), delay=late, seed=seed)
         self.estimator: Estimator | None = None
+        self.trace: list[tuple[Vector, ...]] = []  # true and estimated configurations and velocities
         if who.sensed:
             self._sensing = Sensing(robot, Imu(), period=period, seed=0 if seed is None else seed)
             self.estimator = Estimator(robot, Imu(), period=period, foot_radius=self.bridge.foot_radius)
@@ -148,7 +150,8 @@ class Walker:
         state.foot_position[:, 2] -= self._lower
         if self.estimator is not None:
             readings = self._sensing.read(state, data.qfrc_actuator[self.bridge.velocity])
-            state = self.estimator.step(readings, self.controller.target)
+            true, state = state, self.estimator.step(readings, self.controller.target)
+            self.trace.append((true.q, true.v, state.q.copy(), state.v.copy()))
         if self._sensors is not None:
             state = self._sensors.measure(state)
         if isinstance(self.gait, WalkingGait):
@@ -270,7 +273,9 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
     with Policy(default_folder()) if who.controller == "policy" else nullcontext() as network:
         if network is None:
             walker.place(data)
-            return followed(job, walker.bridge, data, walker.act)
+            found = followed(job, walker.bridge, data, walker.act)
+            paths = (np.array(column) for column in zip(*walker.trace, strict=True))
+            return found | (off(*paths) if walker.trace else {})
         mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)
         return followed(job, walker.bridge, data, network.acting(model), round(PERIOD / model.opt.timestep))

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scipy.optimize import least_squares, minimize_scalar
 
 import harpy_pin as hp
-from harpy_pin import InputError, LegGeometry, RobotError, leg_inverse_kinematics
+from harpy_pin import InputError, RobotError
 from harpy_pin.errors import OutOfReachError
-from harpy_pin.model import solve_ik
+from harpy_pin.model import LegGeometry, leg_inverse_kinematics, solve_ik
 from harpy_pin.model.ik import IKStatus
 from harpy_pin.model.kinematics import leg_forward, leg_jacobian
 

@@ -1,0 +1,128 @@
+"""Robots walk on what they feel: inertial unit, encoders and motor torques. Falls, and how far off the estimate is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+import harpy_pin as hp
+from comparison.measure.estimates import contacts, off
+from comparison.measure.walking import walk_as_far_as_it_goes
+from comparison.peers.environment import default_folder
+from comparison.studies.walking import BIPEDS, DRAWN, QUADRUPEDS, SIDES, job_of, scenario_of
+from comparison.studies.worlds import random_walk
+from comparison.study import Job, Study, View, fell, median, most, where
+from comparison.worlds import walk as others
+from comparison.worlds.models import FEET, ROBOTS
+
+HARPY, HARPY_PUSH = "harpy", 3.0
+"""Its pushes, N·s."""
+KNOWN = "motor law, joints known"
+"""Who walks in other people's worlds."""
+
+
+def _scenario(job: Job) -> hp.Scenario:
+    if job["robot"] != HARPY:
+        return scenario_of(job)
+    rng = np.random.default_rng([job["seed"], job["number"]])
+    angle = 2.0 * np.pi * job["number"] / SIDES
+    push = hp.Push(float(rng.uniform(1.5, 2.5)), (HARPY_PUSH * np.cos(angle), HARPY_PUSH * np.sin(angle), 0.0))
+    return hp.Scenario(
+        plant=job["plant"],
+        ground=hp.Ground(mu_s=float(rng.uniform(*DRAWN))),
+        disturbances=hp.Disturbances(pushes=(push,) if job["what"] == "pushed" else ()),
+        duration=job["duration"],
+    )
+
+
+def walked(job: Job) -> dict[str, Any]:
+    """Measures of one walk."""
+    if "world" in job:
+        return _elsewhere(job)
+    scenario = _scenario(job)
+    disturbances = replace(scenario.disturbances, seed=job["number"])
+    run = walk_as_far_as_it_goes(replace(scenario, state=job["state"], sensors=hp.Imu(), disturbances=disturbances))
+    found: dict[str, Any] = {"fell": run.ending != "completed"}
+    found |= off(run["q"], run["v"], run["estimated_q"], run["estimated_v"])
+    return found | contacts(run["foot_force"][:, :, 2], run["contact_probability"])
+
+
+def _elsewhere(job: Job) -> dict[str, Any]:
+    """The same in other people's models."""
+    who = others.CONTENDERS[KNOWN]
+    sensed = replace(who, sensed=job["state"] == "estimated")
+    return others.walked({**job, "who": vars(sensed)})
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    for robot, plant, state in product(s.robots, s.plants, s.states):
+        walk = partial(job_of, robot, plant=plant, controller="condensed")
+        kinds = {"random": s.walks, "pushed": min(s.walks, SIDES)}
+        kinds |= {} if robot == HARPY else {"course, friction 0.3": 1, "friction 0.1": 1}
+        for what, count in kinds.items():
+            duration = s.course if what.startswith("course") else s.duration
+            yield from (walk(what, duration, s.seed, number=number) | {"state": state} for number in range(count))
+    for name, state in product(s.worlds if (default_folder() / "worlds").exists() else (), s.states):
+        for friction in (0.8, 0.3):
+            for number in range(s.walks):
+                job = random_walk(s.seed, number, friction, s.duration) | {"world": name, "feet": list(FEET)}
+                yield job | {
+                    "state": state,
+                    "noise": number if state == "estimated" else None,
+                    "robot": name,
+                    "plant": "world",
+                }
+
+
+_SEEN = {"state": "estimated", "fell": False}
+
+STUDY = Study(
+    name="senses",
+    help="""Walk on what a robot feels: inertial unit, encoders and motor torques.
+
+    Thirteen robots and Harpy in both engines, and quadrupeds in other people's models of them, walk random commands,
+    pushes and courses: once on the true state and once on the estimate. Needs the extras "robots" and "mujoco".
+    """,
+    example="--walks 50 --only go2",
+    defaults={
+        "robots": (HARPY, *QUADRUPEDS, *BIPEDS),
+        "plants": ("compliant", "mujoco"),
+        "states": ("true", "estimated"),
+        "worlds": tuple(ROBOTS),
+        "walks": 4,  # with random commands
+        "duration": 6.0,  # s
+        "course": 20.0,  # s
+        "seed": 2000,
+    },
+    quick={"robots": (HARPY,), "plants": ("compliant",), "worlds": (), "walks": 1, "duration": 3.0},
+    options={"walks": "Random commands of each robot.  [default: 4]"},
+    jobs=_jobs,
+    measure=walked,
+    views=(
+        View(
+            "senses",
+            "On the estimate",
+            row="{robot}",
+            columns={
+                "walks": where(lambda rows: len(rows), state="estimated"),
+                "fell, true state": where(fell, state="true"),
+                "fell, estimate": where(fell, state="estimated"),
+                "drift": (where(median("drift"), **_SEEN), "%"),
+                "worst drift": (where(most("drift"), **_SEEN), "%"),
+                "path": (where(median("trajectory_mm"), **_SEEN), "mm"),
+                "velocity": (where(median("velocity_cm_s"), **_SEEN), "cm/s"),
+                "tilt": (where(median("tilt_deg"), **_SEEN), "°"),
+                "precision": where(median("precision"), **_SEEN),
+                "recall": where(median("recall"), **_SEEN),
+            },
+            note="Drift is the error of the displacement over the length of the way; path, velocity and tilt are rms "
+            "errors of the body; precision and recall those of the contacts. Medians of the walks that stand.",
+        ),
+    ),
+    only="robots",
+)
