@@ -71,12 +71,8 @@ def _jobs(s: Any) -> Iterator[Job]:
         for friction in (0.8, 0.3):
             for number in range(s.walks):
                 job = random_walk(s.seed, number, friction, s.duration) | {"world": name, "feet": list(FEET)}
-                yield job | {
-                    "state": state,
-                    "noise": number if state == "estimated" else None,
-                    "robot": name,
-                    "plant": "world",
-                }
+                job |= {"noise": number if state == "estimated" else None}
+                yield job | {"state": state, "robot": name, "plant": "world"}
 
 
 _SEEN = {"state": "estimated", "fell": False}

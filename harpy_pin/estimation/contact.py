@@ -10,7 +10,8 @@ difference of velocities, low-passed, is no noisier than they are. The joints j 
 the least forces that explain their torques, f = J_j (J_jᵀ J_j + ε)⁻¹ τ_j.
 
 The log-odds that a foot touches add up: of its normal force, (f_z / weight − load) / width; of the gait, which expects
-it on the ground or not; and of its speed, which no foot in contact has.
+it on the ground or not (less surely a landing than a lift-off, which it commands); and of its speed, which no foot in
+contact has.
 """
 
 from __future__ import annotations
@@ -91,7 +92,7 @@ def contact_probability(c: ContactRecord, d: DynamicsRecord, stance: Vector, pha
         if expected == 0.0:
             expected = min(max((phase[k] - EARLIEST) / (LATEST - EARLIEST), 0.0), 1.0)
         square = d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2 + d.foot_velocity[k, 2] ** 2
-        odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (2.0 * expected - 1.0)
+        odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (3.0 * expected - 2.0)
         odds -= square / (c.foot_speed * c.foot_speed)
         c.probability[k] = 1.0 / (1.0 + np.exp(-min(max(odds, -CERTAIN), CERTAIN)))
         c.share[k] = 0.0 if c.flat[k] and c.probability[k] < LIKELY else c.probability[k]
