@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -81,7 +82,8 @@ class EstimatorSettings:
     def __post_init__(self) -> None:
         for entry in fields(self):
             value, name = getattr(self, entry.name), f"estimator {entry.name}"
-            if not (entry.name == "height_noise" and value == np.inf) and value is not None:
+            endless = entry.name == "height_noise" and isinstance(value, float) and value == np.inf
+            if not endless and (value is not None or entry.default is not None):
                 value = checks.number(name, value, low=0.0, high=1e6, strict=entry.name not in ("prior", "load"))
             checks.keep(self, **{entry.name: value})
 
@@ -131,7 +133,7 @@ class Estimator(KeepsViews):
         self.probability: Vector = field(self.record["contact"], "probability")
         self._thrust = np.zeros(robot.n_thrust)
         self._no_force = np.full(feet, np.nan)
-        self._nothing = (np.full(feet, 0.5), np.zeros(feet))
+        self._nothing = SimpleNamespace(stance=np.full(feet, 0.5), phase=np.zeros(feet))
         self.signals: dict[str, NDArray[Any]] = {
             "estimated_q": field(self.record, "q"),
             "estimated_v": field(self.record, "v"),
@@ -197,23 +199,38 @@ class Estimator(KeepsViews):
         Raises:
             InputError: arrays of another robot.
         """
-        s, thrust = readings, self._thrust
+        try:
+            self._estimate(readings, target)
+        except (TypeError, AttributeError, InputError):
+            self._estimate(self._fit(readings), self._expected(target))
+        return State(float(readings.t), *self._arrays)
+
+    def _estimate(self, s: Readings, target: Any) -> None:
+        """One step with arrays as kernels take them."""
+        thrust, force = self._thrust, self._no_force if s.foot_force is None else s.foot_force
         if s.thrust is not None and len(thrust):
             read_thrusts(self.record["dynamics"], s.thrust, thrust)
-        force = self._no_force if s.foot_force is None else s.foot_force
-        expected = self._nothing if target is None else (target.stance, target.phase)
-        legs = (s.joint_position, s.joint_velocity, s.joint_torque)
-        try:
-            estimate(self.record, float(s.t), s.gyroscope, s.accelerometer, *legs, thrust, force, *expected)
-        except (TypeError, AttributeError, InputError):
-            joints, feet = len(self.robot.joints), len(self.robot.feet)
-            sizes = {"gyroscope": 3, "accelerometer": 3}
-            sizes |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), joints)
-            unit = [as_array(f"readings.{name}", getattr(s, name, None), (n,)) for name, n in sizes.items()]
-            force = as_array("readings.foot_force", force, (feet,))
-            estimate(self.record, checks.number("readings.t", s.t), *unit, thrust, force, *expected)
-        q, v, *rest = self._arrays
-        return State(float(s.t), q, v, *rest)
+        legs, expected = (s.joint_position, s.joint_velocity, s.joint_torque), target or self._nothing
+        stance, phase = expected.stance, expected.phase
+        estimate(self.record, s.t, s.gyroscope, s.accelerometer, *legs, thrust, force, stance, phase)
+
+    def _fit(self, readings: Readings) -> Readings:
+        """The same readings in arrays of the sizes that kernels take."""
+        s, joints, feet = checks.instance("readings", readings, Readings), len(self.robot.joints), len(self.robot.feet)
+        shapes: dict[str, tuple[int, ...]] = {"gyroscope": (3,), "accelerometer": (3,)}
+        shapes |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), (joints,))
+        shapes |= {"thrust": (len(self.robot.thrusters), 3)} if s.thrust is not None else {}
+        shapes |= {"foot_force": (feet,)} if s.foot_force is not None else {}
+        arrays = {name: as_array(f"readings.{name}", getattr(s, name), shape) for name, shape in shapes.items()}
+        return Readings(checks.number("readings.t", s.t), **arrays)
+
+    def _expected(self, target: Any) -> Any:
+        """The same targets, of as many feet as the robot has."""
+        if target is None:
+            return None
+        names, feet = ("stance", "phase"), (len(self.robot.feet),)
+        arrays = {name: as_array(f"target.{name}", getattr(target, name, None), feet) for name in names}
+        return SimpleNamespace(**arrays)
 
 
 def _record(

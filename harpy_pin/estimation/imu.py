@@ -39,8 +39,7 @@ class Imu:
         velocity_noise: white, of each joint velocity, rad/s.
         torque_error: standard deviation of the motors' gain, drawn once, as a share.
         torque_noise: white, of each torque, N·m.
-        foot_sensors: whether feet measure their normal force.
-        foot_noise: white, of each, N.
+        foot_noise: white, of the normal force that each foot measures, N; None for feet that measure nothing.
 
     Raises:
         InputError: a number that is negative or not finite.
@@ -62,20 +61,17 @@ class Imu:
     velocity_noise: float = 2e-2
     torque_error: float = 0.03
     torque_noise: float = 0.1
-    foot_sensors: bool = False
-    foot_noise: float = 1.0
+    foot_noise: float | None = None
 
     def __post_init__(self) -> None:
-        values: dict[str, object] = {"foot_sensors": bool(self.foot_sensors)}
+        values: dict[str, object] = {}
         for entry in fields(self):
             name, value = entry.name, getattr(self, entry.name)
             if name in _ANY_SIGN:
                 values[name] = tuple(checks.vector(f"imu {name}", value, 3).tolist())
-            elif name.endswith(("range", "rate")):
-                if value is not None:
-                    values[name] = checks.number(f"imu {name}", value, low=0.0, high=MOST, strict=True)
-            elif name != "foot_sensors":
-                values[name] = checks.number(f"imu {name}", value, low=0.0, high=MOST)
+            elif value is not None or entry.default is not None:
+                strict = name.endswith(("range", "rate"))
+                values[name] = checks.number(f"imu {name}", value, low=0.0, high=MOST, strict=strict)
         checks.keep(self, **values)
 
     @property

@@ -22,12 +22,12 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import plain_source
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.push import Push
-from harpy_pin.simulation.sensing import EstimatedState
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.step import VERDICTS
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.plant import Plant
+    from harpy_pin.simulation.sensing import EstimatedState
 
 REPORT = 100
 """Ticks in Python between two reports of progress."""

@@ -36,12 +36,12 @@ from harpy_pin.model.terms import write_thrusts
 from harpy_pin.simulation.actuators import Actuators, motors_of, take_law
 from harpy_pin.simulation.loop import ClosedLoop, Controller, keep_run, run_metadata
 from harpy_pin.simulation.push import Push, check_pushes
-from harpy_pin.simulation.sensing import EstimatedState
 from harpy_pin.simulation.sensors import Sensors
 from harpy_pin.simulation.step import VERDICTS, PlantRecord, plant_record, stands
 from harpy_pin.simulation.thrusters import settle_thrusters
 
 if TYPE_CHECKING:
+    from harpy_pin.simulation.sensing import EstimatedState
     from harpy_pin.simulation.ticks import CompiledLoop
 
 GRAVITY = 9.81

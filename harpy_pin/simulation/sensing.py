@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,13 +14,12 @@ from harpy_pin.arguments import checked
 from harpy_pin.estimation.estimator import Estimator
 from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
+from harpy_pin.model.entry import as_array, as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
-
-if TYPE_CHECKING:
-    from harpy_pin.simulation.plant import Plant
+from harpy_pin.simulation.plant import Plant
 
 
 class Sensing(KeepsViews):
@@ -73,7 +72,8 @@ class Sensing(KeepsViews):
             torque: (joints,) of the motors since the last sample, N·m.
             thrust: (thrusters, 3) since then, N.
         """
-        imu, rng, q, v = self.imu, self._rng, state.q, state.v
+        state, imu, rng = as_state(state, self.robot), self.imu, self._rng
+        torque, q, v = as_array("torque", torque, (len(self.robot.joints),)), state.q, state.v
         self._feel(q, v)
         angle = q[self._place].copy()
         if self._unbounded.any():
@@ -84,7 +84,7 @@ class Sensing(KeepsViews):
         speed = v[6:] + imu.velocity_noise * rng.standard_normal(len(angle))
         felt = self._gain * torque + imu.torque_noise * rng.standard_normal(len(angle))
         force = None
-        if imu.foot_sensors:
+        if imu.foot_noise is not None:
             force = state.foot_force[:, 2] + imu.foot_noise * rng.standard_normal(len(state.foot_force))
         gyroscope, accelerometer = self._unit.copy()
         return Readings(state.t, gyroscope, accelerometer, angle, speed, felt, thrust, force)
@@ -128,6 +128,7 @@ class EstimatedState(KeepsViews):
         signals: for the log: the estimate and what sensors said.
     """
 
+    @checked
     def __init__(
         self, plant: Plant, estimator: Estimator, *, controller: Any = None, feedback: bool = True, seed: int = 0
     ) -> None:

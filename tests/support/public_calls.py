@@ -22,6 +22,7 @@ import numpy as np
 import harpy_pin as hp
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.flight import Fly, FlyingGait
+from harpy_pin.estimation import EstimatorSettings
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
@@ -118,6 +119,13 @@ def values() -> dict[str, Any]:
         **{"bounds": np.ones((1, 1)), "fps": 30.0, "points": np.zeros((1, 3)), "mount": np.zeros((2, 3))},
         **{"references": {}, "controller": controller, "force": np.ones((2, 3)), "depth": 0.01, "inverse_mass": 0.5},
         **{"load": 10.0, "fall_height": 0.3, "settings": {}},
+        **{"imu": hp.Imu(), "gyroscope": np.zeros(3), "accelerometer": np.array([0.0, 0.0, 9.81])},
+        **{"joint_position": q[7:], "joint_velocity": np.zeros(6), "joint_torque": np.zeros(6)},
+        "readings": hp.Readings(0.0, np.zeros(3), np.array([0.0, 0.0, 9.81]), q[7:], np.zeros(6), np.zeros(6)),
+        "Readings.foot_force": np.zeros(2),
+        "Estimator.settings": EstimatorSettings(),
+        "simulation.sensing.EstimatedState.plant": simulator,
+        "simulation.sensing.EstimatedState.estimator": hp.Estimator(robot),
         **{"terrain": hp.ground.Plane(slope=0.1), "heights": ((0.0, 0.1), (0.2, 0.3)), "corner": (0.0, 0.0)},
         **{"y": np.zeros(9), "normal_error": 0.01, "lag": 0.1, "walks": True, "arrays": {}},
         "contrib.flight.FlyingGait.gait": hp.make_commanded_gait(robot),
@@ -141,13 +149,13 @@ def values() -> dict[str, Any]:
         **{"Hovering.robot": iris, "scenario.Hover.robot": iris},
         "Run.name": "q",
         "Robot.name": "left_foot",
-        "LegGeometry.offset": 0.05,
+        "model.LegGeometry.offset": 0.05,
         "controllers.make_governor.name": "paper",
         "wbc.make_problem.name": "full",
         "wbc.make_solver.name": "daqp",
         "export.export.robot": "harpy",
         "scenario.gaits_of.robot": "harpy",
-        "leg_inverse_kinematics.foot": np.array([0.0, 0.1, -0.5]),
+        "model.leg_inverse_kinematics.foot": np.array([0.0, 0.1, -0.5]),
         "model.solve_ik.targets": {"left_foot": np.array([0.0, 0.1, 0.0])},
         **dict.fromkeys(("Standing.robot", "WalkingGait.robot", "scenario.Stand.robot", "Walking.robot"), solo),
         "load_robot.feet": robot.feet,
