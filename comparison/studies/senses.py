@@ -79,10 +79,11 @@ _SEEN = {"state": "estimated", "fell": False}
 
 STUDY = Study(
     name="senses",
-    help="""Walk on what a robot feels: inertial unit, encoders and motor torques.
+    help="""Walk on what robots feel.
 
-    Thirteen robots and Harpy in both engines, and quadrupeds in other people's models of them, walk random commands,
-    pushes and courses: once on the true state and once on the estimate. Needs the extras "robots" and "mujoco".
+    That is an inertial unit, encoders and motor torques. Thirteen robots and Harpy in both engines, and quadrupeds in
+    other people's models of them, walk random commands, pushes and courses: once on the true state and once on the
+    estimate. Needs the extras "robots" and "mujoco".
     """,
     example="--walks 50 --only go2",
     defaults={

@@ -39,7 +39,7 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "tune", "--joint-damping"): ZERO,
     ("comparison", "peers", "--friction"): ZERO,
     **{("comparison", "worlds", name): {"0"} for name in ("--sequences", "--noisy", "--pushes")},
-    ("comparison", "causes", "--sequences"): {"0"},
+    **{("comparison", name, option): {"0"} for name, option in (("causes", "--sequences"), ("senses", "--walks"))},
 }
 """What an option takes of the values above. One that is not here takes none of them."""
 SAYS = {
