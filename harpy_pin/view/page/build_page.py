@@ -19,6 +19,7 @@ from harpy_pin.view.palette import (
     APPLIED,
     BODY,
     CONTACT,
+    ESTIMATE,
     FLOOR,
     FRICTION,
     PRESSURE,
@@ -147,6 +148,8 @@ def _key(shown: Sequence[Frames]) -> list[dict[str, str]]:
         rows.append(("target", TARGET, "target x_r", "distance from the body; its path is drawn on the ground"))
     if "applied" in references:
         rows.append(("applied", APPLIED, "applied x_w", "distance from the body"))
+    if "estimate" in references:
+        rows.append(("estimate", ESTIMATE, "estimated place", "distance from the body"))
     if references:
         rows.append(("", BODY, "body", ""))
     if ground is not None:

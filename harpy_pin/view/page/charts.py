@@ -112,6 +112,10 @@ class _Charts:
         for label, text, colour in (("target", "target x_r", TARGET), ("applied", "applied x_w", APPLIED)):
             if label in references:
                 places.append((text, colour, 1e3 * references[label], label == "target"))
+        if "estimate" in references:
+            off = 1e3 * references["estimate"] - body
+            lines = [self.line(axis, c, off[:, n]) for n, (axis, c) in enumerate(zip("xyz", FEET, strict=False))]
+            yield Chart("Body", "estimate less the true place", "mm", lines)
         if "target" in references:
             target = 1e3 * references["target"][:, 0]
             away = [self.line(f"{n} − x_r", c, p[:, 0] - target) for n, c, p, dashed in places if not dashed]

@@ -28,10 +28,10 @@ from harpy_pin.model.state import Vector
 LARGEST = 1e9
 """Largest number that is drawn."""
 MAX_FRAMES = 1_000_000
-RANKS = {"t": 1, "q": 2, "v": 2, "torque": 2, "x_r": 2, "x_w": 2}
+RANKS = {"t": 1, "q": 2, "v": 2, "torque": 2, "x_r": 2, "x_w": 2, "estimated_q": 2}
 RANKS |= dict.fromkeys(("foot_position", "foot_velocity", "foot_force", "thrust"), 3)
 """Number of dimensions of the signals; those with three hold vectors."""
-NEVER_EMPTY = ("q", "v", "x_r", "x_w")
+NEVER_EMPTY = ("q", "v", "x_r", "x_w", "estimated_q")
 """Every robot has some of it; not all have feet, thrusters or joints."""
 KINDS: dict[str, Any] = {
     **dict.fromkeys(("ground", "parameters", "gait"), Mapping),
@@ -40,6 +40,8 @@ KINDS: dict[str, Any] = {
 }
 DRAWN = ("t", "q", "foot_position", "foot_velocity", "foot_force", "thrust")
 REFERENCES = {"target": "x_r", "applied": "x_w"}
+PLACES = REFERENCES | {"estimate": "estimated_q"}
+"""Places that are compared with the body's, and their signals."""
 
 
 class Frames:
@@ -76,7 +78,7 @@ class Frames:
         self.complete = len(finite) == len(run)
         self.ground = ground_of(finite)
         self.surface = surface_of(self.ground)
-        logged = {label: finite[name] for label, name in REFERENCES.items() if name in finite}
+        logged = {label: finite[name] for label, name in PLACES.items() if name in finite}
         self.references = {label: place[:, :3] for label, place in logged.items() if place.shape[1] >= 3}
         self.rows = sample_rows(finite["t"], fps)
         self.time = finite["t"][self.rows] - finite["t"][0]

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from harpy_pin.model.state import Vector
-from harpy_pin.view.palette import APPLIED, BODY, TARGET
+from harpy_pin.view.palette import APPLIED, BODY, ESTIMATE, TARGET
 from harpy_pin.view.scene.forces import Forces, Scales
 from harpy_pin.view.scene.frames import Frames, normal_floor
 from harpy_pin.view.scene.ground import ground_nodes, marks, pressure, slip_marks
@@ -22,7 +22,7 @@ FLIES, MOST_RISE = 0.2, 5.0
 """Rise of the body above the ground from which on the picture shows more, m, and up to which it does."""
 WINDOW = 1.5
 """Time over which the camera's path is averaged, s: two steps of the gait."""
-BALLS = (("target", TARGET, 0.030), ("applied", APPLIED, 0.023), ("body", BODY, 0.016))
+BALLS = (("target", TARGET, 0.030), ("applied", APPLIED, 0.023), ("estimate", ESTIMATE, 0.019), ("body", BODY, 0.016))
 """References, their colours, and their balls' radius as a share of the robot's height."""
 
 
