@@ -91,13 +91,13 @@ STUDY = Study(
         "plants": ("compliant", "mujoco"),
         "states": ("true", "estimated"),
         "worlds": tuple(ROBOTS),
-        "walks": 4,  # with random commands
+        "walks": 1,  # with random commands
         "duration": 6.0,  # s
         "course": 20.0,  # s
         "seed": 2000,
     },
     quick={"robots": (HARPY,), "plants": ("compliant",), "worlds": (), "walks": 1, "duration": 3.0},
-    options={"walks": "Random commands of each robot.  [default: 4]"},
+    options={"walks": "Random commands of each robot.  [default: 1]"},
     jobs=_jobs,
     measure=walked,
     views=(
