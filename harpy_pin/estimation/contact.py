@@ -28,6 +28,16 @@ EARLIEST, LATEST = 0.3, 0.5
 """Shares of a swing between which the gait begins to expect the touchdown."""
 LIKELY = 0.5
 """Probability from which on a foot is in contact."""
+LIFTED = 0.05
+"""Share of a swing from which on a foot has left the ground."""
+MEMORY = 2.0
+"""Time constant of the forgetting, s of swing."""
+KNEE = 0.1
+"""Velocity at which dry friction is mostly there, rad/s."""
+RIDGE = (1e5, 100.0, 10.0)
+"""Sums of squares of acceleration, velocity and sign that draw the fit half-way to zero."""
+SWEEPS = 4
+"""Of the fit at each step; the next step goes on from there."""
 CERTAIN = 30.0
 """Largest log-odds."""
 
@@ -46,7 +56,46 @@ def observe_torques(c: ContactRecord, d: DynamicsRecord, torque: Vector, thrust:
             s += d.mass_matrix[row, i] * c.acceleration[i]
         for i in range(thrust.shape[0]):
             s -= d.thruster_jacobian[i, row] * thrust[i]
-        c.external[j] += weight * (s - c.external[j])
+        c.residual[j] += weight * (s - c.residual[j])
+        x = c.motion[j]
+        x[0] += weight * (c.acceleration[row] - x[0])
+        x[1] += weight * (c.velocity[row] - x[1])
+        x[2] += weight * (np.tanh(c.velocity[row] / KNEE) - x[2])
+        c.external[j] = c.residual[j] + c.joint[j, 0] * x[0] + c.joint[j, 1] * x[1] + c.joint[j, 2] * x[2]
+
+
+@kernel
+def learn_joints(c: ContactRecord, stance: Vector, phase: Vector, period: float) -> None:
+    """Fit what the model of the joints lacks, where the gait says that a leg swings and touches nothing."""
+    keep = 1.0 - min(period / MEMORY, 1.0)
+    for leg in range(c.leg_joints.shape[0]):
+        swings = True
+        for n in range(c.leg_feet.shape[1]):
+            k = c.leg_feet[leg, n]
+            if k >= 0 and not (stance[k] == 0.0 and LIFTED < phase[k] < EARLIEST):
+                swings = False
+        for i in range(c.leg_joints.shape[1]):
+            row = c.leg_joints[leg, i]
+            if swings and row >= 0:
+                _fit_joint(c.motion[row - 6], -c.residual[row - 6], c.sums[row - 6], c.joint[row - 6], keep)
+
+
+@kernel
+def _fit_joint(x: Vector, y: float, s: Vector, found: Vector, keep: float) -> None:
+    """Least squares with forgetting, y = found · x, drawn to zero; none of the three is negative."""
+    s[0] = keep * s[0] + x[0] * x[0]
+    s[1] = keep * s[1] + x[0] * x[1]
+    s[2] = keep * s[2] + x[0] * x[2]
+    s[3] = keep * s[3] + x[1] * x[1]
+    s[4] = keep * s[4] + x[1] * x[2]
+    s[5] = keep * s[5] + x[2] * x[2]
+    for i in range(3):
+        s[6 + i] = keep * s[6 + i] + x[i] * y
+    a, b, c = s[0] + RIDGE[0], s[3] + RIDGE[1], s[5] + RIDGE[2]
+    for _ in range(SWEEPS):  # Gauss–Seidel on the bounded problem
+        found[0] = max((s[6] - s[1] * found[1] - s[2] * found[2]) / a, 0.0)
+        found[1] = max((s[7] - s[1] * found[0] - s[4] * found[2]) / b, 0.0)
+        found[2] = max((s[8] - s[2] * found[0] - s[4] * found[1]) / c, 0.0)
 
 
 @kernel

@@ -168,7 +168,8 @@ class Estimator(KeepsViews):
         f["rotation"], f["position"] = rotation, q[:3] + rotation @ place
         f["velocity"] = rotation @ (v[:3] + np.cross(v[3:6], place))
         f["gyroscope_bias"] = f["accelerometer_bias"] = f["held"] = 0
-        c["external"] = c["probability"] = c["force"] = 0.0
+        for name in ("residual", "motion", "sums", "joint", "probability", "force"):
+            c[name] = 0.0
         r["q"], r["v"] = q, v
         r["begun"], r["status"], r["bad_in_a_row"], r["same_in_a_row"] = 0, tick.NO_SAMPLE, 0, 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0

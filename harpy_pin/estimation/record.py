@@ -57,7 +57,11 @@ class ContactRecord(RecordOf):
     flat: NDArray[np.int64]  # (feet,) 1 for a contact point of a flat foot
     leg_joints: NDArray[np.int64]  # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
     leg_feet: NDArray[np.int64]  # (legs, feet) contact points of each leg; −1 beyond the last
-    external: Vector = sized("joints")  # torques of the contact forces, low-passed, N·m
+    external: Vector = sized("joints")  # torques of the contact forces, N·m
+    residual: Vector = sized("joints")  # the same with those that the model of the joints lacks, low-passed, N·m
+    motion: Vector = sized("joints", 3)  # acceleration, velocity and its smooth sign, low-passed
+    sums: Vector = sized("joints", 9)  # of the products of these and the residual, while a leg swings
+    joint: Vector = sized("joints", 3)  # armature, damping, dry friction that the model lacks: kg m², N·m·s/rad, N·m
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
     share: Vector = sized("feet")  # of the force that is believed

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.estimation.contact import LIKELY, contact_probability, leg_forces, observe_torques
+from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.model.entry import all_possible
@@ -88,6 +88,7 @@ def estimate(
     if legs:
         _accelerate(e)
         observe_torques(e.contact, e.dynamics, torque, thrust, e.filter.period)
+        learn_joints(e.contact, stance, phase, e.filter.period)
         leg_forces(e.contact, e.dynamics)
         for k in range(normal_force.shape[0]):
             if abs(normal_force[k]) < np.inf:
