@@ -62,8 +62,6 @@ CONTENDERS = {
     "joints known": Contender(known=JOINTS),
     "motor law": Contender(**_LAW),
     "motor law, joints known": Contender(known=JOINTS, **_LAW),
-    "motor law, sensors": Contender(sensed=True, **_LAW),
-    "motor law, joints known, sensors": Contender(known=JOINTS, sensed=True, **_LAW),
     "QP, torque alone": Contender(controller="wbc"),
     "QP, motor law": Contender(controller="wbc", **_LAW),
     POLICY: Contender(controller="policy"),

@@ -70,6 +70,21 @@ def test_exact_sensors_know_the_forces():
     assert np.sqrt(np.mean((force - guess)[steady] ** 2)) < 0.02 * force.max()
 
 
+@needs_robots
+def test_joints_are_learned_in_swings():
+    """Damping and dry friction that the model lacks do not look like forces of the ground."""
+    actuators = hp.Actuators(viscous_friction=0.3, coulomb_friction=0.6)
+    gait = hp.Walking(velocity=(0.4, 0.0, 0.0))
+    disturbances = hp.Disturbances(actuators=actuators)
+    law = hp.Condensed(parameters={"joint_stiffness": 1.0, "joint_damping": 0.3, "contact_damping": 20.0})
+    how = {"ground": hp.Ground(mu_s=0.6), "controller": law, "duration": 4.0}
+    walk = hp.build(hp.Scenario(robot="go2", gait=gait, sensors=hp.Imu(**EXACT), disturbances=disturbances, **how))
+    walk.run()
+    found = walk.sensors.estimator.record["contact"]["joint"][0].reshape(4, 3, 3)[:, 1:]  # thighs and calves
+    np.testing.assert_allclose(np.median(found[..., 1]), 0.3, atol=0.15)
+    np.testing.assert_allclose(np.median(found[..., 2]), 0.6, atol=0.2)
+
+
 def test_sensors_alone_do_not_change_a_walk():
     plain = hp.walk(hp.Scenario(duration=0.5))
     sensed = hp.walk(hp.Scenario(duration=0.5, sensors=hp.Imu()))
