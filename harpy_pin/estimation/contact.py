@@ -144,4 +144,4 @@ def contact_probability(c: ContactRecord, d: DynamicsRecord, stance: Vector, pha
         odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (3.0 * expected - 2.0)
         odds -= square / (c.foot_speed * c.foot_speed)
         c.probability[k] = 1.0 / (1.0 + np.exp(-min(max(odds, -CERTAIN), CERTAIN)))
-        c.share[k] = 0.0 if c.flat[k] and c.probability[k] < LIKELY else c.probability[k]
+        c.share[k] = 0.0 if c.of_sole[k] and c.probability[k] < LIKELY else c.probability[k]

@@ -131,7 +131,7 @@ class Estimator(KeepsViews):
         radius = np.full(feet, foot_radius) if np.ndim(foot_radius) == 0 else foot_radius
         self.record = _record(robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet))
         self.probability: Vector = field(self.record["contact"], "probability")
-        self._thrust = np.zeros(robot.n_thrust)
+        self._thrust: Vector = field(self.record, "thrust")
         self._no_force = np.full(feet, np.nan)
         self._nothing = SimpleNamespace(stance=np.full(feet, 0.5), phase=np.zeros(feet))
         self.signals: dict[str, NDArray[Any]] = {
@@ -208,12 +208,14 @@ class Estimator(KeepsViews):
 
     def _estimate(self, s: Readings, target: Any) -> None:
         """One step with arrays as kernels take them."""
-        thrust, force = self._thrust, self._no_force if s.foot_force is None else s.foot_force
-        if s.thrust is not None and len(thrust):
-            read_thrusts(self.record["dynamics"], s.thrust, thrust)
+        force = self._no_force if s.foot_force is None else s.foot_force
+        if s.thrust is not None and len(self._thrust):
+            if s.thrust.shape != (len(self.robot.thrusters), 3):
+                raise InputError("thrusts of another robot", name="readings.thrust")
+            read_thrusts(self.record["dynamics"], s.thrust, self._thrust)
         legs, expected = (s.joint_position, s.joint_velocity, s.joint_torque), target or self._nothing
         stance, phase = expected.stance, expected.phase
-        estimate(self.record, s.t, s.gyroscope, s.accelerometer, *legs, thrust, force, stance, phase)
+        estimate(self.record, s.t, s.gyroscope, s.accelerometer, *legs, force, stance, phase)
 
     def _fit(self, readings: Readings) -> Readings:
         """The same readings in arrays of the sizes that kernels take."""
@@ -263,7 +265,7 @@ def _record(
             rate=s.force_rate or (POINT_RATE if max(robot.corners, default=1) == 1 else SOLE_RATE),
             **{name: getattr(s, name) for name in ("load", "load_width", "prior", "foot_speed", "damping")},
             weight=robot.mass * GRAVITY / np.repeat(robot.corners, robot.corners),
-            flat=np.repeat(robot.corners, robot.corners) > 1,
+            of_sole=np.repeat(robot.corners, robot.corners) > 1,
             leg_joints=legs,
             leg_feet=feet,
             normal=np.zeros((legs.shape[1], legs.shape[1])),

@@ -54,7 +54,7 @@ class ContactRecord(RecordOf):
     foot_speed: float  # at which the log-odds of contact have fallen by one, m/s
     damping: float  # that makes the forces of singular legs finite, m²
     weight: Vector  # (feet,) of the robot, N, divided by how many contact points each foot has
-    flat: NDArray[np.int64]  # (feet,) 1 for a contact point of a flat foot
+    of_sole: NDArray[np.int64]  # (feet,) 1 for a contact point of a flat foot
     leg_joints: NDArray[np.int64]  # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
     leg_feet: NDArray[np.int64]  # (legs, feet) contact points of each leg; −1 beyond the last
     external: Vector = sized("joints")  # torques of the contact forces, N·m
@@ -88,6 +88,7 @@ class EstimatorRecord(RecordOf):
     level: int  # 1 where the first sample says how the body is tilted
     begun: int = ZERO  # 1 from the first good sample on
     saturated: int = ZERO
+    thrust: Vector = sized("thrusts")  # variables of the thrusters since the last step, N
     status: int = ZERO
     bad_in_a_row: int = ZERO
     same_in_a_row: int = ZERO

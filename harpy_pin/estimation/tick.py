@@ -33,9 +33,9 @@ MAX_ACCELERATION = 1e4
 @kernel(
     gyroscope=(3,),
     accelerometer=(3,),
-    joint_position="e.contact.external",
-    joint_velocity="e.contact.external",
-    torque="e.contact.external",
+    joint_position="e.unbounded",
+    joint_velocity="e.unbounded",
+    torque="e.unbounded",
     normal_force="e.foot_radius",
     stance="e.foot_radius",
     phase="e.foot_radius",
@@ -48,18 +48,17 @@ def estimate(
     joint_position: Vector,
     joint_velocity: Vector,
     torque: Vector,
-    thrust: Vector,
     normal_force: Vector,
     stance: Vector,
     phase: Vector,
 ) -> int:
     """One step; see :meth:`harpy_pin.estimation.estimator.Estimator.step`, whose arrays these are.
 
-    ``thrust`` are the thrust variables; ``normal_force`` (feet,) is that of foot sensors, N, NaN where there is none.
+    ``normal_force`` (feet,) is that of foot sensors, N, NaN where there is none. Thrusts are in the record.
     Returns the status.
     """
     legs = all_possible(joint_position) and all_possible(joint_velocity) and all_possible(torque)
-    legs = legs and all_possible(thrust)
+    legs = legs and all_possible(e.thrust)
     if not legs and e.begun == 0:
         e.status = NO_SAMPLE
         return NO_SAMPLE
@@ -87,7 +86,7 @@ def estimate(
         update_terms(e.dynamics, e.q, e.v)
     if legs:
         _accelerate(e)
-        observe_torques(e.contact, e.dynamics, torque, thrust, e.filter.period)
+        observe_torques(e.contact, e.dynamics, torque, e.thrust, e.filter.period)
         learn_joints(e.contact, stance, phase, e.filter.period)
         leg_forces(e.contact, e.dynamics)
         for k in range(normal_force.shape[0]):

@@ -10,7 +10,7 @@ from public_calls import public_names
 
 import harpy_pin
 import reproduction
-from harpy_pin import InputError
+from harpy_pin import Estimator, InputError
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import KernelError
 from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows
@@ -56,6 +56,7 @@ def records(robot):
         "gait": walk[0],
         "d": model.record[0],
         "ground": {"planar_step": Ground().record, "*": Ground().record[0]},
+        "e": Estimator(robot).record[0],
         "step": step_record({"nv": 7, "feet": 2}, dt=1e-3),
     }
 

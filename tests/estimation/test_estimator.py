@@ -213,7 +213,15 @@ def test_a_wrong_mounting_is_said(orientation):
 
 def test_misfits_are_refused(robot):
     estimator, good = hp.Estimator(robot), still(robot)
-    for name in ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque", "foot_force"):
+    for name in (
+        "gyroscope",
+        "accelerometer",
+        "joint_position",
+        "joint_velocity",
+        "joint_torque",
+        "foot_force",
+        "thrust",
+    ):
         bad = copy.copy(good)
         setattr(bad, name, np.zeros(7))
         with pytest.raises(hp.InputError, match=name):

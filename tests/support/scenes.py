@@ -100,6 +100,17 @@ def joint_targets() -> None:
 
 
 @scene
+def estimated() -> None:
+    """Walks on the estimate, on points and on round feet, and readings that are none."""
+    walk(state="estimated")
+    estimator = hp.Estimator(hp.load_harpy(), foot_radius=0.02)
+    for n in range(60):
+        unit = np.full(3, np.nan if n > 50 else 1e-3 * n), np.array([0.1, 0.0, 9.81])
+        force = np.full(2, 20.0 if n > 9 else 0.0)
+        estimator.step(hp.Readings(1e-3 * n, *unit, *np.full((3, 6), 0.1), foot_force=force))
+
+
+@scene
 def bridged() -> None:
     """A state from MuJoCo, and a command into it."""
     plant = hp.build(hp.Scenario(plant="mujoco")).simulator
