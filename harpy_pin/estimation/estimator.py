@@ -100,8 +100,8 @@ class Estimator(KeepsViews):
             command = controller.step(state)
 
     Args:
-        robot: with joints as they are known (:meth:`~harpy_pin.model.robot.Robot.with_joints`): what friction and
-            armature a joint has besides counts as force of the ground.
+        robot: with joints as they are known (:meth:`~harpy_pin.model.robot.Robot.with_joints`). What friction and
+            armature they have besides is learned in swings, and counts as force of the ground before.
         imu: noise and place of the sensors.
         settings: the rest.
         period: time between steps, s.
@@ -171,7 +171,8 @@ class Estimator(KeepsViews):
         for name in ("residual", "motion", "sums", "joint", "probability", "force"):
             c[name] = 0.0
         r["q"], r["v"] = q, v
-        r["begun"], r["status"], r["bad_in_a_row"], r["same_in_a_row"] = 0, tick.NO_SAMPLE, 0, 0
+        r["begun"], r["status"] = 0, tick.NO_SAMPLE
+        r["bad_in_a_row"] = r["same_in_a_row"] = r["late_in_a_row"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 

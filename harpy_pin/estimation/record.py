@@ -92,6 +92,7 @@ class EstimatorRecord(RecordOf):
     status: int = ZERO
     bad_in_a_row: int = ZERO
     same_in_a_row: int = ZERO
+    late_in_a_row: int = ZERO
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
     raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s
     raw_acceleration: Vector = sized(3)  # of the last good sample, body axes, m/s²

@@ -8,7 +8,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.record import EstimatorRecord
-from harpy_pin.model.entry import all_possible
+from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
@@ -59,20 +59,23 @@ def estimate(
     """
     legs = all_possible(joint_position) and all_possible(joint_velocity) and all_possible(torque)
     legs = legs and all_possible(e.thrust)
-    if not legs and e.begun == 0:
+    if not abs(t) < np.inf or (not legs and e.begun == 0):
         e.status = NO_SAMPLE
         return NO_SAMPLE
     periods = 1.0
     if e.begun != 0:
         periods = np.floor((t - e.t) / e.filter.period + 0.5)
-        if not 1.0 <= periods < np.inf:
+        if periods < 1.0:
+            e.late_in_a_row += 1
+            if e.late_in_a_row > HOLD_TICKS:  # the clock was set back
+                e.t, e.late_in_a_row = t, 0
             e.status = BACKWARDS
             return BACKWARDS
     unit = _read_unit(e, gyroscope, accelerometer)
     if e.begun == 0 and not unit:
         e.status = NO_SAMPLE
         return NO_SAMPLE
-    e.t = t
+    e.t, e.late_in_a_row = t, 0
     if legs:
         _place_joints(e, joint_position, joint_velocity)
     if e.begun == 0:

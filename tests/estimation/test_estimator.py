@@ -188,6 +188,16 @@ def test_bad_readings_are_said_and_survived(robot, name, status):
     assert rotations(state.q[None])[0][2, 2] > np.cos(0.02)
 
 
+def test_a_clock_that_was_set_back_is_followed(robot):
+    estimator, said = hp.Estimator(robot, settings=SLOPE), []
+    for t in (*np.arange(5.0, 5.2, 1e-3), np.nan, *np.arange(0.0, 0.2, 1e-3)):
+        estimator.step(still(robot, t))
+        said.append(estimator.status)
+    assert said.count("time does not go on") < 30
+    assert said.count("no sample") == 1
+    assert said[-1] == "good"
+
+
 def test_a_gap_is_made_up_for(robot):
     """Of samples that are missing the last one holds; after a long pause the estimate goes on from where it was."""
     estimator = hp.Estimator(robot, settings=SLOPE)
