@@ -172,7 +172,7 @@ class Estimator(KeepsViews):
             c[name] = 0.0
         r["q"], r["v"] = q, v
         r["begun"], r["status"] = 0, tick.NO_SAMPLE
-        r["bad_in_a_row"] = r["same_in_a_row"] = r["late_in_a_row"] = 0
+        r["same_in_a_row"] = r["late_in_a_row"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 

@@ -90,7 +90,6 @@ class EstimatorRecord(RecordOf):
     saturated: int = ZERO
     thrust: Vector = sized("thrusts")  # variables of the thrusters since the last step, N
     status: int = ZERO
-    bad_in_a_row: int = ZERO
     same_in_a_row: int = ZERO
     late_in_a_row: int = ZERO
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s

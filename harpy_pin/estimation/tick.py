@@ -106,9 +106,7 @@ def estimate(
 def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> bool:
     """Keep the inertial unit's sample in body axes; a bad one leaves the last one. Returns whether it was good."""
     if not (all_possible(gyroscope) and all_possible(accelerometer)):
-        e.bad_in_a_row += 1
         return False
-    e.bad_in_a_row = 0
     e.saturated = 0
     same, m, t = 1, e.mounting, e.filter.period
     for i in range(3):
