@@ -85,7 +85,6 @@ def view(
     pixels = None if size is None else _pixels(size)
     from harpy_pin.log.run import Run
     from harpy_pin.view.identity import robot_of
-    from harpy_pin.view.page.replay import show, write_html
 
     logs = [Run.load(path) for path in runs]
     if csv is not None:
@@ -94,6 +93,8 @@ def view(
         if html is None and figures is None and not pictured:
             say_next(f"harpy view {runs[0]}")
             return
+    from harpy_pin.view.page.replay import show, write_html
+
     pairs = [(log, robot_of(log, urdf)) for log in logs]
     if html is not None:
         write_html(pairs, html)

@@ -1,7 +1,8 @@
-"""View: runs replayed in the browser, as an HTML file or a picture, and figures of their signals."""
+"""View: runs replayed in the browser, as an HTML file or a picture, and figures of their signals.
 
-from harpy_pin.view.figures import figures_of
-from harpy_pin.view.identity import robot_of
-from harpy_pin.view.page.replay import ReplayServer, replay_html, show, write_html
+The names that ``__init__.pyi`` lists are imported when they are first used; all but ``robot_of`` need the extra view.
+"""
 
-__all__ = ["ReplayServer", "figures_of", "replay_html", "robot_of", "show", "write_html"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 import numpy as np
 
 from harpy_pin.arguments import checked
+from harpy_pin.errors import HarpyError, install_line
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.view.page.charts import Chart, charts_of
@@ -50,8 +51,10 @@ def styled(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Drawn:
-        import matplotlib
-
+        try:
+            import matplotlib
+        except ImportError as error:
+            raise HarpyError(f"figures need Matplotlib ({error}): {install_line('view')}") from error
         with matplotlib.rc_context(STYLE):  # type: ignore[arg-type]
             return draw(*args, **kwargs)
 

@@ -152,3 +152,21 @@ def test_nothing_under_model_reads_weights():
             names = [getattr(node, part, None) for part in ("id", "attr", "arg", "name", "value")]
             found = [n for n in names if isinstance(n, str) and re.fullmatch(r"w_\w+|weights?|\w+Weights\w*", n)]
             assert not found, f"{path.name}: {found}"
+
+
+def test_walks_need_no_viewer(tmp_path):
+    """Nor do their logs; what shows them names the extra that it needs, before anything is walked."""
+    absent = "sys.modules.update(dict.fromkeys(('matplotlib', 'meshcat', 'umsgpack', 'PIL', 'jinja2')))"
+    script = f"import sys; {absent}; sys.argv[0] = 'harpy'; from harpy_pin.__main__ import main; main()"
+
+    def harpy(*words: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([sys.executable, "-c", script, *words], capture_output=True, text=True, cwd=tmp_path)
+
+    done = harpy("walk", "--duration", "0.05", "--save", "walk.npz")
+    assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
+    assert harpy("view", "walk.npz", "--csv", "walk.csv").returncode in (0, 2)  # that needs pandas
+    for words in (("view", "walk.npz"), ("view", "walk.npz", "--figures", "walk.pdf"), ("demo", "--no-open")):
+        done = harpy(*words)
+        assert done.returncode == 2
+        assert done.stderr.count("\n") == 1
+        assert "[view]" in done.stderr

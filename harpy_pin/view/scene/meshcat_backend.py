@@ -7,12 +7,17 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
-import umsgpack
-from meshcat import geometry as g
 
+from harpy_pin.errors import HarpyError, install_line
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import as_int
 from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Motions, Node, Sphere
+
+try:
+    import umsgpack
+    from meshcat import geometry as g
+except ImportError as error:
+    raise HarpyError(f"replays need Meshcat ({error}): {install_line('view')}") from error
 
 ROOT = "/meshcat/walk"
 """Path of the node that stands for the world's frame."""
