@@ -1,0 +1,7 @@
+"""What ``harpy_pin.view`` offers; :mod:`lazy_loader` reads this file."""
+
+from .figures import figures_of
+from .identity import robot_of
+from .page.replay import ReplayServer, replay_html, show, write_html
+
+__all__ = ["ReplayServer", "figures_of", "replay_html", "robot_of", "show", "write_html"]
