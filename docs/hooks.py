@@ -1,4 +1,4 @@
-"""What the site takes from outside ``docs/``: README, changelog and examples become pages, and links lead to them.
+"""What becomes a page of the site: README, changelog, examples and notebooks; links lead to them.
 
 The Markdown files stay as they read well in the repository; their links are turned into the site's here, their
 formulas, which GitHub draws from fences named ``math``, into MathML, which browsers draw without a script, and the
@@ -7,6 +7,7 @@ indices of symbols in sentences, such as u_gz, into subscripts.
 
 from __future__ import annotations
 
+import json
 import re
 from os.path import relpath
 from pathlib import Path
@@ -47,7 +48,20 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name, page in PAGES.items():
         files.append(File.generated(config, page, content=(ROOT / name).read_text()))
     files.append(File.generated(config, EXAMPLES, content=examples()))
+    for path in sorted(DOCS.rglob("*.ipynb")):
+        page = path.with_suffix(".md").relative_to(DOCS)
+        files.append(File.generated(config, page.as_posix(), content=notebook(path)))
     return files
+
+
+def notebook(path: Path) -> str:
+    """A notebook as Markdown: its text, its code in fences, and below the title where to get it."""
+    cells = json.loads(path.read_text())["cells"]
+    texts = ["".join(cell["source"]) for cell in cells]
+    fences = {"markdown": "{}", "code": "```python\n{}\n```"}
+    title, *rest = (fences[cell["cell_type"]].format(text) for cell, text in zip(cells, texts, strict=True))
+    name = f'<a href="{path.name}" download>Download the notebook</a>'
+    return "\n\n".join([title, f"{name}; here it is without its output.", *rest]) + "\n"
 
 
 def examples() -> str:
@@ -85,6 +99,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             file = DOCS / EXAMPLES
         elif file.parent == ROOT and file.name in PAGES:
             file = DOCS / PAGES[file.name]
+        elif file.suffix == ".ipynb":
+            file = file.with_suffix(".md")
         elif file.is_file() and not file.is_relative_to(DOCS):
             return text
         return f"[{text}]({relpath(file, (DOCS / uri).parent)}{anchor})"

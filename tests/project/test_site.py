@@ -57,3 +57,12 @@ def test_home_is_the_readme_and_its_links_lead_on(site: Path) -> None:
     for page in set(site.rglob("*.html")) - {site / "404.html"}:  # whose links are a server's
         local = re.findall(r'(?:href|src)="([^":#?]+)[#?"]', page.read_text())
         assert not [link for link in local if not (page.parent / link).exists()], page
+
+
+def test_notebooks_are_pages_and_can_be_downloaded(site: Path) -> None:
+    page = (site / "tutorials" / "own_robot.html").read_text()
+    assert 'id="a-loop-of-your-own"' in page
+    assert 'class="language-python highlight"' in page
+    assert 'href="own_policy.html"' in page
+    assert 'href="own_robot.ipynb" download' in page
+    assert (site / "tutorials" / "own_robot.ipynb").is_file()

@@ -13,7 +13,7 @@ from pathlib import Path
 
 def test_wheel_walks_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
-    others = ("urdf/harpy.urdf", "py.typed", "__init__.pyi", "examples/first_walk.py", "tutorials/first_walk.md")
+    others = ("urdf/harpy.urdf", "py.typed", "__init__.pyi", "examples/first_walk.py", "tutorials/robot_dog.ipynb")
     page = ("page.html", "page.css", "player.js", "uPlot.iife.min.js", "uPlot.min.css", "uPlot-LICENSE.txt")
     assert {f"harpy_pin/{n}" for n in (*others, *(f"view/page/assets/{name}" for name in page))} <= set(names)
     foreign, compiled = ("tests", "comparison", "reproduction"), (".nbi", ".nbc", ".pyc")
@@ -43,6 +43,6 @@ def test_wheel_walks_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
     told = dict(line.split(": ", 1) for line in run(harpy, "info").stdout.splitlines() if line.startswith(("tu", "ex")))
     assert Path(told["examples"]).is_relative_to(environment)
     assert (Path(told["examples"]) / "first_walk.py").is_file()
-    assert (Path(told["tutorials"]) / "first_walk.md").is_file()
+    assert (Path(told["tutorials"]) / "robot_dog.ipynb").is_file()
     where = run(str(python), "-c", "import harpy_pin.model.robot as r; print(r.harpy_urdf())")
     assert Path(where.stdout.strip()).is_relative_to(environment)

@@ -7,6 +7,7 @@ import threading
 import webbrowser
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
@@ -23,7 +24,7 @@ LOCAL = re.compile(r"(localhost|127\.0\.0\.1|\[::1\])(:[0-9]{1,5})?", re.IGNOREC
 
 @checked
 def replay_html(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = None) -> str:
-    """The replay of a run as HTML text (to write, to serve, or for a notebook's ``IFrame(srcdoc=...)``).
+    """The replay of a run as HTML text (to write or to serve; a notebook shows :class:`InlineReplay`).
 
     The page shows the robot, and charts of its forces that move with it; it opens, paused, at the moment that tells
     most (:func:`harpy_pin.view.page.shown.telling_moment`). Space plays and pauses, the arrow keys go frame by frame,
@@ -42,6 +43,26 @@ def replay_html(runs: Runs, *, fps: float = 30.0, names: Sequence[str] | None = 
             draw, or a frame rate that is not positive.
     """
     return build_page(line_up(runs, fps=fps, names=names))
+
+
+class InlineReplay:
+    """The replay of runs in a notebook, where it is the value of a cell; the notebook holds all that it shows.
+
+    Args:
+        runs: as of :func:`replay_html`, whose errors it has, too.
+        height: of the replay, pixels; it is as wide as the notebook.
+        fps: as of :func:`replay_html`.
+        names: as of :func:`replay_html`.
+    """
+
+    @checked
+    def __init__(self, runs: Runs, *, height: int = 640, fps: float = 30.0, names: Sequence[str] | None = None) -> None:
+        self._height = checks.whole("height", height, low=1)
+        self._page = replay_html(runs, fps=fps, names=names)
+
+    def _repr_html_(self) -> str:
+        style = f"width: 100%; height: {self._height}px; border: 0"
+        return f'<iframe srcdoc="{escape(self._page)}" style="{style}"></iframe>'
 
 
 @checked

@@ -82,6 +82,8 @@ class RobotNodes:
                 name = path if len(parts) == 1 else f"{path}/{number}"
                 self.nodes.append(Node(name, mesh, _look(colour), place))
             return
+        if isinstance(shape.geometry, coal.Halfspace | coal.Plane):
+            return  # a floor; the scene has its own
         drawn = _primitive(shape.geometry)
         if drawn is None:
             kind = type(shape.geometry).__name__
