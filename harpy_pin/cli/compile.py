@@ -14,7 +14,7 @@ import typer
 
 from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.output import Force, console, say_next
-from harpy_pin.errors import HarpyError
+from harpy_pin.errors import HarpyError, InputError
 
 if TYPE_CHECKING:
     from harpy_pin.model.robot import Robot
@@ -35,7 +35,7 @@ def compile_ahead(
 ) -> None:
     """Compile what these robots need to walk, stand or hover.
 
-    For Harpy also the governors and the commanded gait. Libraries are kept in the user's cache, or in $HARPY_PIN_CACHE;
+    For Harpy also the governors. Libraries are kept in the user's cache, or in $HARPY_PIN_CACHE;
     without this command each is compiled when it is first needed.
 
     \b
@@ -55,14 +55,21 @@ def compile_ahead(
             return
     if BACKEND != "c":
         raise HarpyError("there is nothing to compile ahead without a C compiler: install gcc, clang or the extra 'cc'")
-    begin = perf_counter()
+    begin, refused = perf_counter(), list[InputError]()
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         work = {threads.submit(walk, scenario): name for name, scenario in _scenarios(walkers)}
         try:
             for future in as_completed(work):
-                future.result()
+                try:
+                    future.result()
+                except InputError as error:  # this controller cannot have this robot
+                    refused.append(error)
+                    console.print(f"{work[future]}: {error}", soft_wrap=True)
+                    continue
                 seconds, made = perf_counter() - begin, _count(len(compiler.MADE))
                 console.print(f"{work[future]}: done after {seconds:.1f} s, {made}")
+            if len(refused) == len(work):
+                raise refused[-1]
             wait_for_all()
         except BaseException:
             with compiler.ending():
@@ -84,13 +91,11 @@ def _scenarios(robots: Sequence[str | Robot]) -> Iterator[tuple[str, Scenario]]:
     from harpy_pin.scenario import Governed, Scenario, gaits_of
 
     for robot in robots:
-        # Another robot stays where it is: standing or hovering.
-        gait = next(kind for kind in gaits_of(robot) if kind != "walking")
-        for controller, title in (("condensed", "condensed controller"), ("wbc", "whole-body QP")):
-            scenario = Scenario(robot=robot, gait=gait, controller=controller, duration=DURATION)
-            yield f"{scenario.robot_name}, {title}", scenario
+        for gait in gaits_of(robot):
+            for controller, title in (("condensed", "condensed controller"), ("wbc", "whole-body QP")):
+                scenario = Scenario(robot=robot, gait=gait, controller=controller, duration=DURATION)
+                yield f"{scenario.robot_name}, {title}, gait '{gait}'", scenario
         if robot == HARPY:
-            yield "harpy, commanded gait", Scenario(gait="commanded", duration=DURATION)
             for governor in GOVERNORS:
                 scenario = Scenario(controller=Governed(governor=governor), duration=DURATION)
                 yield f"harpy, governor '{governor}'", scenario

@@ -3,6 +3,7 @@
 A library is kept under a name that follows from everything that decides it, so that nothing out of date is ever found.
 Files appear whole or not at all, and carry a checksum of their content and name; a damaged one is made again. Nothing
 is loaded that others can write. Where nothing can be kept, libraries live in a temporary folder of the process.
+Without a compiler those are used that the wheel brings, if it is one for this platform (hatch_build.py).
 """
 
 from __future__ import annotations
@@ -30,13 +31,16 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from harpy_pin.errors import KernelError
+from harpy_pin.errors import HarpyError, KernelError, install_line
 
 EXACT = ("-std=c99", "-ffp-contract=off", "-fno-tree-slp-vectorize", "-fno-math-errno", "-fno-trapping-math")
 """No fused products, so that every compiler gives the same digits; GCC 12 makes some from neighbouring statements
 (vfmaddsub) although contraction is off."""
 VECTORS = "-fvect-cost-model=cheap"
-FLAGS = (*EXACT, "-O2", VECTORS, "-fpeel-loops", "-march=native")
+FOR_A_WHEEL = bool(os.environ.get("HARPY_PIN_FOR_A_WHEEL"))
+"""Whether what is compiled is for other machines, too: processors since 2009, which NumPy's wheels need as well."""
+BASELINE = ("-march=x86-64-v2",) if platform.machine() == "x86_64" else ()
+FLAGS = (*EXACT, "-O2", VECTORS, "-fpeel-loops", *(BASELINE if FOR_A_WHEEL else ("-march=native",)))
 """Loops over rows become vector instructions, also where their length is known at run time only: with that the general
 QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes."""
 SHARED = ("-shared", "-fPIC", "-w")
@@ -50,6 +54,8 @@ UNUSED_FOR = 60 * 24 * 3600
 """Time after which a library that nobody loaded is removed, s."""
 WATCHED = """exec 3<&0 0</dev/null; { read x <&3; kill -TERM 0; } >/dev/null 2>&1 & exec "$@" 3<&-"""
 """A shell's words: run a command, and end its process group as soon as nobody writes to the standard input any more."""
+BROUGHT = Path(__file__).with_name("libraries")
+"""Where a wheel for one platform has its libraries."""
 KEPT_FILE = re.compile(r"\w+-[0-9a-f]{32}.*\.(so|lock|part)")
 """Names of what is kept, and of what is being made."""
 MADE: list[Path] = []
@@ -89,8 +95,16 @@ def version() -> str:
 
 
 @cache
+def portable() -> bool:
+    """Whether libraries are those of a wheel: one is being built, or there is no compiler."""
+    return FOR_A_WHEEL or compiler() is None
+
+
+@cache
 def _machine() -> str:
-    """What decides a library besides its source: compiler, flags and processor."""
+    """What decides a library besides its source: compiler, flags and processor; of a portable one the platform."""
+    if portable():
+        return repr((platform.machine(), platform.system()))
     command = compiler() or ()
     with suppress(OSError, IndexError):
         status = os.stat(os.path.realpath(command[0]))
@@ -159,7 +173,10 @@ def library(name: str, key: str, source: Callable[[], str]) -> ctypes.PyDLL:
 
     Raises:
         KernelError: the compiler fails; the message has what it says.
+        HarpyError: there is none, and the wheel does not have it.
     """
+    if compiler() is None:
+        return _brought(f"{name}-{key}.so")
     path = folder() / f"{name}-{key}.so"
     if not _whole(path):
         with _alone(path):
@@ -177,20 +194,35 @@ def library(name: str, key: str, source: Callable[[], str]) -> ctypes.PyDLL:
         raise KernelError(f"the compiled kernel '{path}' cannot be loaded: {error}") from error
 
 
+def _brought(name: str) -> ctypes.PyDLL:
+    """A library of the wheel."""
+    if not _whole(BROUGHT / name, ours=False):
+        kernel = name.partition("-")[0]
+        why = f"the kernel '{kernel}' for this robot or setting is not in the wheel, and there is no C compiler"
+        raise HarpyError(f"{why}: install gcc or clang, or {install_line('cc')}")
+    try:
+        return ctypes.PyDLL(str(BROUGHT / name))
+    except OSError as error:
+        raise HarpyError(f"the compiled kernel '{BROUGHT / name}' cannot be loaded: {error}") from error
+
+
 def _checksum(name: str, data: bytes) -> bytes:
     return hashlib.sha256(name.encode() + data).digest()
 
 
-def _whole(path: Path) -> bool:
-    """Whether the file is there as this user wrote it: its last bytes are the checksum of its name and the others."""
+def _whole(path: Path, *, ours: bool = True) -> bool:
+    """Whether the file is there as it was written, for ``ours`` by this user.
+
+    Its last bytes are the checksum of its name and the others.
+    """
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
     with suppress(OSError), os.fdopen(os.open(path, flags), "rb") as file:
         status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode) or not _is_mine(status) or status.st_size > MAX_SIZE:
+        if not stat.S_ISREG(status.st_mode) or (ours and not _is_mine(status)) or status.st_size > MAX_SIZE:
             return False
         data = file.read()
         if _checksum(path.name, data[:-32]) == data[-32:]:
-            if time.time() - status.st_mtime > UNUSED_FOR / 10:
+            if ours and time.time() - status.st_mtime > UNUSED_FOR / 10:
                 os.utime(path)
             return True
     return False
@@ -317,7 +349,7 @@ def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
     """
     command = compiler()
     if command is None:
-        raise KernelError("there is no C compiler: install gcc or clang, or the extra 'cc'")
+        raise KernelError(f"there is no C compiler: install gcc or clang, or {install_line('cc')}")
     said, code = run_program([*command, *arguments], temporary=temporary)
     if code != 0:
         why = "was ended" if code < 0 else f"failed:\n{said[:4000]}"

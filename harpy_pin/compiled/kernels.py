@@ -7,10 +7,12 @@ only loads it. ``$HARPY_PIN_KERNELS`` chooses ``c`` or ``python``; by default it
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from functools import cache, update_wrapper
 from inspect import signature
 from pathlib import Path
@@ -26,9 +28,10 @@ from harpy_pin.compiled.bridge import DTYPES, Bound, Version, bridge
 from harpy_pin.compiled.entry_points import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
-from harpy_pin.compiled.source import fingerprint, remember
+from harpy_pin.compiled.source import _described as _described_code
+from harpy_pin.compiled.source import _own_fingerprint, fingerprint, remember
 from harpy_pin.compiled.types import Array, Struct, Tuple, Type
-from harpy_pin.errors import InputError, KernelError
+from harpy_pin.errors import HarpyError, InputError, KernelError
 
 BACKENDS = ("c", "python")
 TRANSLATOR = (
@@ -47,14 +50,12 @@ def _choose() -> str:
         raise InputError.unknown("kind of kernels in $HARPY_PIN_KERNELS", desired, BACKENDS)
     if desired:
         return desired
-    slow = "kernels run as plain Python, a thousand times slower; install gcc, or the extra 'cc'"
-    if compiler.compiler() is None:
-        compiler.say(f"no C compiler found: {slow}")
-        return "python"
     try:
         bridge()
-    except KernelError as error:
-        compiler.say(f"the C compiler does not work: {slow}\n{error}")
+    except HarpyError as error:
+        slow = "kernels run as plain Python, a thousand times slower; install gcc, or the extra 'cc'"
+        known = compiler.compiler() is not None
+        compiler.say(f"the C compiler does not work: {slow}\n{error}" if known else f"no C compiler found: {slow}")
         return "python"
     return "c"
 
@@ -213,9 +214,8 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def _load(self, types: tuple[Type, ...]) -> None:
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
-        key = compiler.key_of(
-            _translator(), fingerprint(self.py_func), f"{self.py_func.__module__}.{name}", _text(types)
-        )
+        code = (_portable_fingerprint if compiler.portable() else fingerprint)(self.py_func)
+        key = compiler.key_of(_translator(), code, f"{self.py_func.__module__}.{name}", _text(types))
 
         def source() -> str:
             with _TRANSLATING:
@@ -365,6 +365,26 @@ def end_all() -> None:
     with compiler.ending():
         _workers().shutdown(cancel_futures=True)
     _workers.cache_clear()
+
+
+def _portable_fingerprint(function: FunctionType) -> bytes:
+    """A fingerprint with files in the place of instructions, of which every version of Python has its own."""
+    seen: dict[FunctionType, bytes] = {}
+    waiting = [function]
+    while waiting:
+        one = waiting.pop()
+        if one not in seen:
+            text, called = _own_fingerprint(one)
+            seen[one] = text.replace(_described_code(one.__code__).encode(), _digest(one.__code__.co_filename))
+            waiting.extend(called)
+    return b"".join(sorted(seen.values()))
+
+
+@cache
+def _digest(file: str) -> bytes:
+    with suppress(OSError):  # a kernel that was typed in has no file
+        return hashlib.sha256(Path(file).read_bytes()).digest()
+    return b""
 
 
 @cache

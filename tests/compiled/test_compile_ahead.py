@@ -31,7 +31,11 @@ def test_what_is_compiled_ahead_is_not_compiled_again(tmp_path: Path) -> None:
     assert made.returncode == 0, made.stderr
     *parts, summary, _ = made.stdout.splitlines()  # at the end stands the next command
     names = {line.partition(":")[0] for line in parts}
-    assert {"harpy, condensed controller", "harpy, whole-body QP", "harpy, governor 'filter'"} <= names
+    assert {
+        "harpy, condensed controller, gait 'hand'",
+        "harpy, whole-body QP, gait 'hand'",
+        "harpy, governor 'filter'",
+    } <= names
     assert str(tmp_path) in summary
     before = libraries(tmp_path)
     assert int(summary.split()[0]) == len(before)

@@ -10,6 +10,12 @@ import venv
 import zipfile
 from pathlib import Path
 
+import pytest
+import wheel_alone
+from needs import needs_robots
+
+from harpy_pin.compiled import BACKEND
+
 
 def test_wheel_walks_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
     names = zipfile.ZipFile(wheel).namelist()
@@ -46,3 +52,29 @@ def test_wheel_walks_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
     assert (Path(told["tutorials"]) / "robot_dog.ipynb").is_file()
     where = run(str(python), "-c", "import harpy_pin.model.robot as r; print(r.harpy_urdf())")
     assert Path(where.stdout.strip()).is_relative_to(environment)
+
+
+@pytest.mark.long
+@needs_robots
+@pytest.mark.skipif(BACKEND != "c", reason="needs a C compiler")
+def test_kernels_in_the_wheel_walk_without_a_compiler(tmp_path: Path) -> None:
+    """At once, and with the same digits as kernels compiled for this processor; other robots are refused in a line."""
+    wheel = wheel_alone.build(tmp_path, ["harpy", "go2"])
+    assert "-py3-none-" in wheel.name
+    assert not wheel.name.endswith("-any.whl")
+    python = wheel_alone.install(wheel, tmp_path / "environment", shared=True)
+    for robot in ("harpy", "go2"):
+        told, compiled = wheel_alone.walk(python, robot), wheel_alone.walk_compiled(robot)
+        assert told["kernels"] == ["c", True, 0]
+        assert Path(told["file"]).is_relative_to(tmp_path)
+        assert told["cpu"] < 1.5  # s, with Python's start and all imports
+        assert told["ending"] == "completed"
+        assert told["q"] == compiled["q"]
+    refused = wheel_alone.run(python, "-m", "harpy_pin", "walk", "--robot", "iris", "--duration", "0.1")
+    assert refused.stderr.count("\n") == 1
+    assert "is not in the wheel, and there is no C compiler" in refused.stderr
+    (bridge,) = (tmp_path / "environment").rglob("bridge-*.so")
+    bridge.write_bytes(bridge.read_bytes()[:-1])
+    damaged = wheel_alone.run(python, "-c", "from harpy_pin.compiled import BACKEND; print(BACKEND)")
+    assert damaged.stdout.split() == ["python"]
+    assert "no C compiler found" in damaged.stderr
