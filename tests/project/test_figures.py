@@ -84,7 +84,7 @@ SENTENCES = {
         "filter's "
         "{comparison/campaign|contact-force filter|off target, rms, mm|2}.",
     ],
-    "docs/embedded.md": [f"WBC's median tick takes {{embedded/embedded|Harpy, {LAW}|ms at 168 MHz|2}} to"],
+    "docs/embedded.md": [f"WBC's median tick takes {{embedded/embedded|Harpy, {LAW}|ms at 168 MHz}} to"],
     "docs/steering.md": [
         "with 10 N·s {steering/steering_pushes|10 N·s, condensed|fell} walks fall, with 12 N·s "
         "{steering/steering_pushes|12 N·s, condensed|fell}."
