@@ -11,7 +11,8 @@ the least forces that explain their torques, f = J_j (J_jᵀ J_j + ε)⁻¹ τ_j
 
 The log-odds that a foot touches add up: of its normal force, (f_z / weight − load) / width; of the gait, which expects
 it on the ground or not (less surely a landing than a lift-off, which it commands); and of its speed, which no foot in
-contact has.
+contact has. For the gait a foot has also landed that is at rest where the ground is, late in its swing; the filter
+holds on to it when it carries load.
 """
 
 from __future__ import annotations
@@ -130,11 +131,13 @@ def leg_forces(c: ContactRecord, d: DynamicsRecord) -> None:
 
 
 @kernel
-def contact_probability(c: ContactRecord, d: DynamicsRecord, stance: Vector, phase: Vector) -> None:
+def contact_probability(
+    c: ContactRecord, d: DynamicsRecord, stance: Vector, phase: Vector, ground_height: Vector
+) -> None:
     """Probability that each foot touches the ground.
 
-    ``stance`` and ``phase`` (feet,) are the gait's, of :class:`~harpy_pin.gaits.gait.GaitTarget`; a stance of 0.5
-    expects nothing.
+    ``stance``, ``phase`` and ``ground_height`` (feet,), m, are the gait's, of
+    :class:`~harpy_pin.gaits.gait.GaitTarget`; a stance of 0.5 expects nothing.
     """
     for k in range(c.force.shape[0]):
         expected = stance[k]
@@ -143,5 +146,16 @@ def contact_probability(c: ContactRecord, d: DynamicsRecord, stance: Vector, pha
         square = d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2 + d.foot_velocity[k, 2] ** 2
         odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (3.0 * expected - 2.0)
         odds -= square / (c.foot_speed * c.foot_speed)
-        c.probability[k] = 1.0 / (1.0 + np.exp(-min(max(odds, -CERTAIN), CERTAIN)))
-        c.share[k] = 0.0 if c.of_sole[k] and c.probability[k] < LIKELY else c.probability[k]
+        c.probability[k] = _logistic(odds)
+        if stance[k] == 0.0 and expected == 1.0 and abs(d.foot_position[k, 2] - ground_height[k]) < c.near:
+            odds += c.rest * max(1.0 - square / (c.rest_speed * c.rest_speed), 0.0)
+        share = _logistic(odds)
+        c.share[k] = 0.0 if c.of_sole[k] and share < LIKELY else share
+        if stance[k] == 0.0 and share >= LIKELY:  # it has landed: it carries what such a foot does at least
+            c.force[k, 2] = max(c.force[k, 2], c.load * c.weight[k])
+
+
+@kernel
+def _logistic(odds: float) -> float:
+    """Probability of log-odds."""
+    return float(1.0 / (1.0 + np.exp(-min(max(odds, -CERTAIN), CERTAIN))))

@@ -58,6 +58,9 @@ class EstimatorSettings:
         prior: log-odds of contact that the gait's plan adds to a foot in stance or about to land; it takes off twice as
             much in a swing.
         foot_speed: at which the log-odds of contact have fallen by one, m/s.
+        rest: log-odds of contact, for the gait, that a swing foot gains which is at rest where the ground is, late in
+            its swing. A foot that lands softly pushes less than the forces' noise.
+        rest_speed: from which on it is not at rest, m/s.
         damping: of the least squares for the forces of a leg, m²; it keeps singular legs finite.
         tilt: standard deviation at the start, rad.
         velocity: standard deviation at the start, m/s.
@@ -75,6 +78,8 @@ class EstimatorSettings:
     load_width: float = 0.02
     prior: float = 2.0
     foot_speed: float = 0.5
+    rest: float = 4.5
+    rest_speed: float = 0.08
     damping: float = 1e-4
     tilt: float = 0.01
     velocity: float = 0.02
@@ -133,7 +138,7 @@ class Estimator(KeepsViews):
         self.probability: Vector = field(self.record["contact"], "probability")
         self._thrust: Vector = field(self.record, "thrust")
         self._no_force = np.full(feet, np.nan)
-        self._nothing = SimpleNamespace(stance=np.full(feet, 0.5), phase=np.zeros(feet))
+        self._nothing = SimpleNamespace(stance=np.full(feet, 0.5), phase=np.zeros(feet), ground_height=np.zeros(feet))
         self.signals: dict[str, NDArray[Any]] = {
             "estimated_q": field(self.record, "q"),
             "estimated_v": field(self.record, "v"),
@@ -215,8 +220,8 @@ class Estimator(KeepsViews):
                 raise InputError("thrusts of another robot", name="readings.thrust")
             read_thrusts(self.record["dynamics"], s.thrust, self._thrust)
         legs, expected = (s.joint_position, s.joint_velocity, s.joint_torque), target or self._nothing
-        stance, phase = expected.stance, expected.phase
-        estimate(self.record, s.t, s.gyroscope, s.accelerometer, *legs, force, stance, phase)
+        plan = (expected.stance, expected.phase, expected.ground_height)
+        estimate(self.record, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan)
 
     def _fit(self, readings: Readings) -> Readings:
         """The same readings in arrays of the sizes that kernels take."""
@@ -232,7 +237,7 @@ class Estimator(KeepsViews):
         """The same targets, of as many feet as the robot has."""
         if target is None:
             return None
-        names, feet = ("stance", "phase"), (len(self.robot.feet),)
+        names, feet = ("stance", "phase", "ground_height"), (len(self.robot.feet),)
         arrays = {name: as_array(f"target.{name}", getattr(target, name, None), feet) for name in names}
         return SimpleNamespace(**arrays)
 
@@ -264,9 +269,13 @@ def _record(
             ContactRecord,
             robot.sizes,
             rate=s.force_rate or (POINT_RATE if max(robot.corners, default=1) == 1 else SOLE_RATE),
-            **{name: getattr(s, name) for name in ("load", "load_width", "prior", "foot_speed", "damping")},
+            **{
+                name: getattr(s, name)
+                for name in ("load", "load_width", "prior", "foot_speed", "rest", "rest_speed", "damping")
+            },
             weight=robot.mass * GRAVITY / np.repeat(robot.corners, robot.corners),
             of_sole=np.repeat(robot.corners, robot.corners) > 1,
+            near=0.3 * s.height_noise if np.isfinite(s.height_noise) else 0.0,
             leg_joints=legs,
             leg_feet=feet,
             normal=np.zeros((legs.shape[1], legs.shape[1])),

@@ -52,6 +52,9 @@ class ContactRecord(RecordOf):
     load_width: float  # by which the log-odds change by one, share of the weight
     prior: float  # log-odds of contact that the gait is sure of
     foot_speed: float  # at which the log-odds of contact have fallen by one, m/s
+    rest: float  # log-odds of contact of a foot at rest where the ground is, late in its swing
+    rest_speed: float  # from which on it is not at rest, m/s
+    near: float  # distance from the ground below which it is there, m
     damping: float  # that makes the forces of singular legs finite, m²
     weight: Vector  # (feet,) of the robot, N, divided by how many contact points each foot has
     of_sole: NDArray[np.int64]  # (feet,) 1 for a contact point of a flat foot

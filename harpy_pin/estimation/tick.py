@@ -8,7 +8,9 @@ from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
+from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
@@ -39,6 +41,7 @@ MAX_ACCELERATION = 1e4
     normal_force="e.foot_radius",
     stance="e.foot_radius",
     phase="e.foot_radius",
+    ground_height="e.foot_radius",
 )
 def estimate(
     e: EstimatorRecord,
@@ -51,6 +54,7 @@ def estimate(
     normal_force: Vector,
     stance: Vector,
     phase: Vector,
+    ground_height: Vector,
 ) -> int:
     """One step; see :meth:`harpy_pin.estimation.estimator.Estimator.step`, whose arrays these are.
 
@@ -95,11 +99,46 @@ def estimate(
         for k in range(normal_force.shape[0]):
             if abs(normal_force[k]) < np.inf:
                 e.contact.force[k, 2] = normal_force[k]
-        contact_probability(e.contact, e.dynamics, stance, phase)
+        contact_probability(e.contact, e.dynamics, stance, phase, ground_height)
         _use_feet(e)
     _write_state(e)
     e.status = _status(e, unit and legs)
     return e.status
+
+
+@kernel
+def estimate_after(
+    r: EstimatorRecord,
+    goal: GaitTargetRecord,
+    elapsed: Vector,
+    gyroscope: Vector,
+    accelerometer: Vector,
+    joint_position: Vector,
+    joint_velocity: Vector,
+    torque: Vector,
+    normal_force: Vector,
+    thrust: Vector,
+) -> int:
+    """One step, the time since the last one (1,), s, instead of a clock, which single precision would round.
+
+    ``goal`` are the gait's targets of the last tick, ``thrust`` (thrusters, 3) is in world axes, N.
+    """
+    read_thrusts(r.dynamics, thrust, r.thrust)
+    status = estimate(
+        r,
+        elapsed[0],
+        gyroscope,
+        accelerometer,
+        joint_position,
+        joint_velocity,
+        torque,
+        normal_force,
+        goal.stance,
+        goal.phase,
+        goal.ground_height,
+    )
+    r.t = 0.0
+    return status
 
 
 @kernel

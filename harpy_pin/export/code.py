@@ -27,6 +27,14 @@ INPUTS = {
     "v": "velocity: of the base, linear, m/s, and angular, rad/s, both in its own axes; of the joints, rad/s",
     "foot_position": "of each foot, world axes, m",
     "foot_force": "of the ground on each foot, world axes, N, as measured",
+    "elapsed": "time since the last step, s",
+    "gyroscope": "rad/s, axes of the inertial unit",
+    "accelerometer": "m/s^2, of what it feels: at rest it points up",
+    "joint_position": "rad",
+    "joint_velocity": "rad/s",
+    "joint_torque": "of the motors since the last step, N m",
+    "normal_force": "of foot sensors, N; NAN where there is none",
+    "thrust": "of each thruster since the last step, world axes, N",
 }
 OUTPUTS = {
     "torque": "of the joints, N m",
@@ -35,6 +43,11 @@ OUTPUTS = {
     "joint_velocity": "v* of that law, rad/s",
     "joint_stiffness": "k_p of that law, N m/rad",
     "joint_damping": "k_d of that law, N m s/rad",
+    "q": INPUTS["q"],
+    "v": INPUTS["v"],
+    "foot_position": INPUTS["foot_position"],
+    "foot_velocity": "of each foot, world axes, m/s",
+    "foot_force": "of the ground on each foot, world axes, N",
 }
 
 

@@ -1,4 +1,4 @@
-"""What is exported of a controller: its record before the first tick, and the kernel of its tick."""
+"""What is exported of a controller or an estimator: its record before the first tick, and the kernel of its tick."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.controllers.whole_body_tick import QP_TICKS, ProgramTickRecord
 from harpy_pin.errors import InputError
+from harpy_pin.estimation.estimator import STATUS, Estimator
+from harpy_pin.estimation.tick import estimate_after
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.rows import ForceRows
@@ -26,10 +28,12 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
 from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
 
-MEASURED = ("q", "v", "foot_position", "foot_force")
+MEASURED: tuple[str, ...] = ("q", "v", "foot_position", "foot_force")
 """What a controller may take of a state."""
 LAW = ("joint_position", "joint_velocity", "joint_stiffness", "joint_damping")
 """Rows of the motors' law, see :class:`harpy_pin.model.state.Command`."""
+ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")
+"""What an estimator gives."""
 
 
 class ProgramStatus(IntFlag):
@@ -50,7 +54,7 @@ class GovernorStatus(IntFlag):
 
 @dataclass(frozen=True)
 class Exportable:
-    """A controller that can become C.
+    """A controller or an estimator that can become C.
 
     Attributes:
         kind: its short name, a part of the names in C.
@@ -59,6 +63,7 @@ class Exportable:
         record: before the first tick.
         step: the kernel of its tick.
         inputs: names and shapes of what is measured, in the order of the kernel's arguments.
+        outputs: names and shapes of the command's parts, or of the estimate's.
         statuses: what a tick's status says, by name.
         control: part of the record that has the command; empty where it is the record itself.
     """
@@ -69,15 +74,9 @@ class Exportable:
     record: Record
     step: Callable[..., int]
     inputs: Mapping[str, tuple[int, ...]]
+    outputs: Mapping[str, tuple[int, ...]]
     statuses: Mapping[str, int]
     control: str = ""
-
-    @property
-    def outputs(self) -> dict[str, tuple[int, ...]]:
-        """Names and shapes of the command's parts; those of the motors' law are there where they have one."""
-        joints = (len(self.robot.joints),)
-        law = dict.fromkeys(LAW, joints) if "motors" in (self.command_of(self.record).dtype.names or ()) else {}
-        return {"torque": joints, "thrust": (len(self.robot.thrusters), 3), **law}
 
     def command_of(self, record: Record) -> Record:
         """The part of a record that has the command."""
@@ -86,8 +85,8 @@ class Exportable:
     def outcome(self, record: Record) -> NDArray[np.float64]:
         """The numbers of the last command, in the order of :attr:`outputs`."""
         command = self.command_of(record)[0]
-        law = command["motors"]["law"] if "joint_position" in self.outputs else np.zeros(0)
-        return np.concatenate([np.ravel(part) for part in (command["torque"], command["thrust"], law)])
+        parts = (command["motors"]["law"][LAW.index(name)] if name in LAW else command[name] for name in self.outputs)
+        return np.concatenate([np.ravel(part) for part in parts])
 
     @property
     def target(self) -> Record:
@@ -96,7 +95,7 @@ class Exportable:
 
 
 def exportable(controller: object) -> Exportable:
-    """What is exported of a controller.
+    """What is exported of a controller or an estimator.
 
     Args:
         controller: one of this library's, with its gait and settings; it is not changed.
@@ -110,6 +109,8 @@ def exportable(controller: object) -> Exportable:
         return _program(controller)
     if isinstance(controller, GovernedController):
         return _governed(controller)
+    if isinstance(controller, Estimator):
+        return _estimator(controller)
     raise InputError(f"a {type(controller).__name__} cannot be exported", name="controller", value=controller)
 
 
@@ -170,6 +171,19 @@ def _governed(controller: GovernedController) -> Exportable:
     return _exportable(kind, title, controller.robot, record, step, GovernorStatus)
 
 
+def _estimator(estimator: Estimator) -> Exportable:
+    robot = estimator.robot
+    estimator.reset()
+    feet, joints, record = len(robot.feet), (len(robot.joints),), estimator.record.copy()
+    record["t"] = 0.0
+    inputs: dict[str, tuple[int, ...]] = {"elapsed": (1,), "gyroscope": (3,), "accelerometer": (3,)}
+    inputs |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), joints)
+    inputs |= {"normal_force": (feet,), "thrust": (len(robot.thrusters), 3)}
+    outputs = {name: record[name].shape[1:] for name in ESTIMATED}
+    statuses = {text.upper().replace(" ", "_"): code for code, text in STATUS.items()}
+    return Exportable("estimator", "state estimator", robot, record, estimate_after, inputs, outputs, statuses)
+
+
 def _exportable(
     kind: str, title: str, robot: Robot, record: Record, step: Callable[..., int], status: type[IntFlag]
 ) -> Exportable:
@@ -179,7 +193,11 @@ def _exportable(
     statuses = {name: int(member) for name, member in status.__members__.items()} | {"BAD_SAMPLE": BAD_SAMPLE}
     inputs = {name: shapes[name] for name in names}
     control = "" if kind == "condensed" else "control"
-    return Exportable(kind, title, robot, record, step, inputs, statuses, control)
+    joints = (len(robot.joints),)
+    outputs: dict[str, tuple[int, ...]] = {"torque": joints, "thrust": (len(robot.thrusters), 3)}
+    if "motors" in ((record[control] if control else record).dtype.names or ()):
+        outputs |= dict.fromkeys(LAW, joints)
+    return Exportable(kind, title, robot, record, step, inputs, outputs, statuses, control)
 
 
 def _refuse(found: bool, what: str) -> None:

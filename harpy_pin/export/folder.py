@@ -22,10 +22,11 @@ from harpy_pin.export.recording import Recording, answers, ready, record
 from harpy_pin.files import OwnFolder
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot
+from harpy_pin.simulation.sensing import EstimatedState
 
 SHIPPED = ("CMakeLists.txt", "check.c", "count.c", "arm-none-eabi.cmake", "board/startup.c")
 TICKS, EVERY = 200, 10
-"""Recorded ticks, and how far they are apart in ticks of the motion."""
+"""Recorded ticks, and how far they are apart in ticks of the motion; those of an estimator follow each other."""
 PRECISIONS = ("float", "double")
 
 
@@ -55,12 +56,12 @@ def export(
     precision: str = "float",
     force: bool = False,
 ) -> Exported:
-    """Export a controller of a robot, with ticks of a motion that fits the robot.
+    """Export a controller of a robot, or its state estimator, with ticks of a motion that fits the robot.
 
     Args:
         robot: ``harpy``, a name of :data:`~harpy_pin.model.catalogue.CATALOGUE`, or one's own.
         folder: where to; new, empty, or an exported one. Nothing in it that was not exported is replaced.
-        controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`.
+        controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`, or ``estimator``.
         precision: ``float`` or ``double``.
         force: take a folder with other files, too, and replace those of the same names.
 
@@ -73,10 +74,15 @@ def export(
     checks.one_of("precision", precision, PRECISIONS)
     single = precision == "float"
     motion = ready(loaded_robot(robot), controller, duration=1e-3 * TICKS * EVERY, single=single)
-    place = OwnFolder(folder, force=force)
-    what = exportable(motion.controller)
+    place, felt = OwnFolder(folder, force=force), motion.sensors
+    of, rows = (
+        (felt.estimator, slice(TICKS))
+        if isinstance(felt, EstimatedState)
+        else (motion.controller, slice(None, None, EVERY))
+    )
+    what = exportable(of)
     every = record(motion, what)
-    recording = Recording(every.target[::EVERY], {name: rows[::EVERY] for name, rows in every.inputs.items()})
+    recording = Recording(every.target[rows], {name: given[rows] for name, given in every.inputs.items()})
     name = re.sub(r"^(?=\d)|\W", "_", f"{what.robot.name}_{what.kind}", flags=re.ASCII)
     return write_folder(what, recording, place, name=name, single=single)
 

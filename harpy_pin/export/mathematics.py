@@ -84,6 +84,30 @@ static real real_hypot(real x, real y)
 {
     return sqrtf(x * x + y * y);
 }"""
+_EXP = """
+static real real_exp(real x)
+{
+    if (!(x < 88.7f)) {
+        return x != x ? x : (real)INFINITY;
+    }
+    if (x < -87.0f) {
+        return 0.0f;
+    }
+    const real n = floorf(1.44269504f * x + 0.5f);
+    const real r = (x - n * 0.693359375f) + n * 2.12194440e-4f;
+    const real s = ((1.9875691500e-4f * r + 1.3981999507e-3f) * r + 8.3334519073e-3f) * r + 4.1665795894e-2f;
+    return ldexpf(((s * r + 1.6666665459e-1f) * r + 5.0000001201e-1f) * r * r + r + 1.0f, (int)n);
+}"""
+_TANH = """
+static real real_tanh(real x)
+{
+    const real z = x * x, size = fabsf(x);
+    if (size < 0.625f) {
+        const real s = ((-5.70498872745e-3f * z + 2.06390887954e-2f) * z - 5.37397155531e-2f) * z + 1.33314422036e-1f;
+        return (s * z - 3.33332819422e-1f) * z * x + x;
+    }
+    return copysignf(1.0f - 2.0f / (real_exp(2.0f * size) + 1.0f), x);
+}"""
 
 PORTABLE: dict[str, tuple[str, ...]] = {
     "sin": (_REDUCE, _POLYNOMIALS, _SIN),
@@ -91,5 +115,7 @@ PORTABLE: dict[str, tuple[str, ...]] = {
     "atan2": (_ATAN2,),
     "acos": (_ATAN2, _ACOS),
     "hypot": (_HYPOT,),
+    "exp": (_EXP,),
+    "tanh": (_EXP, _TANH),
 }
 """By the names of C's functions in double precision: what makes ``real_<name>``, in order."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from harpy_pin.compiled.compiler import EXACT, SHARED, compiler, run_compiler, work_folder
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.estimation.imu import Imu
 from harpy_pin.export.code import Code
 from harpy_pin.export.exported_controllers import MEASURED, Exportable
 from harpy_pin.gaits.gait import Gait
@@ -25,9 +26,12 @@ from harpy_pin.model.state import Command, State
 from harpy_pin.scenario import Disturbances, Governed, Scenario, Walk, build
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.sensing import EstimatedState, Sensing
 
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
 """Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
+ESTIMATOR = "estimator"
+"""The state estimator's name."""
 SINK = 1e-3
 """How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""
 SHIFT = (0.02, 0.01, 0.0)
@@ -42,7 +46,7 @@ class Recording:
     """Inputs of ticks, a row for each."""
 
     target: NDArray[np.float64]  # (ticks, ·) the gait's targets, in the order of their record
-    # of each thing that any controller takes of a state (ticks, ·), by its name there
+    # of each thing that is measured (ticks, ·), by its name
     inputs: dict[str, NDArray[np.float64]]
 
     def __len__(self) -> int:
@@ -62,7 +66,7 @@ def ready(
 
     Args:
         robot: whose motion.
-        controller: one of :data:`CONTROLLERS`.
+        controller: one of :data:`CONTROLLERS`, or :data:`ESTIMATOR`, for which the condensed controller walks.
         duration: s.
         friction: of the ground, which the controller knows.
         pushes: on the body.
@@ -72,8 +76,10 @@ def ready(
     Raises:
         InputError: the controller is unknown, or does not take the robot.
     """
-    if controller not in CONTROLLERS:
-        raise InputError.unknown("controller", controller, CONTROLLERS)
+    if controller not in (*CONTROLLERS, ESTIMATOR):
+        raise InputError.unknown("controller", controller, (*CONTROLLERS, ESTIMATOR))
+    sensors = Imu() if controller == ESTIMATOR else None
+    controller = "condensed" if controller == ESTIMATOR else controller
     whole_body = controller in ("condensed", "wbc")
     if not whole_body and robot.name != "harpy":
         raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
@@ -81,11 +87,14 @@ def ready(
     disturbances = Disturbances(pushes=tuple(pushes))
     if robot.name == "harpy":
         ground = Ground(mu_s=friction)
-        return build(Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration))
+        return build(
+            Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration, sensors=sensors)
+        )
     gait: Gait
     if not robot.feet:
         gait = Hovering(robot, shift=[10.0 * x for x in SHIFT])
-        return build(Scenario(controller=part, disturbances=disturbances, duration=duration), gait=gait)
+        scenario = Scenario(controller=part, disturbances=disturbances, duration=duration, sensors=sensors)
+        return build(scenario, gait=gait)
     on_points = robot.corners == (1, 1)
     stays = WalkingGait(robot, "step", (0.0, 0.0, 0.0)) if on_points else Standing(robot, shift=SHIFT)
     gait = stays
@@ -93,7 +102,7 @@ def ready(
     if whole_body and single:
         force = SINGLE_FORCE * stays.controller_parameters["weights"]["force"]
         part = {"name": controller, "parameters": {"weights": {"force": force}}}
-    scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration)
+    scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration, sensors=sensors)
     return build(scenario, gait=gait)
 
 
@@ -112,8 +121,33 @@ class _Watch:
     def step(self, state: State) -> Command:
         """A tick."""
         command = self.inner.step(state)
-        self.target.append(np.concatenate([np.ravel(self.inner.target.record[n][0]) for n in _names(self.what)]))
+        self._keep_target()
         self.inputs.append([np.ravel(getattr(state, name)).copy() for name in MEASURED])
+        return command
+
+    def _keep_target(self) -> None:
+        self.target.append(np.concatenate([np.ravel(self.inner.target.record[n][0]) for n in _names(self.what)]))
+
+
+@dataclass
+class _Felt(_Watch):
+    """A controller on the true state, beside which a robot's sensors are kept."""
+
+    sensing: Sensing = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._given = Command(*(np.zeros(self.what.inputs[name]) for name in ("joint_torque", "thrust")))
+
+    def step(self, state: State) -> Command:
+        """A tick; the sensors belong to the target and the command of the last one."""
+        self._keep_target()
+        s, given = self.sensing.read(state, self._given.torque, self._given.thrust), self._given
+        elapsed, force = np.full(1, self.period), np.full(len(state.foot_force), np.nan)
+        unit, joints = (s.gyroscope, s.accelerometer), (s.joint_position, s.joint_velocity, s.joint_torque)
+        self.inputs.append([np.ravel(part).copy() for part in (elapsed, *unit, *joints, force, given.thrust)])
+        command = self.inner.step(state)
+        self._given = Command(command.torque.copy(), command.thrust.copy())
         return command
 
 
@@ -125,9 +159,11 @@ def record(motion: Walk, what: Exportable) -> Recording:
         what: is exported of that controller.
     """
     assert isinstance(motion.controller, GaitController)
-    watch = _Watch(motion.controller, what)
+    watch, names = _Watch(motion.controller, what), MEASURED
+    if isinstance(motion.sensors, EstimatedState):
+        watch, names = _Felt(motion.controller, what, sensing=motion.sensors.sensing), tuple(what.inputs)
     motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.disturbances.pushes)
-    columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(MEASURED)}
+    columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(names)}
     return Recording(np.array(watch.target), columns)
 
 

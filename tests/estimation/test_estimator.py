@@ -9,6 +9,7 @@ from needs import PLANTS, needs_robots
 
 import harpy_pin as hp
 from harpy_pin.estimation import EstimatorSettings
+from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.simulation.sensing import Sensing
 
 STANDING = np.array([0.0, 0.0, 9.81])
@@ -83,6 +84,23 @@ def test_joints_are_learned_in_swings():
     found = walk.sensors.estimator.record["contact"]["joint"][0].reshape(4, 3, 3)[:, 1:]  # thighs and calves
     np.testing.assert_allclose(np.median(found[..., 1]), 0.3, atol=0.15)
     np.testing.assert_allclose(np.median(found[..., 2]), 0.6, atol=0.2)
+
+
+@pytest.mark.parametrize(
+    ("phase", "speed", "height", "lands"),
+    [(0.5, 0.0, 0.0, True), (0.5, 0.5, 0.0, False), (0.2, 0.0, 0.0, False), (0.5, 0.0, -0.05, False)],
+)
+def test_a_foot_at_rest_late_in_its_swing_has_landed(robot, phase, speed, height, lands):
+    """Though it pushes nothing: where the ground is, and after half of the swing."""
+    estimator, target = hp.Estimator(robot), GaitTarget()
+    target.stance[0], target.phase[0], target.ground_height[0] = 0.0, phase, 0.003 + height  # that of this foot
+    for n in range(100):
+        readings = still(robot, 1e-3 * n)
+        readings.foot_force[:] = 0.0, 50.0
+        readings.joint_velocity[:3] = speed
+        state = estimator.step(readings, target)
+    assert (state.foot_force[0, 2] > 0.01 * 9.81 * robot.mass) == lands
+    assert estimator.probability[0] < 0.5  # the filter does not hold on to it before it is loaded
 
 
 def test_sensors_alone_do_not_change_a_walk():

@@ -18,6 +18,7 @@ from harpy_pin.export.code import controller_code
 from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.export.recording import answers, ready, record
+from harpy_pin.gaits.gait import GaitTarget
 
 WARNINGS = (
     *("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-ffp-contract=off"),
@@ -25,6 +26,7 @@ WARNINGS = (
 )
 SANITIZERS = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-g")
 TWO = ("atan2", "hypot")
+INPUTS = ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque")
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
 needs_board = pytest.mark.skipif(missing_tools() is not None, reason=str(missing_tools()))
 
@@ -59,7 +61,8 @@ ALL = [
     for controller in ("condensed", "wbc", "paper", "filter")
     for precision in ("float", "double")
 ]
-ALWAYS = [("condensed", "float"), ("wbc", "float"), ("paper", "float"), ("paper", "double")]
+ALL += [("estimator", "float"), ("estimator", "double")]
+ALWAYS = [("condensed", "float"), ("wbc", "float"), ("paper", "float"), ("paper", "double"), ("estimator", "float")]
 
 
 @needs_compiler
@@ -117,6 +120,28 @@ def test_a_tick_is_the_controllers(controller):
 
 
 @needs_compiler
+def test_the_estimate_is_the_estimators():
+    """In double precision every number is that of the class; in single precision it is as good as its sensors."""
+    motion = ready(hp.load_harpy(), "estimator", duration=0.5)
+    estimator, target = motion.sensors.estimator, GaitTarget()
+    what = exportable(estimator)
+    given = record(motion, what)
+    ours, _ = answers(what, controller_code(what, "x", single=False), given)
+    floats, _ = answers(what, controller_code(what, "x", single=True), given)
+    assert 0.0 < np.abs(floats - ours)[:, :13].max() < 1e-4
+    for n, row in enumerate(ours):
+        begin = 0
+        for name in target.record.dtype.names:
+            place = target.record[name][0].ravel()
+            place[:] = given.target[n, begin : begin + place.size]
+            begin += place.size
+        readings = hp.Readings(1e-3 * n, *(given.inputs[name][n] for name in INPUTS))
+        readings.thrust = given.inputs["thrust"][n].reshape(2, 3)
+        state = estimator.step(readings, target)
+        np.testing.assert_array_equal(row[:25], np.concatenate([state.q, state.v]))
+
+
+@needs_compiler
 @pytest.mark.parametrize(("controller", "single"), [("condensed", False), ("wbc", False), ("condensed", True)])
 def test_joint_targets_are_exported(controller, single, tmp_path):
     """Four more arrays; in double precision with the digits of the walk."""
@@ -161,10 +186,11 @@ def test_portable_functions(tmp_path):
     subprocess.run([*compiler(), *EXACT, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
     lib, rng = ctypes.CDLL(str(library)), np.random.default_rng(0)
     truth = {"sin": np.sin, "cos": np.cos, "atan2": np.arctan2, "acos": np.arccos, "hypot": np.hypot}
+    truth |= {"exp": np.exp, "tanh": np.tanh}
     for name in PORTABLE:
         function = getattr(lib, f"call_{name}")
         function.restype, function.argtypes = ctypes.c_float, [ctypes.c_float, ctypes.c_float]
-        reach = 1.0 if name == "acos" else 100.0
+        reach = {"acos": 1.0, "exp": 80.0}.get(name, 100.0)
         points = [(x, y) for x in (0.0, -0.0, 1.0, -1.0) for y in (0.0, -0.0, 1.0, -1.0)]
         points += np.float32(reach * rng.uniform(-1.0, 1.0, (2000, 2))).tolist()
         for x, y in points:
@@ -172,6 +198,10 @@ def test_portable_functions(tmp_path):
             assert function(x, y) == pytest.approx(expected, rel=5e-7, abs=5e-7), (name, x, y)
     for name in ("sin", "cos"):
         assert np.isnan(getattr(lib, f"call_{name}")(np.inf, 0.0))
+    ends = {100.0: np.inf, -100.0: 0.0, np.inf: np.inf, -np.inf: 0.0}
+    assert all(lib.call_exp(x, 0.0) == end for x, end in ends.items())
+    assert np.isnan(lib.call_exp(np.nan, 0.0))
+    assert lib.call_tanh(np.inf, 0.0) == 1.0
 
 
 def test_missing_tools_are_named(monkeypatch):
@@ -190,7 +220,7 @@ def test_missing_tools_are_named(monkeypatch):
         (
             "harpy",
             {"controller": "nothing"},
-            "unknown controller 'nothing'; valid names: condensed, filter, paper, wbc",
+            "unknown controller 'nothing'; valid names: condensed, estimator, filter, paper, wbc",
         ),
         ("harpy", {"precision": "half"}, "unknown precision 'half'"),
     ],
