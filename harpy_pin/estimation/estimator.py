@@ -29,6 +29,8 @@ from harpy_pin.model.state import State, Vector
 GRAVITY = 9.81
 POINT_RATE, SOLE_RATE = 300.0, 150.0
 """Of the momentum observer, 1/s."""
+NEAR = 0.3
+"""Distance below which a foot is where the ground is, as a share of the noise of the ground's height."""
 STATUS = {
     tick.GOOD: "good",
     tick.NO_SAMPLE: "no sample",
@@ -275,7 +277,7 @@ def _record(
             },
             weight=robot.mass * GRAVITY / np.repeat(robot.corners, robot.corners),
             of_sole=np.repeat(robot.corners, robot.corners) > 1,
-            near=0.3 * s.height_noise if np.isfinite(s.height_noise) else 0.0,
+            near=NEAR * s.height_noise if np.isfinite(s.height_noise) else 0.0,
             leg_joints=legs,
             leg_feet=feet,
             normal=np.zeros((legs.shape[1], legs.shape[1])),
