@@ -32,7 +32,9 @@ class Squats:
         angles = [
             hp.model.leg_inverse_kinematics(leg, foot - (0.0, 0.0, HIGH)) for leg, foot in zip(legs, FEET, strict=True)
         ]
-        return np.concatenate(([0.0, 0.0, HIGH - penetration, 0.0, 0.0, 0.0, 1.0], *angles)), np.zeros(12)
+        return np.concatenate(([0.0, 0.0, HIGH - penetration, 0.0, 0.0, 0.0, 1.0], *angles)), np.zeros(
+            self.robot.model.nv
+        )
 
 
 for controller in (hp.Governed(governor="paper"), hp.Governed(governor="filter"), hp.WholeBody(), hp.Condensed()):

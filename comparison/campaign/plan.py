@@ -21,7 +21,7 @@ from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.scenario import Compliant, Mujoco, PlantPart, Straight
 from harpy_pin.simulation.mujoco import installed_version
 
-WALKING = ("campaign/*.py", "measure/*.py", "joint_pd/*.py", "contenders.py", "study.py")
+WALKING = ("campaign/*.py", "measure/*.py", "joint_pd/*.py", "studies/*.py", "worlds/*.py", "contenders.py", "study.py")
 """What of the comparison decides the outcome of a walk."""
 JOINT_DAMPING = 0.1
 """Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""

@@ -105,6 +105,7 @@ class Gait(Protocol):
       ``make_controller`` takes them where others are not given.
     - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and shapes each time, which
       the whole-body controllers log.
+    - ``expect_lag(lag)``: takes the time constant of the thrusts that the controller assumes, s.
     - ``calls(state)``: the kernels of an update at the time of a tick (:class:`~harpy_pin.compiled.calls.Call`), with
       those of ``observe`` before, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
       ``state`` has the arrays of the measured state, which stay where they are; those of ``telemetry()`` do, too.
@@ -168,6 +169,7 @@ class CompletedGait:
         self.double_support = float(getattr(gait, "double_support", 0.0))
         self.telemetry: Callable[[], Mapping[str, ArrayLike]] = getattr(gait, "telemetry", dict)
         self.observe: Callable[[State], None] | None = getattr(gait, "observe", None)
+        self.expect_lag: Callable[[float], None] | None = getattr(gait, "expect_lag", None)
         self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
 
     def describe(self) -> Mapping[str, Any]:

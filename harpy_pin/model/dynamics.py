@@ -71,6 +71,9 @@ class Dynamics(KeepsViews, EquationsRecord):
         rotor_axis: (rotors, 3) axes of the rotors, world.
         rotation: (3, 3) base axes to world.
 
+    Those of a controller (``controller.dynamics``) may differ after a tick: on ground that is not level its feet are in
+    contact axes, and ``bias`` has the dry friction of joints, where the robot's is known.
+
     Raises:
         RobotError: a joint of a kind that :mod:`harpy_pin.model.tree` does not know.
     """
