@@ -8,9 +8,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.record import EstimatorRecord
-from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
-from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
@@ -104,41 +102,6 @@ def estimate(
     _write_state(e)
     e.status = _status(e, unit and legs)
     return e.status
-
-
-@kernel
-def estimate_after(
-    r: EstimatorRecord,
-    goal: GaitTargetRecord,
-    elapsed: Vector,
-    gyroscope: Vector,
-    accelerometer: Vector,
-    joint_position: Vector,
-    joint_velocity: Vector,
-    torque: Vector,
-    normal_force: Vector,
-    thrust: Vector,
-) -> int:
-    """One step, the time since the last one (1,), s, instead of a clock, which single precision would round.
-
-    ``goal`` are the gait's targets of the last tick, ``thrust`` (thrusters, 3) is in world axes, N.
-    """
-    read_thrusts(r.dynamics, thrust, r.thrust)
-    status = estimate(
-        r,
-        elapsed[0],
-        gyroscope,
-        accelerometer,
-        joint_position,
-        joint_velocity,
-        torque,
-        normal_force,
-        goal.stance,
-        goal.phase,
-        goal.ground_height,
-    )
-    r.t = 0.0
-    return status
 
 
 @kernel

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from harpy_pin.compiled import kernel
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
@@ -19,12 +20,15 @@ from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.controllers.whole_body_tick import QP_TICKS, ProgramTickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.estimation.estimator import STATUS, Estimator
-from harpy_pin.estimation.tick import estimate_after
-from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.estimation.tick import estimate
+from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.rotor import read_thrusts
+from harpy_pin.model.state import Vector
 from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
 from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
 
@@ -169,6 +173,41 @@ def _governed(controller: GovernedController) -> Exportable:
         record = make_record(FilterTickRecord, **parts)
         kind, title, step = "filter", "the paper's controller behind the contact-force filter", contact_step
     return _exportable(kind, title, controller.robot, record, step, GovernorStatus)
+
+
+@kernel
+def estimate_after(
+    r: EstimatorRecord,
+    goal: GaitTargetRecord,
+    elapsed: Vector,
+    gyroscope: Vector,
+    accelerometer: Vector,
+    joint_position: Vector,
+    joint_velocity: Vector,
+    torque: Vector,
+    normal_force: Vector,
+    thrust: Vector,
+) -> int:
+    """One step, the time since the last one (1,), s, instead of a clock, which single precision would round.
+
+    ``goal`` are the gait's targets of the last tick, ``thrust`` (thrusters, 3) is in world axes, N.
+    """
+    read_thrusts(r.dynamics, thrust, r.thrust)
+    status = estimate(
+        r,
+        elapsed[0],
+        gyroscope,
+        accelerometer,
+        joint_position,
+        joint_velocity,
+        torque,
+        normal_force,
+        goal.stance,
+        goal.phase,
+        goal.ground_height,
+    )
+    r.t = 0.0
+    return status
 
 
 def _estimator(estimator: Estimator) -> Exportable:

@@ -18,7 +18,7 @@ from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.export.exported_controllers import exportable
-from harpy_pin.export.recording import CONTROLLERS, _from_kernels, ready, record
+from harpy_pin.export.recording import CONTROLLERS, ESTIMATOR, _from_kernels, ready, record
 from harpy_pin.governors import ForceRows
 from harpy_pin.governors.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.rows import StackedRows
@@ -303,7 +303,7 @@ def reduced() -> None:
 @scene
 def exported() -> None:
     """Ticks as they are exported."""
-    for name in CONTROLLERS:
+    for name in (*CONTROLLERS, ESTIMATOR):
         motion = ready(hp.load_harpy(), name, duration=0.01)
         _tick_alone(motion)
     for formulation in ("full", "contact_force"):
@@ -312,7 +312,7 @@ def exported() -> None:
 
 
 def _tick_alone(motion: Walk) -> None:
-    what = exportable(motion.controller)
+    what = exportable(motion.sensors.estimator if motion.sensors else motion.controller)
     _from_kernels(what, record(motion, what))
 
 
