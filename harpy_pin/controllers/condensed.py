@@ -61,8 +61,9 @@ class CondensedController(TaskController):
         """Forget the last command, the active sets and the estimates."""
         super().reset()
         self.solver.reset()
-        for name in ("inputs", "last_inputs", "clipped"):
+        for name in ("inputs", "last_inputs"):
             self.solver.record[name] = 0
+        self._clipped[:] = 0, self.parameters.hold_ticks  # there is no command to hold
         if "lag" in (self._record_.dtype.names or ()):
             self._record_["lag"]["settled"] = 0
 

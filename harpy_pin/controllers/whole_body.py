@@ -99,6 +99,7 @@ class WholeBodyController(TaskController):
             posture=self.gait.initial_state()[0][7:],
             torque_limit=self.robot.torque_limit,
             hold_ticks=np.int64(p.hold_ticks),
+            held_for=np.int64(p.hold_ticks),
             lagging=np.int64(self._lag is not None),
         )
         record = self._record_
@@ -207,8 +208,8 @@ class WholeBodyController(TaskController):
         super().reset()
         self._solver.reset()
         self._other_active[:] = 0
-        for name in ("inputs", "held_for", "failures"):
-            self._record_[name] = 0
+        self._record_["inputs"] = self._record_["failures"] = 0
+        self._record_["held_for"] = self.parameters.hold_ticks  # there is no command to hold
         if self._lag is not None:
             self._lag["settled"] = 0
 

@@ -75,12 +75,10 @@ def export(
     single = precision == "float"
     motion = ready(loaded_robot(robot), controller, duration=1e-3 * TICKS * EVERY, single=single)
     place, felt = OwnFolder(folder, force=force), motion.sensors
-    of, rows = (
-        (felt.estimator, slice(TICKS))
-        if isinstance(felt, EstimatedState)
-        else (motion.controller, slice(None, None, EVERY))
-    )
-    what = exportable(of)
+    if isinstance(felt, EstimatedState):
+        what, rows = exportable(felt.estimator), slice(TICKS)
+    else:
+        what, rows = exportable(motion.controller), slice(None, None, EVERY)
     every = record(motion, what)
     recording = Recording(every.target[rows], {name: given[rows] for name, given in every.inputs.items()})
     name = re.sub(r"^(?=\d)|\W", "_", f"{what.robot.name}_{what.kind}", flags=re.ASCII)

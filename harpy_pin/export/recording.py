@@ -84,17 +84,13 @@ def ready(
     if not whole_body and robot.name != "harpy":
         raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
     part: Governed | dict[str, Any] = {"name": controller} if whole_body else Governed(governor=controller)
-    disturbances = Disturbances(pushes=tuple(pushes))
+    how: dict[str, Any] = {"disturbances": Disturbances(pushes=tuple(pushes)), "duration": duration, "sensors": sensors}
     if robot.name == "harpy":
-        ground = Ground(mu_s=friction)
-        return build(
-            Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration, sensors=sensors)
-        )
+        return build(Scenario(controller=part, ground=Ground(mu_s=friction), **how))
     gait: Gait
     if not robot.feet:
         gait = Hovering(robot, shift=[10.0 * x for x in SHIFT])
-        scenario = Scenario(controller=part, disturbances=disturbances, duration=duration, sensors=sensors)
-        return build(scenario, gait=gait)
+        return build(Scenario(controller=part, **how), gait=gait)
     on_points = robot.corners == (1, 1)
     stays = WalkingGait(robot, "step", (0.0, 0.0, 0.0)) if on_points else Standing(robot, shift=SHIFT)
     gait = stays
@@ -102,8 +98,7 @@ def ready(
     if whole_body and single:
         force = SINGLE_FORCE * stays.controller_parameters["weights"]["force"]
         part = {"name": controller, "parameters": {"weights": {"force": force}}}
-    scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=duration, sensors=sensors)
-    return build(scenario, gait=gait)
+    return build(Scenario(controller=part, ground=ground, **how), gait=gait)
 
 
 @dataclass

@@ -1,15 +1,15 @@
 """Robots in MuJoCo's format: files, by Pinocchio's own reader, and what a compiled model knows of joints.
 
 Pinocchio reads bodies, joints with ``armature``, ``damping`` and ``frictionloss``, sites and keyframes. It ignores
-equality constraints, actuators, and the inertia of meshes: files that need these are refused, and torques are limited
-by a joint's ``actuatorfrcrange`` alone.
+equality constraints, actuators, the inertia of meshes and of geoms without contact, and a geom's mass that is its
+class's: files that need these are refused, and torques are limited by a joint's ``actuatorfrcrange`` alone.
 """
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +65,7 @@ def _check_elements(root: ElementTree.Element) -> None:
     for body in root.iter("body"):
         if body.find("inertial") is None and any("mesh" in geom.attrib for geom in body.findall("geom")):
             raise InputError(f"the inertia of body '{body.get('name')}' is that of a mesh, which is not read")
+    _check_masses(root, {name: geom for tree in root.findall("default") for name, geom in _geoms_of(tree, {})}, "main")
     for element in root.iter():
         for name in ("mass", "armature", "damping", "frictionloss"):
             text = element.get(name)
@@ -72,6 +73,34 @@ def _check_elements(root: ElementTree.Element) -> None:
                 checks.number(f"{name} in <{element.tag}>", number_in(part), low=0.0)
         if element.tag == "joint" and not element.get("axis", "0 0 1").strip(" 0.-"):
             raise InputError(f"axis of joint '{element.get('name')}' is zero")
+
+
+def _geoms_of(tree: ElementTree.Element, inherited: Mapping[str, str]) -> Iterator[tuple[str, Mapping[str, str]]]:
+    """Classes below a <default>, and what they say of geoms."""
+    geom = tree.find("geom")
+    own = {**inherited, **({} if geom is None else geom.attrib)}
+    yield tree.get("class", "main"), own
+    for child in tree.findall("default"):
+        yield from _geoms_of(child, own)
+
+
+def _check_masses(element: ElementTree.Element, classes: Mapping[str, Mapping[str, str]], usual: str) -> None:
+    """Refuse masses of geoms that Pinocchio's reader leaves out, in bodies whose inertia is that of their geoms."""
+    if element.get("mocap") == "true":  # no part of the robot
+        return
+    usual = element.get("childclass", usual)
+    for geom in element.findall("geom") if element.tag == "body" and element.find("inertial") is None else ():
+        of_class = classes.get(geom.get("class", usual), {})
+        known = {"contype": "1", "conaffinity": "1", "density": "1000", **of_class, **geom.attrib}
+        weighs = number_in(known.get("mass", known["density"])) != 0.0
+        name = f"geom '{geom.get('name', '')}' of body '{element.get('name')}'"
+        if weighs and number_in(known["contype"]) == number_in(known["conaffinity"]) == 0.0:
+            raise InputError(f"{name} has a mass and no contact, which is not read: give the body an <inertial>")
+        if weighs and "mass" in of_class and "mass" not in geom.attrib:
+            raise InputError(f"the mass of {name} is that of its class, which is not read: give it a mass of its own")
+    for child in element:
+        if child.tag in ("worldbody", "body"):
+            _check_masses(child, classes, usual)
 
 
 def plain_name(name: str) -> str:

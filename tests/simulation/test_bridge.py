@@ -315,3 +315,26 @@ def test_files_that_would_be_misread_are_refused(tmp_path, inside, words):
     file.write_text(f'<mujoco model="r"><worldbody>{inside}</worldbody></mujoco>')
     with pytest.raises(RobotError, match=words):
         hp.load_robot(file, feet=())
+
+
+NO_CONTACT = 'contype="0" conaffinity="0"'
+
+
+@pytest.mark.parametrize("own", ["", 'mass="3"', NO_CONTACT, f'{NO_CONTACT} mass="0"', f'{NO_CONTACT} density="0"'])
+@pytest.mark.parametrize("of_class", ["", 'mass="2"', NO_CONTACT, 'density="2000"', f'{NO_CONTACT} mass="2"'])
+def test_masses_of_geoms_are_mujocos_or_refused(tmp_path, of_class, own):
+    """Where the inertia of a body is that of its geoms, by attributes of their own and of their class."""
+    geom = f'<geom type="sphere" size="0.1" {own}/>'
+    box = '<geom type="box" size="0.1 0.1 0.1" mass="1" contype="1"/>'
+    body = f'<body name="b" childclass="x"><freejoint/>{geom}{box}{LEG.format("")}</body>'
+    default = f'<default><default class="x"><geom {of_class}/></default></default>'
+    text = f'<mujoco model="r">{default}<worldbody>{body}</worldbody></mujoco>'
+    file = tmp_path / "robot.xml"
+    file.write_text(text)
+    expected = mujoco.MjModel.from_xml_string(text).body_mass.sum()
+    read = pin.computeTotalMass(pin.buildModelFromMJCF(str(file)))
+    if read == pytest.approx(expected, rel=1e-9):
+        assert hp.load_robot(file, feet=()).mass == pytest.approx(expected, rel=1e-9)
+    else:
+        with pytest.raises(RobotError, match="which is not read"):
+            hp.load_robot(file, feet=())

@@ -235,6 +235,24 @@ def test_walks_like_the_whole_body_program():
     assert a.thrust_max_n == pytest.approx(b.thrust_max_n, rel=1e-2)
 
 
+@pytest.mark.parametrize("name", ["condensed", "wbc"])
+def test_the_first_tick_has_no_command_to_hold(name):
+    """New or reset, with a velocity that no motor can stop: clipped torques, or the soft posture, and not zero."""
+    gait = hp.make_gait(ROBOT)
+    q, v = gait.initial_state()
+    dynamics, fast = hp.Dynamics(ROBOT), v + np.random.default_rng(0).normal(scale=8.0, size=12)
+    dynamics.update(q, fast)
+    wild = hp.State(0.0, q, fast, dynamics.foot_position, dynamics.foot_velocity, np.zeros((2, 3)))
+    for again in (False, True):
+        controller = hp.make_controller(name, gait, mu=0.3)
+        if again:
+            controller.step(hp.State(0.0, q, v, wild.foot_position, wild.foot_velocity, wild.foot_force))
+            controller.reset()
+        torque = controller.step(wild).torque
+        assert (controller.clipped if name == "condensed" else controller.failures) == 1
+        assert np.abs(torque).max() > 0.1
+
+
 def test_where_no_forces_are_within_reach_the_last_command_is_held():
     """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
     there; both hold the last command for a while, and go on as if nothing had been."""

@@ -58,6 +58,7 @@ def condensed_record(
             limits.pyramid, feet, bounded=sizes["thrusts"] + sizes["others"], more=len(robot.joints)
         ),
         hold_ticks=np.int64(hold_ticks),
+        clipped=np.array([0, hold_ticks], dtype=np.int64),  # before the first command there is none to hold
         **problem_values(robot, weights, limits),
     )
 
