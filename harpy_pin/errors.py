@@ -29,6 +29,10 @@ def reason(error: Exception) -> str:
 class HarpyError(Exception):
     """Base of every exception raised by this library."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Whole, from one process to another."""
+        return type(self).__new__, (type(self), *self.args), vars(self)
+
 
 class InputError(HarpyError, ValueError):
     """An argument is out of its domain: wrong shape, not finite, negative, or an unknown name.

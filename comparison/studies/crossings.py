@@ -51,8 +51,8 @@ def _rough(amplitude: float) -> Callable[[int], Terrain]:
     return lambda seed: Rough(amplitude=amplitude, resolution=0.2, seed=seed)
 
 
-def _ramp(degrees: float) -> Callable[[int], Terrain]:
-    return lambda seed: Plane(slope=float(np.radians(degrees)), heading=0.1 * seed)
+def _ramp(degrees: float, heading: float = 0.0) -> Callable[[int], Terrain]:
+    return lambda seed: Plane(slope=float(np.radians(degrees)), heading=heading + 0.1 * seed)
 
 
 CROSSINGS: dict[str, Crossing] = {
@@ -69,7 +69,9 @@ CROSSINGS: dict[str, Crossing] = {
         Crossing("Go2, 20° up", "go2", _ramp(20.0), 0.7, 4.0),
         Crossing("Go2, 20° down", "go2", _ramp(-20.0), 0.7, 4.0),
         Crossing("Go2, 10° up, normals 5° wrong", "go2", _ramp(10.0), 0.7, 4.0, wrong=WRONG),
-        Crossing("G1, 6° up", "g1", _ramp(6.0), 0.4, 5.0, tries=1, speed=0.15),
+        Crossing("G1, 15° up", "g1", _ramp(15.0), 0.4, 5.0, speed=0.15),
+        Crossing("G1, 15° down", "g1", _ramp(-15.0), 0.4, 5.0, speed=0.15),
+        Crossing("G1, 15° across", "g1", _ramp(15.0, np.pi / 2.0), 0.4, 5.0, speed=0.15),
     )
 }
 """By name."""

@@ -80,6 +80,9 @@ class TaskController(GaitController):
         expect_lag = getattr(self.gait, "expect_lag", None)
         if expect_lag is not None:  # a gait that flies
             expect_lag(p.thrust_lag)
+        expect_friction = getattr(self.gait, "expect_friction", None)
+        if expect_friction is not None:
+            expect_friction(p.limits.mu)
 
     def _begin_tasks(self, kind: type[TasksRecord], with_targets: type[TasksRecord], **parts: ArrayLike) -> None:
         """Make the record of the controller, and take it up.

@@ -106,6 +106,7 @@ class Gait(Protocol):
     - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and shapes each time, which
       the whole-body controllers log.
     - ``expect_lag(lag)``: takes the time constant of the thrusts that the controller assumes, s.
+    - ``expect_friction(mu)``: takes the friction coefficient that the controller assumes.
     - ``calls(state)``: the kernels of an update at the time of a tick (:class:`~harpy_pin.compiled.calls.Call`), with
       those of ``observe`` before, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
       ``state`` has the arrays of the measured state, which stay where they are; those of ``telemetry()`` do, too.
@@ -170,6 +171,7 @@ class CompletedGait:
         self.telemetry: Callable[[], Mapping[str, ArrayLike]] = getattr(gait, "telemetry", dict)
         self.observe: Callable[[State], None] | None = getattr(gait, "observe", None)
         self.expect_lag: Callable[[float], None] | None = getattr(gait, "expect_lag", None)
+        self.expect_friction: Callable[[float], None] | None = getattr(gait, "expect_friction", None)
         self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
 
     def describe(self) -> Mapping[str, Any]:

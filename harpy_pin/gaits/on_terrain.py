@@ -53,6 +53,9 @@ LOADED = 0.05
 """Normal force from which on a foot touches the ground, as a share of the weight."""
 FAR_BEHIND = -1e9
 """Where the profile that lifts the plane begins, m."""
+LOWERED, LOWER, CLOSE = 10, 0.02, 2e-3
+"""How often the body of a robot on soles is lowered at most until they are where they should be, by which share of its
+height, and how near that is, m: legs of humanoids are nearly straight."""
 
 
 class OnTerrain(KeepsViews):
@@ -158,17 +161,27 @@ class OnTerrain(KeepsViews):
             q[3:7] = (turn * pin.Quaternion(*q[[6, 3, 4, 5]])).coeffs()
         desired = flat.copy()
         desired[:, 2] += self.terrain.height(flat[:, 0], flat[:, 1])
-        for _ in range(STEPS if len(flat) else 0):
-            feet, jacobian = self._feet(q)
-            legs = jacobian[:, 6:]
-            step = legs.T @ np.linalg.solve(legs @ legs.T + DAMPING * np.eye(len(legs)), (desired - feet).ravel())
-            q = pin.integrate(self.robot.model, q, np.concatenate((np.zeros(6), step)))
+        begin, lower = q.copy(), LOWER * q[2]
+        for _ in range(LOWERED if len(flat) else 0):
+            q = self._reach(begin, desired)
+            if not self.robot.flat_feet or np.abs(desired - self._feet(q)[0]).max() < CLOSE:
+                break
+            begin[2] -= lower
         v = v.copy()
         v[2] += along * v[0] + across * v[1]
         if len(flat):
             legs = self._feet(q)[1]
             v[6:] += np.linalg.lstsq(legs[:, 6:], speed - legs @ v, rcond=1e-6)[0]
         return q, v
+
+    def _reach(self, q: Vector, desired: Vector) -> Vector:
+        """The configuration near q in which the legs bring the feet to places (feet, 3), m."""
+        for _ in range(STEPS):
+            feet, jacobian = self._feet(q)
+            legs = jacobian[:, 6:]
+            step = legs.T @ np.linalg.solve(legs @ legs.T + DAMPING * np.eye(len(legs)), (desired - feet).ravel())
+            q = pin.integrate(self.robot.model, q, np.concatenate((np.zeros(6), step)))
+        return q
 
     def _with_offset(self, offset: Vector) -> Vector:
         """Take an offset of the body; returns the configuration at the start."""

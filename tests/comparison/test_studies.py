@@ -30,6 +30,7 @@ TINY: dict[str, dict[str, Any]] = {
     "flights": {"names": ("walk", "jump 0.4 m")},
     "ice": {},
     "limits": {"torque": (0.5,), "damping": (50.0,), "bandwidth": (), "viscous": (), "duration": 0.2},
+    "pushes": {},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
     "slopes": {"degrees": (0.0, 15.0), "frictions": (0.8,), "walkers": ("condensed",), "duration": 0.5},
     "steering": {"course": 1.0, "pushes": ()},
@@ -38,7 +39,7 @@ TINY: dict[str, dict[str, Any]] = {
     "rates": {"seconds": 2.0, "size": 16, "rounds": 1},
 }
 """Settings of a look, with even less; the policy and the microcontrollers have tests of their own."""
-OF_ROBOTS = ("crossings", "robots", "walking")
+OF_ROBOTS = ("crossings", "pushes", "robots", "walking")
 _found: dict[str, Rows] = {}
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from long import long_but
 from needs import PLANTS, needs_robots
 from places import places
+from walks import slip_per_step
 
 import harpy_pin as hp
 from harpy_pin.gaits.on_terrain import FRICTION_SHARE, OnFeltGround, OnTerrain
@@ -58,7 +59,7 @@ def test_targets_move_as_their_velocities_say():
     "name", ["harpy", pytest.param("go2", marks=needs_robots), pytest.param("g1", marks=needs_robots)]
 )
 def test_it_begins_with_its_feet_on_the_ground(name):
-    terrain = Plane(slope=0.1, heading=0.0 if name == "g1" else 0.6)  # G1's legs are nearly straight
+    terrain = Plane(slope=0.1, heading=0.6)
     robot = ROBOT if name == "harpy" else hp.load_robot(name)
     flat = hp.make_commanded_gait(robot) if name == "harpy" else hp.WalkingGait(robot)
     q, v = OnTerrain(flat, terrain).initial_state(penetration=0.003)
@@ -71,6 +72,19 @@ def test_it_begins_with_its_feet_on_the_ground(name):
     np.testing.assert_array_equal(v, 0.0)
     up = pin.Quaternion(*q[[6, 3, 4, 5]]).matrix()[:, 2]
     np.testing.assert_allclose(up, terrain.normal(0.0, 0.0) if name == "go2" else (0.0, 0.0, 1.0), atol=1e-12)
+
+
+@needs_robots
+@pytest.mark.parametrize("degrees", long_but((0, 90, 180), (90,)))
+def test_g1_walks_up_across_and_down_15_degrees(degrees):
+    """Across, one of its legs, which are nearly straight, has to be shorter: its body begins lower."""
+    pytest.importorskip("mujoco")
+    ground = hp.Ground(terrain=Plane(slope=np.deg2rad(15.0), heading=np.deg2rad(degrees)), mu_s=0.6, stiffness=1.6e5)
+    run = walked(robot="g1", gait=hp.Walking(velocity=(0.15, 0, 0)), ground=ground, plant="mujoco", duration=4.0)
+    assert run.ending == "completed"
+    assert run["centre"][-1, 0] > 0.4
+    assert slip_per_step(run) < 1.0
+    assert run["q"][:, [10, 16]].min() > 0.0  # knees stay bent the right way
 
 
 def walked(**settings) -> hp.Run:

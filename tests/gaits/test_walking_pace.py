@@ -231,3 +231,17 @@ def test_the_limit_in_the_warning_is_the_one_that_is_walked() -> None:
 def test_commanded_harpy_says_so_too() -> None:
     with pytest.warns(UserWarning, match=r"velocity \(0, 3, 0\) .* limited to \(0, 0.2, 0\)"):
         hp.gaits.CommandedGait(hp.load_harpy(), ((0.0, 0.0, 3.0, 0.0),))
+
+
+@needs_robots
+def test_on_soles_the_largest_speed_falls_with_the_friction():
+    """Of a controller that assumes it; a speed that was given stays, and so does that of point feet."""
+    robot = hp.load_robot("g1")
+    fastest = hp.WalkingGait(robot).max_speed
+    for mu, share in ((0.9, 1.0), (0.6, 1.0), (0.3, 0.5), (0.1, 1.0 / 6.0)):
+        controller = hp.make_controller("condensed", hp.WalkingGait(robot), mu=mu)
+        assert controller.gait.max_speed == pytest.approx(share * fastest)
+    for given in (hp.WalkingGait(robot, max_speed=0.4), hp.WalkingGait(hp.load_robot("solo12"))):
+        speed = given.max_speed
+        given.expect_friction(0.3)
+        assert given.max_speed == speed

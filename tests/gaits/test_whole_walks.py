@@ -228,12 +228,21 @@ def test_bumps_of_one_centimetre_that_it_does_not_know(name, seed):
 @needs_robots
 @pytest.mark.parametrize("name", long_but(("talos", "icub", "g1"), ("talos",)))
 def test_humanoids_walk_on_their_soles_and_stop(name):
-    gait = hp.WalkingGait(hp.load_robot(name), velocity=((0.3, 0.2, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0)))
-    run = walk(gait, duration=5.0)
+    """As fast as commanded and where commanded, with joints in their ranges; a step ends when its foot lands."""
+    robot, speed = hp.load_robot(name), 0.4
+    gait = hp.WalkingGait(robot, velocity=((0.3, speed, 0.0, 0.0), (5.0, 0.0, 0.0, 0.0)))
+    run = walk(gait, duration=7.0)
     assert run.ending == "completed"
     assert hp.measure(run).tilt_max_rad < 0.05
-    assert path_error(run) < 0.05
-    assert run["path"][-1, 0] - run["path"][0, 0] > 0.45
+    assert path_error(run) < 0.03
+    t = run["t"]
+    steady = (t > 2.5) & (t < 5.0)
+    assert np.polyfit(t[steady], run["centre"][steady, 0], 1)[0] == pytest.approx(speed, rel=0.03)
+    lengths = np.diff(t[np.flatnonzero(np.diff(run["steps"])) + 1])[3:8]
+    by_the_clock = min(gait.step_duration, gait.record["stride"][0] / speed)
+    assert np.mean(lengths) == pytest.approx((1.0 - 0.1 * (1.0 - gait.double_support)) * by_the_clock, rel=0.08)
+    beyond = np.maximum(robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit)
+    assert beyond[:, 7:].max() < 0.05
     assert not gait.walking
 
 
@@ -273,11 +282,14 @@ SIDES = [45 * k for k in range(8)]
 
 
 @needs_robots
+@pytest.mark.parametrize("quarter", [1, 2])
 @pytest.mark.parametrize("degrees", long_but(SIDES, (90,)))
-def test_a_push_from_any_side_does_not_fell_g1_in_mujoco(degrees):
+def test_a_push_from_any_side_does_not_fell_g1_in_mujoco(degrees, quarter):
+    """Pushed to the side of the stance foot, too, where the other foot cannot follow: it has to land earlier."""
     pytest.importorskip("mujoco")
-    gait, angle = hp.WalkingGait(hp.load_robot("g1"), velocity=((0.3, 0.2, 0.0, 0.0),)), np.deg2rad(degrees)
-    push = (0.15 * np.cos(angle), 0.15 * np.sin(angle), 0.0)
-    run = walk(gait, mu=0.5, pushes=((2.2, push),), duration=6.0, plant="mujoco")
+    gait, angle = hp.WalkingGait(hp.load_robot("g1"), "step"), np.deg2rad(degrees)
+    push = (0.4 * np.cos(angle), 0.4 * np.sin(angle), 0.0)
+    time = round(2.0 + 0.25 * quarter * gait.step_duration, 3)
+    run = walk(gait, mu=0.6, pushes=((time, push),), duration=time + 2.5, plant="mujoco")
     assert run.ending == "completed"
     assert run["centre"][-1, 2] > 0.9 * run["centre"][0, 2]

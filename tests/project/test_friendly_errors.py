@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from pathlib import Path
 
@@ -55,3 +56,10 @@ def test_install_lines_fit_how_it_was_installed(monkeypatch: pytest.MonkeyPatch,
     assert errors.install_line("live") == 'pip install "a<2,>=1"'
     monkeypatch.setattr(errors, "PUBLISHED", True)
     assert errors.install_line("live") == 'pip install "harpy-pin[live]"'
+
+
+def test_errors_come_whole_from_another_process():
+    raised = (errors.ControlError("fell", time=0.5, run="log"), errors.InputError("no", name="mu", value=-1.0))
+    for error in raised:
+        again = pickle.loads(pickle.dumps(error))
+        assert (type(again), str(again), vars(again)) == (type(error), str(error), vars(error))

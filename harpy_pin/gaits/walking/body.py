@@ -6,7 +6,7 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import GaitTargetRecord
-from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, stance_points
+from harpy_pin.gaits.walking.pendulum import cyclic_offset, desired_after, nearest_in_hull, real_duration, stance_points
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import DESCENT
 
@@ -23,8 +23,9 @@ MAX_DEMAND = 3.0
 FIRST_LOAD, LAST_LOAD, LEAST_LOAD = 0.07, 0.01, 0.05
 """Share of its largest normal force up to which a foot may be loaded that has just landed, and that is about to be
 lifted, in trots and paces; and both in other walks."""
-SOLE_MARGIN = 0.3
-"""Share of a sole, from its edge to its middle, where the centre of pressure does not go."""
+SOLE_MARGIN, LEAST_MARGIN, MARGIN_GAIN = 0.3, 0.05, 2.0
+"""Share of a sole, from its edge to its middle, where the centre of pressure does not go; of a robot that has been
+pushed; and how fast it falls from one to the other with the distance from where it should be, over the height."""
 
 
 @kernel
@@ -56,6 +57,10 @@ def demand_acceleration(p: WalkingRecord) -> None:
         p.pressure[0], p.pressure[1] = m.centre[0], m.centre[1]
     else:
         p.pressure[0], p.pressure[1] = nearest_in_hull(stance, count, x, y)
+        beyond = np.hypot(p.pressure[0] - x, p.pressure[1] - y) / p.height
+        if p.soles and beyond > 0.0:
+            count = stance_points(p, -1, max(SOLE_MARGIN - MARGIN_GAIN * beyond, LEAST_MARGIN), stance)
+            p.pressure[0], p.pressure[1] = nearest_in_hull(stance, count, x, y)
     for i in range(2):
         p.demand[i] = square * (m.centre[i] - p.pressure[i])
 
@@ -66,24 +71,40 @@ def _along_cycle(p: WalkingRecord, x: float, y: float) -> tuple[float, float]:
 
     Over a step ξ runs away from the middle s of the stance feet, ξ(t) = s + b exp(ω t), with b as in
     :mod:`harpy_pin.gaits.walking.pendulum`. The centre of pressure that holds it there is s + (1 + k) (ξ − ξ(t)).
+    Between soles s goes from one to the other while both are down.
     Along the line between two point feet the one that the velocity asks for, (x, y), has the say.
     """
     m, g = p.measured, (p.swings + 1) % 2
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
     jump_ahead, jump_aside = p.middle[p.swings, 0] - p.middle[g, 0], p.middle[p.swings, 1] - p.middle[g, 1]
     jump = c * jump_ahead - s * jump_aside, s * jump_ahead + c * jump_aside
-    growth, now = np.exp(p.omega * p.step_duration), np.exp(p.omega * p.step_duration * min(p.phase, 1.0))
+    duration, passed, share = real_duration(p), p.phase * p.step_duration, 1.0
+    growth, now = np.exp(p.omega * duration), np.exp(p.omega * p.step_duration * min(p.phase, 1.0))
+    if p.soles:
+        passed = min(passed, duration)
+        if p.steps > 0:  # the load goes over steadily, as if all at once half-way
+            passed -= 0.5 * p.double_support * p.step_duration
+            share = min(max(p.phase / p.double_support, 0.0), 1.0)
+        now = np.exp(p.omega * passed)
     at = np.empty(2)
     line = np.zeros(2)
+    wanted = desired_after(p, max(1.0 - p.phase, 0.0) * p.step_duration if p.soles else 0.0)
     for i in range(2):
-        middle = number = 0.0
+        middle = number = before = 0.0
         for k in range(p.group.shape[0]):
             if p.group[k] == g:
                 line[i] += m.place[k, i] if number == 0.0 else -m.place[k, i]
                 middle, number = middle + m.place[k, i], number + 1.0
+            else:
+                before = m.place[k, i]
         middle /= number
-        desired = middle + now * cyclic_offset(p.desired[i] * p.step_duration, jump[i], growth)
-        at[i] = middle + (1.0 + CYCLE_GAIN) * (m.centre[i] + m.drift[i] / p.omega - desired)
+        about = before if passed < 0.0 and share < 1.0 else middle
+        desired = about + now * (middle - about + cyclic_offset(wanted[i] * duration, jump[i], growth))
+        at[i] = (
+            middle
+            + (1.0 - share) * (before - middle)
+            + (1.0 + CYCLE_GAIN) * (m.centre[i] + m.drift[i] / p.omega - desired)
+        )
         if number == 1.0:
             line[i] = 0.0
     length = np.hypot(line[0], line[1])

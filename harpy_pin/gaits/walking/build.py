@@ -23,10 +23,10 @@ NARROW, SOLE_NARROW = 0.27, 0.15
 the centre of mass: a pendulum needs half of it as friction."""
 INNER = 0.35
 """How far the centre of pressure may come towards the other foot from the middle of a sole, in its widths."""
-BENT, STRETCHED = 0.92, 0.98
+BENT, SOLE_BENT, STRETCHED = 0.92, 0.9, 0.98
 """Largest height of the hip while it walks, and largest distance from there to the foot, in lengths of the leg."""
-STEP, SOLE_STEP = 0.82, 1.7
-"""Duration of a step on points and on soles, in √(leg / g)."""
+STEP, SOLE_STEP, FAST_SOLE_STEP = 0.82, 1.7, 1.25
+"""Duration of a step on points and on soles, slow and at the largest speed, in √(leg / g)."""
 SWING = 15.5
 """Least duration of a step of heavy legs with weak motors, in √(g leg) over the acceleration that these give a foot."""
 STRIDE = 0.6
@@ -35,7 +35,7 @@ BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
 SLOW_BOTH = 0.2
 """This share on four feet that hardly walk: soft ground hardly moves feet to which the load goes over slowly."""
-SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.13
+SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.21
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
 LEFT = 0.75
@@ -110,7 +110,9 @@ def build_of(robot: Robot, q: Vector) -> Build:
         column = model.joints[joints[0]].idx_v
         swings.append(float(hips[-1] * (model.effortLimit[column] or inf) / inertia[column, column]))
     leg, hip = min(legs), max(hips)
-    lower = max(hip - BENT * leg, 0.0)  # than the posture, where its legs would be almost stretched
+    lower = max(
+        hip - (SOLE_BENT if robot.flat_feet else BENT) * leg, 0.0
+    )  # than the posture, where its legs would be almost stretched
     reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 else 0.0
@@ -226,8 +228,10 @@ def pace_of(
     if most == 0.0:
         message = f"at no speed can the motors of '{robot.name}' swing its legs: give a max_speed, or larger efforts"
         raise InputError(message, name="max_speed")
-    stance = (groups - 1 + double_support) * min(duration, stride / most)
-    most = min(most, 2.0 * _reach(build, group) / stance)
+    shortest = FAST_SOLE_STEP * natural if soles else min(duration, stride / most)
+    most = min(most, 2.0 * _reach(build, group) / ((groups - 1 + double_support) * shortest))
+    if soles:
+        stride = most * shortest
     return Pace(duration, double_support, slow, gentle, stride, most)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed, is_still
+from harpy_pin.gaits.walking.footholds import is_frozen, out_of_reach
 from harpy_pin.gaits.walking.pendulum import nearest_in_hull, predict, stance_points
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.swinging import lift_foot
@@ -21,6 +22,8 @@ LONGEST_WAIT, ON_TERRAIN = 0.5, 1.0
 """How long the next step waits for a foot that has not landed, as a share of a step, and on ground that is not flat."""
 MOST_HASTE, HALVINGS = 2.0, 6
 """How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
+MISSED = 0.02
+"""How far from where it must land a foot on a sole may land in time, as a share of the body's height."""
 UNEVEN = 0.03
 """How far from the expected height a foot meets the ground that is uneven there, as a share of the body's height."""
 AVERAGED, SETTLING, PRESSED = 0.05, 0.1, 0.7
@@ -77,6 +80,8 @@ def _haste(p: WalkingRecord) -> float:
     """How much faster than its clock a step goes on, so that the body does not lean too far from a stance foot
     alone: beyond, the ground would have to hold more than it can."""
     left = max(1.0 - p.phase, 0.0) * p.step_duration
+    if p.soles:
+        return _haste_on_soles(p, left)
     stance, m = np.empty((p.measured.point.shape[0], 2)), p.measured
     if p.lean == np.inf or left == 0.0 or stance_points(p, p.swings, 0.0, stance) != 1:
         return 1.0
@@ -86,6 +91,27 @@ def _haste(p: WalkingRecord) -> float:
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if _lean_after(m, stance[0], p.omega, middle) <= p.lean:
+            low = middle
+        else:
+            high = middle
+    return float(left / low)
+
+
+@kernel
+def _haste_on_soles(p: WalkingRecord, left: float) -> float:
+    """How much faster a step goes on so that the foot lands while the place where it must land is in reach."""
+    if p.phase < 0.0 or p.steps_over:
+        return 1.0
+    if is_frozen(p, left / p.haste):
+        return p.haste
+    low, high = left / MOST_HASTE, left
+    missed = out_of_reach(p, high)
+    if missed <= MISSED * p.height:
+        return 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        missed = out_of_reach(p, middle)
+        if missed <= MISSED * p.height:
             low = middle
         else:
             high = middle

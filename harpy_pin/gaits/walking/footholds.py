@@ -6,7 +6,14 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.terrain_targets import MARGIN, nearest_steppable
-from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, predict, stance_points
+from harpy_pin.gaits.walking.pendulum import (
+    cyclic_offset,
+    desired_after,
+    nearest_in_hull,
+    predict,
+    real_duration,
+    stance_points,
+)
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import ACROSS
 from harpy_pin.model.state import Vector
@@ -20,9 +27,36 @@ EARLY_FROZEN = 0.4
 
 
 @kernel
+def is_frozen(p: WalkingRecord, left: float) -> bool:
+    """Whether footholds stay where they are, at the time ``left`` before touchdown."""
+    frozen: bool = left < (EARLY_FROZEN if p.steps_over else FROZEN) * p.step_duration
+    return frozen
+
+
+@kernel
+def out_of_reach(p: WalkingRecord, left: float) -> float:
+    """How far the foothold of a step that ends after the time ``left`` would be from where the foot may land, m.
+
+    A robot on soles that has been pushed is balanced by a step at a place that it reaches, or by an earlier one.
+    """
+    x, y = _landing_middle(p, left)
+    heading, g, worst = p.path[2], p.swings, 0.0
+    c, s = np.cos(heading), np.sin(heading)
+    for k in range(p.group.shape[0]):
+        if p.group[k] == g:
+            before_x, before_y = p.foothold[k, 0], p.foothold[k, 1]
+            p.foothold[k, 0], p.foothold[k, 1] = x, y
+            _keep_apart(p, k, c, s)
+            _keep_in_reach(p, k, left)
+            worst = max(worst, np.hypot(p.foothold[k, 0] - x, p.foothold[k, 1] - y))
+            p.foothold[k, 0], p.foothold[k, 1] = before_x, before_y
+    return float(worst)
+
+
+@kernel
 def choose_footholds(p: WalkingRecord, left: float) -> None:
     """Footholds of the group that swings, at the time ``left`` before its touchdown."""
-    if left < (EARLY_FROZEN if p.steps_over else FROZEN) * p.step_duration:
+    if is_frozen(p, left):
         return
     x, y = _landing_middle(p, left)
     heading = p.path[2] + p.velocity[2] * (left + 0.5 * p.step_duration * (p.groups - 1))
@@ -53,16 +87,19 @@ def _landing_middle(p: WalkingRecord, left: float) -> tuple[float, float]:
     if count == 0:
         return m.centre[0], m.centre[1]
     at = nearest_in_hull(stance, count, p.pressure[0], p.pressure[1])
-    there, speed = np.empty(2), np.empty(2)
+    there, speed, duration = np.empty(2), np.empty(2), real_duration(p)
+    if p.soles:
+        left = max(left - (p.step_duration - duration), 0.0) + 0.5 * p.double_support * p.step_duration
     _predict_centre(p, stance, count, at[0], at[1], left, there, speed)
-    growth = np.exp(p.omega * p.step_duration)
+    growth = np.exp(p.omega * duration)
     following = (g + 1) % p.groups
     jump_ahead, jump_aside = p.middle[following, 0] - p.middle[g, 0], p.middle[following, 1] - p.middle[g, 1]
     jump = c * jump_ahead - s * jump_aside, s * jump_ahead + c * jump_aside
     middle = c * p.middle[g, 0] - s * p.middle[g, 1], s * p.middle[g, 0] + c * p.middle[g, 1]
+    desired = desired_after(p, left + 0.5 * duration if p.soles else 0.0)
     for i in range(2):
         if p.groups == 2:
-            offset = cyclic_offset(p.desired[i] * p.step_duration, jump[i], growth)
+            offset = cyclic_offset(desired[i] * duration, jump[i], growth)
             there[i] += speed[i] / p.omega - offset
         else:
             standing = (p.groups - 1 + p.double_support) * p.step_duration

@@ -22,6 +22,9 @@ SAME = 1e-6
 """Distance below which two points are one, m."""
 TINY = 1e-12
 """Area below which three points are on one line, m²."""
+SETTLE = 0.9
+"""Share of its swing after which a foot is at the ground, or almost; from there on it goes down slowly, so as not to
+land hard."""
 UPRIGHT_END = 0.1
 """Least share of its swing, at the end, in which a foot moves vertically."""
 NEAR, STRAIGHT_NEAR = 0.166, 0.185
@@ -130,6 +133,25 @@ def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) ->
                 out[count, i] = m.point[n, i] + margin * (m.place[k, i] - m.point[n, i])
             count += 1
     return count
+
+
+@kernel
+def desired_after(p: WalkingRecord, time: float) -> tuple[float, float]:
+    """Velocity of the centre of mass that is asked for after a time, m/s: it goes on towards the goal, and turns."""
+    u, heading = p.velocity, p.path[2] + time * p.velocity[2]
+    ahead, aside = p.goal[0] - u[0], p.goal[1] - u[1]
+    size, most = np.hypot(ahead, aside), p.acceleration * time
+    share = most / size if size > most else 1.0
+    ahead, aside = u[0] + share * ahead, u[1] + share * aside
+    c, s = np.cos(heading), np.sin(heading)
+    return c * ahead - s * aside + p.back[0], s * ahead + c * aside + p.back[1]
+
+
+@kernel
+def real_duration(p: WalkingRecord) -> float:
+    """Duration of the present step, s: a sole meets the ground when it has come down, a little before its time."""
+    early = (1.0 - SETTLE) * (1.0 - p.double_support) if p.soles else 0.0
+    return float((1.0 - early) * p.step_duration)
 
 
 @kernel

@@ -71,6 +71,7 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     holds_heading: int  # 1 where the stance feet can hold the heading
     soles: int  # 1 where feet are flat
     raised: float = 0.0  # present change of the height, m
+    back: Vector = sized(2)  # velocity on the way back to the path, world axes, m/s
     desired: Vector = sized(2)  # velocity of the centre of mass, world axes, m/s
     demand: Vector = sized(2)  # acceleration of the centre of mass, world axes, m/s²
     pressure: Vector = sized(2)  # centre of pressure that goes with it, m

@@ -10,15 +10,12 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed
-from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR, toward, upright_end, wrapped
+from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR, toward, upright_end, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_height
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 
-SETTLE = 0.9
-"""Share of its swing after which a foot is at the ground, or almost; from there on it goes down slowly, so as not to
-land hard."""
 STUCK = 0.03
 """Share of its swing in which a foot goes straight up, at most, until it has left the ground."""
 UP, ACROSS, THERE, DOWN, LANDED = 0.4, 0.2, 0.7, 0.5, 0.9

@@ -10,7 +10,7 @@ from harpy_pin.gaits.velocity import take_command
 from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
 from harpy_pin.gaits.walking.contacts import go_on, time_left
 from harpy_pin.gaits.walking.footholds import choose_footholds
-from harpy_pin.gaits.walking.pendulum import wrapped
+from harpy_pin.gaits.walking.pendulum import desired_after, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import swing_foot
 
@@ -121,10 +121,9 @@ def _keep_near(p: WalkingRecord) -> None:
 @kernel
 def _choose_velocity(p: WalkingRecord) -> None:
     """Velocity of the centre of mass that is asked for: the applied one, and some of the way back to the path."""
-    u, m = p.velocity, p.measured
-    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    m = p.measured
     x, y = RETURN * (p.path[0] - m.centre[0]), RETURN * (p.path[1] - m.centre[1])
     size, most = np.hypot(x, y), MAX_RETURN * p.omega * p.height
     share = most / size if size > most else 1.0
-    p.desired[0] = c * u[0] - s * u[1] + share * x
-    p.desired[1] = s * u[0] + c * u[1] + share * y
+    p.back[0], p.back[1] = share * x, share * y
+    p.desired[0], p.desired[1] = desired_after(p, 0.0)

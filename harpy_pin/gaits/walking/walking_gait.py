@@ -29,6 +29,8 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
 
+FULL_GRIP = 0.6
+"""Friction coefficient from which on a robot on soles walks at its largest speed; below, at a share of it."""
 START = 1.6
 """Time for which it stands on every foot before the first step, in √(leg / g)."""
 CLEARANCE = 0.075
@@ -135,7 +137,7 @@ class WalkingGait(FollowsVelocity):
         clearance = optional("clearance", clearance, build.leg) or CLEARANCE * build.leg
         group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
         pace = pace_of(robot, q, build, group, clearance, max_speed=optional("max_speed", max_speed, 20.0))
-        self._build = build
+        self._build, self._fastest, self._chosen_speed = build, pace.max_speed, max_speed is not None
         self.step_duration, self.double_support = pace.usual_step, pace.fast_double_support
         self.record: Records[WalkingRecord] = self._make_record(
             build, pace, group, start_time=0.0 if feet == 2 and not soles else START * natural, clearance=clearance
@@ -235,6 +237,11 @@ class WalkingGait(FollowsVelocity):
     def max_speed(self) -> float:
         """Largest velocity of a foot's place, m/s: a command beyond it is scaled down."""
         return float(self.record["max_speed"][0])
+
+    def expect_friction(self, mu: float) -> None:
+        """See :class:`~harpy_pin.gaits.gait.Gait`: on soles the largest speed falls with it, if none was given."""
+        if self.robot.flat_feet and not self._chosen_speed:
+            self.record["max_speed"] = self._fastest * min(mu / FULL_GRIP, 1.0)
 
     def observe(self, state: State) -> None:
         """See :class:`~harpy_pin.gaits.gait.Gait`; a state with entries that are not finite is ignored.

@@ -1,0 +1,80 @@
+"""Robots on two feet are pushed from eight sides at four instants of a step, in place and at half of their speed.
+
+What was tuned on was pushed by 0.4 m/s times the mass in MuJoCo at friction 0.6; what is pushed harder chose nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import harpy_pin as hp
+from comparison.measure.walking import Rows, walk_as_far_as_it_goes
+from comparison.studies.walking import BIPEDS, GRAVITY, SINK
+from comparison.study import Job, Study, Value, View, grid, where
+
+SIDES, INSTANTS = 8, 4
+"""Directions of a push, and instants of a step at which it begins."""
+FRICTION = 0.6
+WALKED, STANDS = 2.0, 2.5
+"""How long a robot walks before it is pushed, and for how long it has to stand afterwards, s."""
+SIZES = (0.4, 0.6)
+"""Impulses of pushes of 0.1 s over the mass, m/s."""
+SPEEDS = {"in place": 0.0, "at half speed": 0.5}
+"""As shares of the largest speed."""
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    axes = {"side": range(s.sides), "instant": range(s.instants)}
+    return grid(robot=s.robots, plant=s.plants, speed=SPEEDS, size=s.sizes, **axes)
+
+
+def measured(job: Job) -> dict[str, Any]:
+    """Whether it still stands at the end."""
+    robot = hp.load_robot(job["robot"])
+    gait = hp.WalkingGait(robot)
+    time = round(WALKED + gait.step_duration * job["instant"] / INSTANTS, 3)
+    angle, impulse = 2.0 * np.pi * job["side"] / SIDES, robot.mass * job["size"]
+    scenario = hp.Scenario(
+        robot=job["robot"],
+        plant=job["plant"],
+        gait=hp.Walking(schedule="step", velocity=((0.3, SPEEDS[job["speed"]] * gait.max_speed, 0.0, 0.0),)),
+        controller=hp.Condensed(),
+        ground=hp.Ground(mu_s=FRICTION, stiffness=robot.mass * GRAVITY / SINK),
+        disturbances=hp.Disturbances(pushes=(hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)),
+        duration=time + STANDS,
+    )
+    return {"stands": walk_as_far_as_it_goes(scenario).ending == "completed", "impulse_ns": float(impulse)}
+
+
+def _stand(rows: Rows) -> str:
+    return f"{sum(row['stands'] for row in rows)} of {len(rows)}"
+
+
+def _of(speed: str, size: float) -> Value:
+    return where(_stand, speed=speed, size=size)
+
+
+STUDY = Study(
+    name="pushes",
+    help="""Push robots on two feet from eight sides at four instants of a step.
+
+    In place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. Needs the extra "robots".
+    """,
+    defaults={"robots": BIPEDS, "plants": ("mujoco",), "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
+    quick={"robots": ("bolt",), "sizes": SIZES[:1], "sides": 1, "instants": 1},
+    jobs=_jobs,
+    measure=measured,
+    views=(
+        View(
+            "pushes_{plant}",
+            "Pushed, {plant}: pushes after which it stands",
+            row="{robot}",
+            columns={f"{speed}, {size}": _of(speed, size) for size in SIZES for speed in SPEEDS},
+            note="Impulse over mass, m/s.",
+        ),
+    ),
+    only="robots",
+)
