@@ -59,9 +59,10 @@ def _of(speed: str, size: float) -> Value:
 
 STUDY = Study(
     name="pushes",
-    help="""Push robots on two feet from eight sides at four instants of a step.
+    help="""Push robots on two feet from eight sides.
 
-    In place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. Needs the extra "robots".
+    At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. Needs the
+    extra "robots".
     """,
     defaults={"robots": BIPEDS, "plants": ("mujoco",), "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
     quick={"robots": ("bolt",), "sizes": SIZES[:1], "sides": 1, "instants": 1},

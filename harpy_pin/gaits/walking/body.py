@@ -90,14 +90,14 @@ def _along_cycle(p: WalkingRecord, x: float, y: float) -> tuple[float, float]:
     line = np.zeros(2)
     wanted = desired_after(p, max(1.0 - p.phase, 0.0) * p.step_duration if p.soles else 0.0)
     for i in range(2):
-        middle = number = before = 0.0
+        middle = number = before = others = 0.0
         for k in range(p.group.shape[0]):
             if p.group[k] == g:
                 line[i] += m.place[k, i] if number == 0.0 else -m.place[k, i]
                 middle, number = middle + m.place[k, i], number + 1.0
             else:
-                before = m.place[k, i]
-        middle /= number
+                before, others = before + m.place[k, i], others + 1.0
+        middle, before = middle / number, before / others
         about = before if passed < 0.0 and share < 1.0 else middle
         desired = about + now * (middle - about + cyclic_offset(wanted[i] * duration, jump[i], growth))
         at[i] = (

@@ -24,7 +24,8 @@ the centre of mass: a pendulum needs half of it as friction."""
 INNER = 0.35
 """How far the centre of pressure may come towards the other foot from the middle of a sole, in its widths."""
 BENT, SOLE_BENT, STRETCHED = 0.92, 0.9, 0.98
-"""Largest height of the hip while it walks, and largest distance from there to the foot, in lengths of the leg."""
+"""Largest height of the hip while it walks, on points and on soles, and largest distance from there to the foot, in
+lengths of the leg."""
 STEP, SOLE_STEP, FAST_SOLE_STEP = 0.82, 1.7, 1.25
 """Duration of a step on points and on soles, slow and at the largest speed, in √(leg / g)."""
 SWING = 15.5
@@ -110,9 +111,8 @@ def build_of(robot: Robot, q: Vector) -> Build:
         column = model.joints[joints[0]].idx_v
         swings.append(float(hips[-1] * (model.effortLimit[column] or inf) / inertia[column, column]))
     leg, hip = min(legs), max(hips)
-    lower = max(
-        hip - (SOLE_BENT if robot.flat_feet else BENT) * leg, 0.0
-    )  # than the posture, where its legs would be almost stretched
+    bent = SOLE_BENT if robot.flat_feet else BENT
+    lower = max(hip - bent * leg, 0.0)  # than the posture, where its legs would be almost stretched
     reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 else 0.0
