@@ -106,8 +106,12 @@ class Robot:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Numbers of velocities, joints, contact points, thrusters and their variables, by the names in records."""
-        counts = {"nv": self.model.nv, "joints": len(self.joints), "feet": len(self.feet)}
+        """Numbers of velocities, joints, contact points, thrusters and their variables, by the names in records.
+
+        Soles are counted where all feet are flat.
+        """
+        soles = len(self.flat_feet) if len({*self.flat_feet}) == 1 else 0
+        counts = {"nv": self.model.nv, "joints": len(self.joints), "feet": len(self.feet), "soles": soles}
         return counts | {"thrusters": len(self.thrusters), "thrusts": self.n_thrust}
 
     @property

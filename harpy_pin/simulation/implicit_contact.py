@@ -18,6 +18,7 @@ from harpy_pin.ground.ground import GroundRecord, stribeck
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.sole_contact import sole_step
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.step import StepRecord
@@ -240,19 +241,32 @@ def contact_step(
     return max_sweeps + 1
 
 
+@kernel
+def contact_forces(s: StepRecord, ground: GroundRecord, free: Vector, tolerance: float, sweeps: int) -> int:
+    """Contact forces at the end of a step, and the loads on its columns, from velocities without contact forces.
+
+    Returns the sweeps of the solver, of soles Newton's steps; ``sweeps + 1`` if it did not converge.
+    """
+    if s.soles.motion.shape[0] > 0:  # known when compiling: of point feet and of soles there is one kernel each
+        return sole_step(s, ground, free, tolerance, sweeps)
+    used = contact_step(s.mobility, free, s.height, s.friction, s.dt, ground, s.force, tolerance, sweeps)
+    s.load[:] = s.force
+    return used
+
+
 class JointFrictionRecord(RecordOf):
     """Coulomb friction of the joints; without it, arrays of no joints."""
 
     limit: Vector  # (joints,) N·m
     torque: Vector = sized("joints")  # (joints,) of the last step, N·m
     columns: Vector = sized("nv", "joints")  # (nv, joints) L⁻ᵀ S, with M + dt B = Lᵀ L
-    free: Vector = sized("3 feet")  # (3 feet,) velocities of the feet under that friction without contact forces, m/s
+    free: Vector = sized("contacts")  # (contacts,) velocities of the feet under it without contact forces, m/s
 
 
-def joint_friction_record(*, nv: int, feet: int, limit: Vector) -> Records[JointFrictionRecord]:
+def joint_friction_record(*, nv: int, contacts: int, limit: Vector) -> Records[JointFrictionRecord]:
     """A new :class:`JointFrictionRecord`, with the Coulomb friction ``limit`` (joints,), N·m, in the joints."""
     joints = len(limit) if limit.any() else 0
-    return make_record(JointFrictionRecord, {"nv": nv, "feet": feet, "joints": joints}, limit=limit[:joints])
+    return make_record(JointFrictionRecord, {"nv": nv, "contacts": contacts, "joints": joints}, limit=limit[:joints])
 
 
 @kernel
@@ -264,7 +278,7 @@ def step_with_friction(s: StepRecord, ground: GroundRecord, v: Vector, tolerance
     ``sweeps + 1`` if it or the rounds did not converge.
     """
     f, dt = s.joints, s.dt
-    nv, nc, joints = v.shape[0], s.force.shape[0], f.limit.shape[0]
+    nv, nc, joints = v.shape[0], s.load.shape[0], f.limit.shape[0]
     columns, own = s.columns, f.columns
     for i in range(nv):
         for j in range(joints):
@@ -280,14 +294,14 @@ def step_with_friction(s: StepRecord, ground: GroundRecord, v: Vector, tolerance
             for j in range(joints):
                 for i in range(nv):
                     f.free[a] += dt * columns[i, a] * own[i, j] * f.torque[j]
-        used = contact_step(s.mobility, f.free, s.height, s.friction, dt, ground, s.force, tolerance, sweeps)
+        used = contact_forces(s, ground, f.free, tolerance, sweeps)
         change = 0.0
         for j in range(joints):
             speed, mobility = v[6 + j], 0.0
             for i in range(nv):
                 drive = columns[i, nc]
                 for c in range(nc):
-                    drive += dt * columns[i, c] * s.force[c]
+                    drive += dt * columns[i, c] * s.load[c]
                 speed += own[i, j] * drive
                 mobility += dt * own[i, j] * own[i, j]
             torque = min(max(f.torque[j] - speed / mobility, -f.limit[j]), f.limit[j])

@@ -42,7 +42,7 @@ class Simulator(Plant):
         actuators: motors, joint friction and thrusters; those of the model by default.
 
     Attributes:
-        sweeps: of the contact solver (Gauss–Seidel) in the last step.
+        sweeps: of the contact solver in the last step; Newton's steps where feet are flat.
         record: what the kernel of a step reads and works in.
         actuators: as given.
 

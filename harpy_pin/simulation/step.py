@@ -1,9 +1,10 @@
 """Physics steps of a robot in contact, implicit in the contact forces, and whether it stands after them.
 
 A step solves (M + dt B)(v⁺ − v) = dt (S τ + J_tᵀ u_t − n − B v + J_fᵀ f) together with the ground's equations for f at
-the end of the step (:func:`harpy_pin.simulation.contact_step`). B is the joint damping. Coulomb friction in the joints,
-where there is any, is found with them (:mod:`harpy_pin.simulation.implicit_contact`). The velocity of a foot includes
-½ dt J̇ v, so that a foot at rest stays where it is to third order in dt.
+the end of the step (:func:`harpy_pin.simulation.contact_step`; of flat feet,
+:mod:`harpy_pin.simulation.sole_contact`). B is the joint damping. Coulomb friction in the joints, where there is any,
+is found with them (:mod:`harpy_pin.simulation.implicit_contact`). The velocity of a foot includes ½ dt J̇ v, so that a
+foot at rest stays where it is to third order in dt.
 
 On ground that is not flat motion and force of every foot are in the frame of its contact. There the third axis is the
 normal, so that the equations hold unchanged: penetration and normal force along the normal, friction in the tangent
@@ -34,16 +35,17 @@ from harpy_pin.model.terms import integrate, update_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.implicit_contact import (
     JointFrictionRecord,
-    contact_step,
+    contact_forces,
     joint_friction_record,
     step_with_friction,
 )
+from harpy_pin.simulation.sole_contact import SolesRecord, sole_columns, turn_modes
 from harpy_pin.simulation.thrusters import ThrustersRecord, drive_thrusters, thrusters_record
 
 MIN_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
 MAX_SWEEPS = 500
-"""Limit of the contact solver's Gauss–Seidel iteration."""
+"""Limit of the contact solver's iteration."""
 MISFIT_COMMAND = -1
 """What :func:`physics_steps` returns for a command that it refuses."""
 Kind = TypeVar("Kind", bound="PlantRecord")
@@ -71,15 +73,17 @@ class StepRecord(PlantRecord):
 
     dt: float  # step, s
     displacement: Vector = sized("nv")  # (nv,) out: dt v⁺
-    # (3 feet, 3 feet) change of foot velocity per newton over the step, m/s/N
-    mobility: Vector = sized("3 feet", "3 feet")
-    free: Vector = sized("3 feet")  # (3 feet,) foot velocities without contact forces, m/s
+    # (contacts, contacts) change of foot velocity, or of a sole's modes, per newton over the step, m/s/N
+    mobility: Vector = sized("contacts", "contacts")
+    free: Vector = sized("contacts")  # (contacts,) these velocities without contact forces, m/s
+    load: Vector = sized("contacts")  # (contacts,) out: forces on the columns, N; of point feet the contact forces
     height: Vector = sized("feet")  # (feet,) of the feet at the start of the step, m
     # (feet, 3) static and sliding coefficient under them, then, and stiffness relative to the ground's
     friction: Vector = sized("feet", 3)
     factor: Vector = sized("nv", "nv")  # (nv, nv) L of M + dt B = Lᵀ L
-    columns: Vector = sized("nv", "3 feet + 1")  # (nv, 3 feet + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)]
+    columns: Vector = sized("nv", "contacts + 1")  # (nv, contacts + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)]
     joints: JointFrictionRecord  # Coulomb friction of the joints
+    soles: SolesRecord  # empty for point feet
 
 
 def plant_record(
@@ -117,11 +121,17 @@ def step_record(
 
     ``friction`` (joints,) is the Coulomb friction of each joint, N·m.
     """
-    sizes, actuators = {"thrusts": 0, "thrusters": 0, **sizes}, Actuators() if actuators is None else actuators
+    sizes, actuators = (
+        {"thrusts": 0, "thrusters": 0, "soles": 0, **sizes},
+        Actuators() if actuators is None else actuators,
+    )
+    flat = sizes["soles"] > 0
+    sizes |= {"contacts": 6 * sizes["soles"] if flat else 3 * sizes["feet"], "corners": sizes["feet"] if flat else 0}
     limit = np.zeros(0) if friction is None else friction
-    joints = joint_friction_record(nv=sizes["nv"], feet=sizes["feet"], limit=limit)
+    joints = joint_friction_record(nv=sizes["nv"], contacts=sizes["contacts"], limit=limit)
     motors = {"peak": np.zeros(0)} if motors is None else motors
-    return plant_record(StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints)
+    soles = make_record(SolesRecord, sizes)
+    return plant_record(StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints, soles=soles)
 
 
 @kernel
@@ -141,7 +151,7 @@ def implicit_step(
     Returns:
         Sweeps of the contact solver, ``MAX_SWEEPS + 1`` if they did not converge.
     """
-    dt, nv, nc = s.dt, v.shape[0], s.force.shape[0]
+    dt, nv, nc = s.dt, v.shape[0], s.free.shape[0]
     columns, mobility, free, force = s.columns, s.mobility, s.free, s.force
     change = s.displacement  # holds the generalised force, then v⁺ − v
     unconstrained_drive(d, v, torque, thrust, change)
@@ -149,20 +159,20 @@ def implicit_step(
         for j in range(i + 1):
             s.factor[i, j] = d.mass_matrix[i, j]
         s.factor[i, i] += dt * d.damping[i]
-        for c in range(nc):
-            columns[i, c] = d.foot_jacobian[c, i]
         columns[i, nc] = dt * change[i]
     flat = ground.terrain.level
     if not flat:
-        into_contact_frames(d, ground.terrain, s, v)
+        into_contact_frames(d, ground.terrain, s)
+    if s.soles.motion.shape[0] > 0:  # known when compiling: of point feet and of soles there is one kernel each
+        sole_columns(d, s, v)
+        if not flat:
+            turn_modes(s.frame, s.soles.mode)
+    else:
+        point_columns(d, s, v, flat)
     factorise(s.factor, s.factor)
     solve_transposed(s.factor, columns, nc + 1)
     # Velocity of the feet without contact forces, and its change per force.
     for a in range(nc):
-        if flat:
-            free[a] = 0.5 * dt * d.foot_drift[a]
-            for i in range(nv):
-                free[a] += d.foot_jacobian[a, i] * v[i]
         for b in range(a + 1):
             mobility[a, b] = 0.0
     for i in range(nv):
@@ -177,7 +187,7 @@ def implicit_step(
         for b in range(a + 1):
             mobility[a, b] *= dt
             mobility[b, a] = mobility[a, b]
-    for k in range(nc // 3):
+    for k in range(s.height.shape[0]):
         if flat:
             s.height[k] = d.foot_position[k, 2]
         s.friction[k, 0], s.friction[k, 1] = local_friction(d.foot_position[k, 0], ground)
@@ -185,13 +195,13 @@ def implicit_step(
     if s.joints.limit.shape[0] > 0:  # known when compiling: without friction the other kernel is not there
         sweeps = step_with_friction(s, ground, v, 1e-10, MAX_SWEEPS)
     else:
-        sweeps = contact_step(mobility, free, s.height, s.friction, dt, ground, force, 1e-10, MAX_SWEEPS)
+        sweeps = contact_forces(s, ground, free, 1e-10, MAX_SWEEPS)
     for i in range(nv):
         change[i] = columns[i, nc]
         for c in range(nc):
-            change[i] += dt * columns[i, c] * force[c]
+            change[i] += dt * columns[i, c] * s.load[c]
     if not flat:
-        for k in range(nc // 3):
+        for k in range(s.height.shape[0]):
             to_world(s.frame[k], force[3 * k : 3 * k + 3])
     solve_factor(s.factor, change.reshape((nv, 1)), 1)
     for i in range(nv):
@@ -201,22 +211,30 @@ def implicit_step(
 
 
 @kernel
-def into_contact_frames(d: EquationsRecord, t: TerrainRecord, s: StepRecord, v: Vector) -> None:
-    """Heights, free velocities, columns of the Jacobian and the forces guessed, from world axes into contact frames."""
+def into_contact_frames(d: EquationsRecord, t: TerrainRecord, s: StepRecord) -> None:
+    """Contact frames, heights in them, and the forces guessed, from world axes into them."""
     for k in range(s.height.shape[0]):
         place, frame = d.foot_position[k], s.frame[k]
         nx, ny, nz = surface_normal(t, place[0], place[1])
         contact_frame(nx, ny, nz, frame)
         s.height[k] = (place[2] - surface_height(t, place[0], place[1])) * nz
+        to_contact(frame, s.force[3 * k : 3 * k + 3])
+
+
+@kernel
+def point_columns(d: EquationsRecord, s: StepRecord, v: Vector, flat: bool) -> None:
+    """Columns of the feet's Jacobian, and their velocities before any force, in the contact frames."""
+    for k in range(s.height.shape[0]):
         free = s.free[3 * k : 3 * k + 3]
         for c in range(3):
             free[c] = 0.5 * s.dt * d.foot_drift[3 * k + c]
             for i in range(v.shape[0]):
                 free[c] += d.foot_jacobian[3 * k + c, i] * v[i]
-        to_contact(frame, free)
-        to_contact(frame, s.force[3 * k : 3 * k + 3])
-        for i in range(v.shape[0]):
-            to_contact(frame, s.columns[i, 3 * k : 3 * k + 3])
+                s.columns[i, 3 * k + c] = d.foot_jacobian[3 * k + c, i]
+        if not flat:
+            to_contact(s.frame[k], free)
+            for i in range(v.shape[0]):
+                to_contact(s.frame[k], s.columns[i, 3 * k : 3 * k + 3])
 
 
 @kernel
