@@ -32,7 +32,7 @@ ENGAGING = 1e-5
 SEARCHES = 30
 """Most lengths of a step that are tried."""
 CALM = 100
-"""Steps after which the largest friction changes by half of what is found only, and by a quarter after twice as many."""
+"""Steps after which the largest friction changes by half of what is found only; by a quarter after twice as many."""
 
 
 class SolesRecord(RecordOf):
