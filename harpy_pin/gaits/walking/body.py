@@ -6,7 +6,14 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import GaitTargetRecord
-from harpy_pin.gaits.walking.pendulum import cyclic_offset, desired_after, nearest_in_hull, real_duration, stance_points
+from harpy_pin.gaits.walking.pendulum import (
+    cyclic_offset,
+    desired_after,
+    hip_place,
+    nearest_in_hull,
+    real_duration,
+    stance_points,
+)
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import DESCENT
 
@@ -26,6 +33,13 @@ lifted, in trots and paces; and both in other walks."""
 SOLE_MARGIN, LEAST_MARGIN, MARGIN_GAIN = 0.3, 0.05, 2.0
 """Share of a sole, from its edge to its middle, where the centre of pressure does not go; of a robot that has been
 pushed; and how fast it falls from one to the other with the distance from where it should be, over the height."""
+
+BEYOND, MOST_BEYOND = 0.5, 0.5
+"""Share of what a centre of pressure beyond the soles would push more that is demanded too, and the farthest such
+point, in heights of the body: the turning of body, torso and arms pays for it."""
+AHEAD, LOW_RATE = 0.1, 20.0
+"""How far ahead legs on soles must not be stretched, s, and the rate at which the body goes down where one would be,
+1/s."""
 
 
 @kernel
@@ -61,8 +75,11 @@ def demand_acceleration(p: WalkingRecord) -> None:
         if p.soles and beyond > 0.0:
             count = stance_points(p, -1, max(SOLE_MARGIN - MARGIN_GAIN * beyond, LEAST_MARGIN), stance)
             p.pressure[0], p.pressure[1] = nearest_in_hull(stance, count, x, y)
-    for i in range(2):
-        p.demand[i] = square * (m.centre[i] - p.pressure[i])
+    share, beyond = 0.0, np.hypot(p.pressure[0] - x, p.pressure[1] - y)
+    if p.soles and p.walking and beyond > 0.0:
+        share = min(BEYOND, MOST_BEYOND * p.height / beyond)
+    p.demand[0] = square * (m.centre[0] - p.pressure[0] - share * (x - p.pressure[0]))
+    p.demand[1] = square * (m.centre[1] - p.pressure[1] - share * (y - p.pressure[1]))
 
 
 @kernel
@@ -121,9 +138,12 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
     m = p.measured
     for i in range(3):
         o.body[i], o.body[3 + i] = m.body[i], m.body[3 + i]
-    o.body[8] = HEIGHT_GAINS[0] * (p.height + p.raised + mean_felt(p) - m.body[2]) + HEIGHT_GAINS[1] * (
-        p.velocity[3] - m.body[5]
-    )
+    height = p.height + p.raised + mean_felt(p)
+    o.body[8] = HEIGHT_GAINS[0] * (height - m.body[2]) + HEIGHT_GAINS[1] * (p.velocity[3] - m.body[5])
+    if p.soles:
+        stretched = _stretched_height(p)
+        if stretched < height:
+            o.body[8] = min(o.body[8], LOW_RATE * (LOW_RATE * (stretched - m.body[2]) - 2.0 * m.body[5]))
     o.heading[0] = p.path[2]
     o.heading[1] = p.velocity[2] if p.holds_heading else 0.0
     o.heading[2] = p.rate[2] if p.holds_heading else 0.0
@@ -137,6 +157,19 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
             _write_swing(p, o, n)
         else:
             _write_stance(p, o, n)
+
+
+@kernel
+def _stretched_height(p: WalkingRecord) -> float:
+    """Height of the body at which the first of the stance legs will be stretched, m."""
+    m, least = p.measured, np.inf
+    for k in range(p.group.shape[0]):
+        if p.in_air[k] == 0.0:
+            x, y = hip_place(p, k, AHEAD)
+            x, y = x - m.place[k, 0], y - m.place[k, 1]
+            square = max(p.reach * p.reach + p.hip * p.hip - x * x - y * y, 0.25 * p.hip * p.hip)
+            least = min(least, p.height - p.hip + m.place[k, 2] + np.sqrt(square))
+    return float(least)
 
 
 @kernel

@@ -23,9 +23,9 @@ NARROW, SOLE_NARROW = 0.27, 0.15
 the centre of mass: a pendulum needs half of it as friction."""
 INNER = 0.35
 """How far the centre of pressure may come towards the other foot from the middle of a sole, in its widths."""
-BENT, SOLE_BENT, STRETCHED = 0.92, 0.9, 0.98
-"""Largest height of the hip while it walks, on points and on soles, and largest distance from there to the foot, in
-lengths of the leg."""
+BENT, SOLE_BENT, STRETCHED, SOLE_STRETCHED = 0.92, 0.9, 0.98, 0.965
+"""Largest height of the hip while it walks, on points and on soles, and largest distance from there to the foot, on
+both, in lengths of the leg."""
 STEP, SOLE_STEP, FAST_SOLE_STEP = 0.82, 1.7, 1.25
 """Duration of a step on points and on soles, slow and at the largest speed, in √(leg / g)."""
 SWING = 15.5
@@ -36,7 +36,7 @@ BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
 SLOW_BOTH = 0.2
 """This share on four feet that hardly walk: soft ground hardly moves feet to which the load goes over slowly."""
-SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.21
+SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.26
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
 LEFT = 0.75
@@ -69,7 +69,7 @@ class Build:
     height: float  # of the body's origin above the ground while it walks, m
     rise: float  # height of the centre of mass above the ground while it walks, m
     reach: float  # largest horizontal distance of a foot from its hip, m
-    hip: float  # height of the hips above the feet, of four legs, m
+    hip: float  # height of the hips above the feet, of four legs and of soles, m
     beside: Vector  # (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m
     swing_acceleration: float  # largest horizontal one that the motors of the weakest leg's hip alone give a foot, m/s²
     # (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's angular momentum
@@ -111,11 +111,11 @@ def build_of(robot: Robot, q: Vector) -> Build:
         column = model.joints[joints[0]].idx_v
         swings.append(float(hips[-1] * (model.effortLimit[column] or inf) / inertia[column, column]))
     leg, hip = min(legs), max(hips)
-    bent = SOLE_BENT if robot.flat_feet else BENT
+    bent, stretched = (SOLE_BENT, SOLE_STRETCHED) if robot.flat_feet else (BENT, STRETCHED)
     lower = max(hip - bent * leg, 0.0)  # than the posture, where its legs would be almost stretched
-    reach = float(np.sqrt(max((STRETCHED * leg) ** 2 - (hip - lower) ** 2, 0.0)))
+    reach = float(np.sqrt(max((stretched * leg) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
-    height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 else 0.0
+    height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 or robot.flat_feet else 0.0
     reactions = _reactions(robot, q, rise)
     narrow = NARROW * rise
     if robot.flat_feet:

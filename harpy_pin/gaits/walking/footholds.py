@@ -9,6 +9,7 @@ from harpy_pin.gaits.terrain_targets import MARGIN, nearest_steppable
 from harpy_pin.gaits.walking.pendulum import (
     cyclic_offset,
     desired_after,
+    hip_place,
     nearest_in_hull,
     predict,
     real_duration,
@@ -160,10 +161,7 @@ def _keep_in_reach(p: WalkingRecord, k: int, left: float) -> None:
     m = p.measured
     c, s = np.cos(m.heading), np.sin(m.heading)
     time = max(left - p.arrives * (1.0 - p.double_support) * p.step_duration, 0.0)
-    hip = (
-        m.centre[0] + time * m.drift[0] + c * p.nominal[k, 0] - s * p.nominal[k, 1],
-        m.centre[1] + time * m.drift[1] + s * p.nominal[k, 0] + c * p.nominal[k, 1],
-    )
+    hip = hip_place(p, k, time)
     x, y = p.foothold[k, 0] - hip[0], p.foothold[k, 1] - hip[1]
     square, beside = x * x + y * y, (c * y - s * x) * p.beside[k]
     room = max(p.reach * p.reach - 2.0 * p.hip * (m.body[2] - p.height - p.felt[k]), 0.0)

@@ -148,6 +148,17 @@ def desired_after(p: WalkingRecord, time: float) -> tuple[float, float]:
 
 
 @kernel
+def hip_place(p: WalkingRecord, k: int, time: float) -> tuple[float, float]:
+    """Where the hip of foot k is after a time, if the centre of mass goes on as it does, m."""
+    m = p.measured
+    c, s = np.cos(m.heading), np.sin(m.heading)
+    return (
+        m.centre[0] + time * m.drift[0] + c * p.nominal[k, 0] - s * p.nominal[k, 1],
+        m.centre[1] + time * m.drift[1] + s * p.nominal[k, 0] + c * p.nominal[k, 1],
+    )
+
+
+@kernel
 def real_duration(p: WalkingRecord) -> float:
     """Duration of the present step, s: a sole meets the ground when it has come down, a little before its time."""
     early = (1.0 - SETTLE) * (1.0 - p.double_support) if p.soles else 0.0

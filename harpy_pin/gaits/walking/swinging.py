@@ -10,7 +10,7 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed
-from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR, toward, upright_end, wrapped
+from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR, hip_place, toward, upright_end, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_height
 from harpy_pin.model.record import Records
@@ -117,6 +117,21 @@ def _move_across(p: WalkingRecord, k: int, left: float, span: float) -> None:
         if i == 2:
             goal = swing[0, 2] + wrapped(goal - swing[0, 2])
         swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, left, span)
+    if p.soles:
+        _stay_in_reach(p, k)
+
+
+@kernel
+def _stay_in_reach(p: WalkingRecord, k: int) -> None:
+    """Keep a swing foot as near to its hip as the leg is long now: the hip goes after it."""
+    m, swing, hip = p.measured, p.swing[k], hip_place(p, k, 0.0)
+    x, y, z = swing[0, 0] - hip[0], swing[0, 1] - hip[1], m.body[2] - p.height + p.hip - p.lift[k, 0]
+    square, room = x * x + y * y, max(p.reach * p.reach + p.hip * p.hip - z * z, 0.0)
+    if square > room:
+        share = np.sqrt(room / square)
+        swing[0, 0], swing[0, 1] = hip[0] + share * x, hip[1] + share * y
+        swing[1, 0], swing[1, 1] = m.drift[0], m.drift[1]
+        swing[2, 0] = swing[2, 1] = 0.0
 
 
 @kernel

@@ -18,7 +18,7 @@ from harpy_pin.gaits.velocity import FollowsVelocity, Velocity
 from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of, pace_of
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
-from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR
+from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import flat_terrain
@@ -58,10 +58,10 @@ first."""
 SWING_RATE, LEAST_RATE = 4.2, 19.0
 """Rate at which a swing foot comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
 fast, and have less time to make good what a delay costs."""
-TURN_WEIGHT, POINT_TURN_WEIGHT = 0.2, 0.02
+TURN_WEIGHT, LOOSE_TURN_WEIGHT = 0.2, 0.02
 """Weights of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²; and
-where one point stands alone. Its force holds the body upright against the swinging leg only by pushing it
-aside and up."""
+on soles, where turning holds a body that has been pushed, and where one point stands alone. Its force holds the body
+upright against the swinging leg only by pushing it aside and up."""
 POINT_TURN_RATE = 10.0
 """Rate at which the body comes back upright where turning weighs that little, in √(g / leg)."""
 POSTURE_WEIGHT = 1e-7
@@ -186,7 +186,7 @@ class WalkingGait(FollowsVelocity):
             fast_load_ramp=FAST_LOAD_RAMP if gentle else 1.0,
             slow_load_ramp=LOAD_RAMP if gentle else 1.0,
             omega=float(np.sqrt(GRAVITY / build.rise)),
-            arrives=(NEAR if gentle else STRAIGHT_NEAR) if feet == 4 else 0.0,
+            arrives=1.0 - SETTLE if soles else (NEAR if gentle else STRAIGHT_NEAR) if feet == 4 else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
             max_aside=aside if balances else np.inf,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
@@ -222,7 +222,7 @@ class WalkingGait(FollowsVelocity):
         parameters, square = self._standing.controller_parameters, self._build.rise**2
         parameters["max_normal_force"] /= max(self.robot.corners)
         alone, natural = self.robot.corners == (1, 1), float(np.sqrt(GRAVITY / self._build.leg))
-        turn = square * (POINT_TURN_WEIGHT if alone else TURN_WEIGHT)
+        turn = square * (LOOSE_TURN_WEIGHT if alone or self.robot.flat_feet else TURN_WEIGHT)
         own = {"swing": SWING_WEIGHT, "orientation": turn, "arms": turn, "posture": POSTURE_WEIGHT * square}
         parameters["weights"] = {**parameters["weights"], **own}
         if not self.robot.flat_feet:

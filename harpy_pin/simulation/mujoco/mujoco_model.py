@@ -27,8 +27,8 @@ class MujocoModel:
     """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo. It has no other geometry.
 
     A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they touch where the
-    point is at z = 0. On request every foot has a plane of its own, which may be moved. Joints have no limits; solver,
-    integrator and contact are MuJoCo's defaults.
+    point is at z = 0. On request every foot has a plane of its own, which may be moved. Joints end where
+    the robot's do; solver, integrator and contact are MuJoCo's defaults.
 
     Args:
         robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
@@ -72,6 +72,7 @@ class MujocoModel:
         self.conventions = Conventions(self.model, robot)
         self.joint_places = self.conventions.velocity.tolist()
         self.model.dof_damping[self.joint_places] = robot.model.damping[6:]
+        _set_ends(self.model, robot.model)
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]
@@ -174,6 +175,15 @@ def _describe(
         frame = model.frames[robot.frame_id(thruster)]
         bodies[frame.parentJoint - 1].add_site(name=f"thruster:{thruster}", pos=frame.placement.translation)
     return spec
+
+
+def _set_ends(mujoco_model: Any, model: pin.Model) -> None:
+    """Let joints with limits end there."""
+    for name, joint in zip(list(model.names)[2:], list(model.joints)[2:], strict=True):
+        low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+        if joint.nq == 1 and np.isfinite(low) and np.isfinite(high) and low < high:
+            number = mujoco_model.joint(f"joint:{name}").id
+            mujoco_model.jnt_limited[number], mujoco_model.jnt_range[number] = 1, (low, high)
 
 
 def _body_inertia(inertia: Vector) -> list[float]:
