@@ -279,6 +279,7 @@ def test_a_copy_walks_alone():
 
 
 SIDES = [45 * k for k in range(8)]
+KNEES = {"leg_left_4_joint", "leg_right_4_joint", "l_knee", "r_knee"}
 
 
 @needs_robots
@@ -293,3 +294,19 @@ def test_a_push_from_any_side_does_not_fell_g1_in_mujoco(degrees, quarter):
     run = walk(gait, mu=0.6, pushes=((time, push),), duration=time + 2.5, plant="mujoco")
     assert run.ending == "completed"
     assert run["centre"][-1, 2] > 0.9 * run["centre"][0, 2]
+
+
+@needs_robots
+@pytest.mark.parametrize(("name", "time"), long_but((("talos", 2.0), ("icub", 2.188)), (("talos", 2.0),)))
+def test_a_pushed_humanoid_turns_and_keeps_its_knees_bent(name, time):
+    """Pushed to the right, so that it has to step far: body and arms turn and come back, and no leg is stretched."""
+    robot = hp.load_robot(name)
+    run = walk(hp.WalkingGait(robot, "step"), mu=0.6, pushes=((time, (0.0, -0.4, 0.0)),), duration=time + 2.5)
+    assert run.ending == "completed"
+    tilt = np.arccos(1.0 - 2.0 * (run["q"][:, 3] ** 2 + run["q"][:, 4] ** 2))
+    assert tilt.max() > 0.02
+    assert tilt[-1] < 0.02
+    knees = [n for n, joint in enumerate(robot.joints) if joint in KNEES]
+    assert len(knees) == 2
+    beyond = np.maximum(robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit)
+    assert beyond[:, 7:][:, knees].max() < 0.05

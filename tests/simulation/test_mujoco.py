@@ -363,3 +363,25 @@ def test_a_divergence_ends_the_run(robot):
     run = plant.run(Wild(), 0.1)
     assert run.fell
     assert len(run) >= 1
+
+
+ARM = """<robot name="arm"><link name="base"><inertial><mass value="100"/>
+<inertia ixx="9" ixy="0" ixz="0" iyy="9" iyz="0" izz="9"/></inertial></link>
+<link name="arm"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
+<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+<joint name="elbow" type="revolute"><axis xyz="0 1 0"/><parent link="base"/><child link="arm"/>
+<limit lower="-0.2" upper="0.5" effort="10" velocity="10"/></joint></robot>"""
+
+
+@pytest.mark.parametrize(("torque", "end"), [(2.0, 0.5), (-2.0, -0.2)])
+def test_joints_end_where_the_robot_says(tmp_path, torque, end):
+    (tmp_path / "arm.urdf").write_text(ARM)
+    plant = MujocoPlant(hp.load_robot(tmp_path / "arm.urdf", feet=()), dt=1e-3, gravity=np.zeros(3))
+    plant.reset(pin.neutral(plant.robot.model), np.zeros(7))
+    angles = []
+    for _ in range(2000):
+        plant.advance(Command(np.array([torque]), np.zeros((0, 3))))
+        angles.append(plant.q[7])
+    assert np.abs(np.array(angles) - end).min() < 0.02
+    assert np.abs(angles).max() < abs(end) + 0.05
+    assert plant.q[7] == pytest.approx(end, abs=0.02)
