@@ -12,6 +12,7 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
+from comparison.studies.crossings import PLANTS
 from comparison.studies.walking import BIPEDS, GRAVITY, SINK
 from comparison.study import Job, Study, Value, View, grid, where
 
@@ -64,7 +65,7 @@ STUDY = Study(
     At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. Needs the
     extra "robots".
     """,
-    defaults={"robots": BIPEDS, "plants": ("compliant", "mujoco"), "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
+    defaults={"robots": BIPEDS, "plants": PLANTS, "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
     quick={"robots": ("bolt",), "sizes": SIZES[:1], "sides": 1, "instants": 1},
     jobs=_jobs,
     measure=measured,
