@@ -95,21 +95,17 @@ def rigid_modes(place: Vector, mode: Vector) -> None:
             mode[k, b, 3 + c] += place[k, a] - middle[a]
             mode[k, a, 3 + c] -= place[k, b] - middle[b]
     for c in range(3, 6):
-        for other in range(3, c):
+        for other in range(3, c + 1):
             share = 0.0
             for k in range(n):
                 for a in range(3):
                     share += mode[k, a, c] * mode[k, a, other]
             for k in range(n):
                 for a in range(3):
-                    mode[k, a, c] -= share * mode[k, a, other]
-        size = 0.0
-        for k in range(n):
-            for a in range(3):
-                size += mode[k, a, c] * mode[k, a, c]
-        for k in range(n):
-            for a in range(3):
-                mode[k, a, c] /= np.sqrt(size)
+                    if other < c:
+                        mode[k, a, c] -= share * mode[k, a, other]
+                    else:
+                        mode[k, a, c] /= np.sqrt(share)
 
 
 @kernel

@@ -121,11 +121,8 @@ def step_record(
 
     ``friction`` (joints,) is the Coulomb friction of each joint, N·m.
     """
-    sizes, actuators = (
-        {"thrusts": 0, "thrusters": 0, "soles": 0, **sizes},
-        Actuators() if actuators is None else actuators,
-    )
-    flat = sizes["soles"] > 0
+    sizes = {"thrusts": 0, "thrusters": 0, "soles": 0, **sizes}
+    actuators, flat = Actuators() if actuators is None else actuators, sizes["soles"] > 0
     sizes |= {"contacts": 6 * sizes["soles"] if flat else 3 * sizes["feet"], "corners": sizes["feet"] if flat else 0}
     limit = np.zeros(0) if friction is None else friction
     joints = joint_friction_record(nv=sizes["nv"], contacts=sizes["contacts"], limit=limit)

@@ -33,7 +33,6 @@ lifted, in trots and paces; and both in other walks."""
 SOLE_MARGIN, LEAST_MARGIN, MARGIN_GAIN = 0.3, 0.05, 2.0
 """Share of a sole, from its edge to its middle, where the centre of pressure does not go; of a robot that has been
 pushed; and how fast it falls from one to the other with the distance from where it should be, over the height."""
-
 BEYOND, MOST_BEYOND = 0.5, 0.5
 """Share of what a centre of pressure beyond the soles would push more that is demanded too, and the farthest such
 point, in heights of the body: the turning of body, torso and arms pays for it."""
