@@ -80,7 +80,7 @@ typedef struct version {
 
 typedef struct { object head; version *first; } caller;
 
-static void *array_type;
+static void *array_type, *record_type;
 
 /* Whether a size is as stated; of a name that is met first it is what the name stands for from now on. */
 static bool fits(int64_t stated, int64_t size, int64_t *symbols)
@@ -102,7 +102,8 @@ static bool unpack(const argument **wanted, object *given, slot *slots, int *n, 
     case ARRAY: {
         const array *x = (const array *)given;
         const int flags = CONTIGUOUS | ALIGNED | (a->written ? WRITEABLE : 0);
-        if (given->type != array_type || x->descr != a->type || (x->flags & flags) != flags) return false;
+        if (given->type != array_type && given->type != record_type) return false;
+        if (x->descr != a->type || (x->flags & flags) != flags) return false;
         /* A record may come as the array of one element that holds it. */
         if (x->axes != a->axes && (a->axes != 0 || x->axes != 1 || x->shape[0] != 1)) return false;
         slots[(*n)++].pointer = x->data;
@@ -203,13 +204,14 @@ static object *call(object *self, object *arguments, object *named)
 }
 
 /* The type of kernels, to be derived from. */
-object *make_type(void *ndarray)
+object *make_type(void *ndarray, void *record)
 {
     static type_slot slots[] = {{TP_CALL, NULL}, {0, NULL}};
     static type_spec spec = {"harpy_pin.compiled.Caller", sizeof(caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
     object *(*function)(object *, object *, object *) = call;
     memcpy(&slots[0].function, &function, sizeof function);
     array_type = ndarray;
+    record_type = record;
     return PyType_FromSpec(&spec);
 }
 

@@ -35,7 +35,7 @@ def bridge() -> ctypes.PyDLL:
     text = Path(__file__).with_name("bridge.c").read_text(encoding="utf-8")
     lib = compiler.library("bridge", compiler.key_of(text), lambda: text)
     lib.make_type.restype = ctypes.py_object
-    lib.make_type.argtypes = [ctypes.py_object]
+    lib.make_type.argtypes = [ctypes.py_object, ctypes.py_object]
     lib.add_version.argtypes = [ctypes.py_object, ctypes.c_void_p]
     lib.try_call.restype = ctypes.py_object
     lib.try_call.argtypes = [ctypes.py_object, ctypes.py_object]

@@ -27,6 +27,7 @@ from harpy_pin.compiled import compiler
 from harpy_pin.compiled.bridge import DTYPES, Bound, Version, bridge
 from harpy_pin.compiled.entry_points import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
+from harpy_pin.compiled.record_view import RecordView, plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
 from harpy_pin.compiled.source import _described as _described_code
 from harpy_pin.compiled.source import _own_fingerprint, fingerprint, remember
@@ -73,7 +74,7 @@ class _Slow:
         return self.slowly(*arguments, **named)
 
 
-_Base: Any = bridge().make_type(np.ndarray) if BACKEND == "c" else _Slow
+_Base: Any = bridge().make_type(np.ndarray, RecordView) if BACKEND == "c" else _Slow
 Result = TypeVar("Result")
 Result_co = TypeVar("Result_co", covariant=True)
 
@@ -238,7 +239,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def _elements_of(self, values: Iterable[Any]) -> list[Any]:
         """Arguments as the function in Python takes them: a record instead of the array that holds it."""
         pairs = zip(self._names, values, strict=True)
-        return [value[0] if name in self.elements and np.ndim(value) else value for name, value in pairs]
+        return [plain(value)[0] if name in self.elements and np.ndim(value) else value for name, value in pairs]
 
     def python(self, *arguments: Any) -> Any:
         """Run it as Python, with the kernels that it calls: slowly, for tests."""

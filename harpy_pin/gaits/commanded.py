@@ -124,11 +124,11 @@ class CommandedGait(FollowsVelocity):
             max_bend=inf,
             terrain=flat_terrain(),
         )
-        self._state = self.record[0]
+        self._state = self._record_[0]
         self._follow(velocity)
         self.target = GaitTarget()
-        restart.prepare(self.record)
-        advance.prepare(0.0, self.record, self.target.record)
+        restart.prepare(self._record_)
+        advance.prepare(0.0, self._record_, self.target.record)
         self._begin()
 
     def __repr__(self) -> str:
@@ -163,7 +163,7 @@ class CommandedGait(FollowsVelocity):
         """See :class:`~harpy_pin.gaits.gait.Gait`; Python takes a script's rows."""
         if type(self) is not CommandedGait or self._function is not None:
             return None
-        return (Call(advance, 0.0, self.record, self.target.record, expected=True),)
+        return (Call(advance, 0.0, self._record_, self.target.record, expected=True),)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -193,15 +193,15 @@ class CommandedGait(FollowsVelocity):
             "command": self.command,
             "applied_velocity": self.applied,
             "heading": self.target.heading,
-            "refused_commands": field(self.record, "refused"),
+            "refused_commands": field(self._record_, "refused"),
         }
 
     def _begin(self) -> None:
-        restart(self.record)
+        restart(self._record_)
         super()._begin()
 
     def _advance(self, t: float) -> None:
-        if not advance(t, self.record, self.target.record):
+        if not advance(t, self._record_, self.target.record):
             message = f"the gait's time must be finite, below {LONGEST:g} s and within {LONGEST_GAP:g} s of the last"
             raise InputError(f"{message}, {self._state['time']:g} s; got {shown(t)}", name="t", value=t)
 

@@ -85,9 +85,9 @@ class GaitTarget(KeepsViews, GaitTargetRecord):
 
     def __init__(self, feet: int = 2) -> None:
         self.record = make_record(GaitTargetRecord, {"feet": checks.whole("feet", feet, high=MAX_FEET)})
-        self.record["normal"][0, :, 2] = self.record["up"][0, 2] = 1.0
+        self._record_["normal"][0, :, 2] = self._record_["up"][0, 2] = 1.0
         for name in _ARRAYS:
-            setattr(self, name, field(self.record, name))
+            setattr(self, name, field(self._record_, name))
 
 
 class Gait(Protocol):

@@ -127,7 +127,7 @@ class OnTerrain(KeepsViews):
             self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
             self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
         if isinstance(self.gait, CommandedGait):
-            self.gait.record["terrain"] = terrain.record
+            self.gait._record_["terrain"] = terrain.record
 
     def observe(self, state: State) -> None:
         """See :class:`~harpy_pin.gaits.gait.Gait`; the state goes to the gait, if it takes one."""

@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
+from harpy_pin.compiled.record_view import read_only
 from harpy_pin.errors import InputError, shown
-from harpy_pin.model.memory import KeepsViews, read_only
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, sized
 from harpy_pin.model.state import Vector
 
@@ -55,19 +56,19 @@ class FollowsVelocity(KeepsViews):
     Its record is a :class:`VelocityRecord` that has ``walking``, too.
     """
 
-    record: Records[Any]
+    _record_: Records[Any]
     command: Vector
     applied: Vector
     script: Script
 
     def _follow(self, velocity: Velocity) -> None:
         """Take what is to be followed; warn, in one line, of the first command beyond the limits of the record."""
-        self._given: Vector = field(self.record, "command")
+        self._given: Vector = field(self._record_, "command")
         self._given[:], self.script, self._function = read_velocity(velocity, len(self._given))
         self.command = self._given if self._function is None else read_only(self._given)
-        self.applied = read_only(field(self.record, "velocity"))
+        self.applied = read_only(field(self._record_, "velocity"))
         for command in (self._given, *(command for _, command in self.script)):
-            share = share_in_limits.python(self.record, command)
+            share = share_in_limits.python(self._record_, command)
             if share < 1.0 - ROUNDING:
                 given, limited = ("({:.3g}, {:.3g}, {:.3g})".format(*(f * command[:3])) for f in (1.0, share))
                 message = f"velocity {given} is more than the robot walks: limited to {limited} (m/s, m/s, rad/s)"
@@ -80,17 +81,17 @@ class FollowsVelocity(KeepsViews):
     @property
     def walking(self) -> bool:
         """Whether it steps; otherwise it stands."""
-        return bool(self.record["walking"][0])
+        return bool(self._record_["walking"][0])
 
     @property
     def refused(self) -> int:
         """Updates whose command was not finite, since the walk began."""
-        return int(self.record["refused"][0])
+        return int(self._record_["refused"][0])
 
     def _begin(self) -> None:
         """Go back to before the first row of the script."""
         self._row = 0
-        self.record["switch"] = self.script[0][0] if self.script else inf
+        self._record_["switch"] = self.script[0][0] if self.script else inf
         if self.script:
             self.command[:] = 0.0
 
@@ -98,7 +99,7 @@ class FollowsVelocity(KeepsViews):
         """Command what the next row of the script says."""
         self.command[:] = self.script[self._row][1]
         self._row += 1
-        self.record["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
+        self._record_["switch"] = self.script[self._row][0] if self._row < len(self.script) else inf
 
     def _ask_function(self, t: float) -> None:
         """Command what the function says, if there is one; an entry that is not finite is later refused and counted."""

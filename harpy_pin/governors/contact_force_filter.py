@@ -95,21 +95,21 @@ class ContactForceFilter(KeepsViews):
             friction=np.full(feet, p.mu),
             normal=np.tile((0.0, 0.0, 1.0), (feet, 1)),
         )
-        self.bend: Vector = field(self.record, "bend")
-        self.force: Vector = field(self.record, "force")
-        self.friction: Vector = field(self.record, "friction")
-        self.normal: Vector = field(self.record, "normal")
+        self.bend: Vector = field(self._record_, "bend")
+        self.force: Vector = field(self._record_, "force")
+        self.friction: Vector = field(self._record_, "friction")
+        self.normal: Vector = field(self._record_, "normal")
         names = tuple(f"{row} {foot}" for foot in robot.feet for row in ("friction", "normal force"))
-        h_r, h_w = field(self.record, "h_r"), field(self.record, "h_w")
-        self.status = GovernorStatus(names, h_r, h_w, self.bend, self.record)
+        h_r, h_w = field(self._record_, "h_r"), field(self._record_, "h_w")
+        self.status = GovernorStatus(names, h_r, h_w, self.bend, self._record_)
         q, v, torque = np.zeros(robot.model.nq), np.zeros(robot.model.nv), np.zeros(len(robot.joints))
         thrust = np.zeros((len(robot.thrusters), 3))
-        filter_forces.prepare(self.dynamics.record, self.terms, self.record, q, v, self.force, torque, thrust)
+        filter_forces.prepare(self.dynamics.record, self.terms, self._record_, q, v, self.force, torque, thrust)
 
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""
         self.bend[:] = 0.0
-        self.record["bad_samples"] = self.record["bad_in_a_row"] = 0
+        self._record_["bad_samples"] = self._record_["bad_in_a_row"] = 0
 
     def update(self, state: State, command: Command) -> Command:
         """Bend a command, in place.

@@ -110,7 +110,7 @@ class ForceRows(KeepsViews):
             tracked=evaluate_at == "tracked",
             **fields(model_record(mass=mass, g=g, gains=gains, law=Law(law))),
         )
-        self.friction: Vector = self.record["mu"]
+        self.friction: Vector = self._record_["mu"]
 
     def evaluate(self, x: Vector, w: Vector, h: Vector, jacobian: Vector) -> None:
         """See :class:`ConstraintRows`.
@@ -118,7 +118,7 @@ class ForceRows(KeepsViews):
         Raises:
             InputError: an array of another shape.
         """
-        _check_rows(_evaluate_force_rows(x, w, self.record, h, jacobian))
+        _check_rows(_evaluate_force_rows(x, w, self._record_, h, jacobian))
 
 
 class StackedRows(KeepsViews):

@@ -93,9 +93,9 @@ class Dynamics(KeepsViews, EquationsRecord):
         own = dynamics_record(robot, gravity=gravity)
         self.record = own if record is None else same_layout(record, own)
         for name in TERMS:
-            setattr(self, name, field(self.record, name))
-        self.rotation: Vector = field(self.record["tree"], "rotation")
-        update_terms.prepare(self.record, pin.neutral(self.model), np.zeros(self.model.nv))
+            setattr(self, name, field(self._record_, name))
+        self.rotation: Vector = field(self._record_["tree"], "rotation")
+        update_terms.prepare(self._record_, pin.neutral(self.model), np.zeros(self.model.nv))
 
     def update(self, q: Vector, v: Vector) -> None:
         """Evaluate every term; :attr:`finite` says whether the state was good.
@@ -113,7 +113,7 @@ class Dynamics(KeepsViews, EquationsRecord):
             verdict = MISFIT
         if verdict == MISFIT:
             q, v = checks.array("q", q, self.model.nq), checks.array("v", v, self.model.nv)
-            verdict = update_terms(self.record, q, v)
+            verdict = update_terms(self._record_, q, v)
         self.finite = verdict == GOOD
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
+from harpy_pin.compiled.record_view import RecordView, plain
 from harpy_pin.errors import InputError
 
 _T = TypeVar("_T")
@@ -53,7 +54,7 @@ def _fixed_array(name: str, *, copied: bool) -> property:
         held = getattr(holder, kept, None)
         if held is None:  # through __dict__, every later access would be slower
             owns = copied and isinstance(value, np.ndarray) and value.base is None
-            object.__setattr__(holder, kept, lasting(np.asarray(value)) if owns else value)
+            object.__setattr__(holder, kept, lasting(np.asarray(value)) if owns else plain(value))
         elif not _same(value, held):  # which is what ``holder.array += 1`` assigns
             held[...] = _checked(name, value, held)
 
@@ -61,7 +62,9 @@ def _fixed_array(name: str, *, copied: bool) -> property:
 
     def view(holder: Any) -> Any:
         held = array(holder)
-        return held[...] if isinstance(held, np.ndarray) else held
+        if not isinstance(held, np.ndarray):
+            return held
+        return held.view(RecordView) if held.dtype.names else held[...]
 
     return property(view, write, doc="An array; see the attributes of its class.")
 
@@ -87,13 +90,6 @@ def _same(value: Any, held: _Array) -> bool:
 def move_array(holder: Any, name: str, array: _Array) -> None:
     """Make a fixed attribute another array: for whoever owns both, and tells the kernels."""
     object.__setattr__(holder, f"_{name}_", array)
-
-
-def read_only(array: _Array) -> _Array:
-    """The memory of an array, which cannot be written through this array."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
 
 
 def shares_memory(holder: _T) -> _T:

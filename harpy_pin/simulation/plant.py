@@ -150,7 +150,7 @@ class Plant(KeepsViews, ABC):
 
     def _prepare(self) -> None:
         """Begin to compile what every run needs; plants add their steps."""
-        forget_slip.prepare(self.record["slip"], self.dynamics.foot_position)
+        forget_slip.prepare(self._record_["slip"], self.dynamics.foot_position)
         stands.prepare(self._terrain, self.q, self.v, 0.0)
         are_finite.prepare(self._noted_torque, self._noted_thrust)
 
@@ -171,9 +171,10 @@ class Plant(KeepsViews, ABC):
         self.t = checks.number("t", t)
         self._foot_force[:] = 0.0
         self.dynamics.update(self.q, self.v)
-        forget_slip(self.record["slip"], self.dynamics.foot_position)
-        self.record["motors"]["settled"] = self.record["motors"]["has_law"] = 0
-        settle_thrusters(self.record["thrusters"], self.actuators.thrusters, self.dt)
+        forget_slip(self._record_["slip"], self.dynamics.foot_position)
+        motors = self._record_["motors"]
+        motors["settled"] = motors["has_law"] = 0
+        settle_thrusters(self._record_["thrusters"], self.actuators.thrusters, self.dt)
         for part in self.attached:
             part.reset(self)
         self._placed = True
@@ -257,13 +258,13 @@ class Plant(KeepsViews, ABC):
         """What brings :attr:`signals` up to date before a row is logged."""
         if not self.actuators.thrusters:
             return ()
-        given = field(self.record["thrusters"], "mean_thrust")
+        given = field(self._record_["thrusters"], "mean_thrust")
         return (Call(write_thrusts, self.dynamics.record, given, self._applied),)
 
     def _take_law(self, command: Command) -> None:
         """Give the motors the command's own law, or none."""
         law = getattr(command, "law", None)
-        if law is not None and not take_law(self.record["motors"], as_array("command.law", law, self._law.shape)):
+        if law is not None and not take_law(self._record_["motors"], as_array("command.law", law, self._law.shape)):
             checks.vector("command.law", law, self._law.shape)
         self._has_law[...] = law is not None
 

@@ -16,9 +16,9 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.calls import Call
+from harpy_pin.compiled.record_view import read_only
 from harpy_pin.ground.ground import Ground
 from harpy_pin.log.recorder import Recorder
-from harpy_pin.model.memory import read_only
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State
 from harpy_pin.simulation.actuators import motors_of, take_law
@@ -59,13 +59,13 @@ class Simulator(Plant):
 
     def _prepare(self) -> None:
         arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)
-        physics_steps.prepare(self.dynamics.record, self._ground, self.record, *arrays)
+        physics_steps.prepare(self.dynamics.record, self._ground, self._record_, *arrays)
         super()._prepare()
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:
         """See :meth:`harpy_pin.simulation.plant.Plant.reset`."""
         super().reset(q, v, t=t)
-        self.record["joints"]["torque"] = 0.0
+        self._record_["joints"]["torque"] = 0.0
 
     @checked
     def change_ground(self, ground: Ground) -> None:
@@ -119,7 +119,7 @@ class Simulator(Plant):
         logged, before_row = {**self.signals, "torque": torque, "thrust": thrust}, self.log_calls
         if law:
             logged |= self._law_signals
-            before_row = (Call(take_law, self.record["motors"], *law, expected=True), *before_row)
+            before_row = (Call(take_law, self._record_["motors"], *law, expected=True), *before_row)
         signals, again = ({**logged, **controller.telemetry()} for _ in "12")
         if not lasting_signals(signals, again, recorder):
             return None

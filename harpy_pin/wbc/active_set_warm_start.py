@@ -70,12 +70,12 @@ class DualActiveSet(QPSolver):
         n, n_eq, rows = program.shape
         self.limit = min(EXCHANGES_PER_ROW * (n_eq + rows), MAX_EXCHANGES)
         self.record = make_record(DualRecord, {"n": n, "rows": rows}, limit=np.int64(self.limit))
-        self.active: Vector = field(self.record, "active")
+        self.active: Vector = field(self._record_, "active")
 
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         super().prepare(program)
-        dual_active_set.prepare(program.record, self.record, self.solution.z)
+        dual_active_set.prepare(program.record, self._record_, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         outcome, self.solution.iterations = dual_active_set(program._record_, self._record_, self.solution.z)
@@ -110,27 +110,29 @@ class WarmStartedActiveSet(QPSolver):
             budget=np.int64(WORK // max(n, 1) ** 2),
             most=np.int64(self.dual.limit),
         )
-        self._active = field(self.record, "active")
-        self._iterations, self._violation = field(self.record, "iterations"), field(self.record, "violation")
+        self._active = field(self._record_, "active")
+        self._iterations, self._violation = field(self._record_, "iterations"), field(self._record_, "violation")
 
     @property
     def searched(self) -> int:
         """How many solves needed the dual method."""
-        return int(self.record["searched"][0])
+        return int(self._record_["searched"][0])
 
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         self._refuse_other(program)
-        start_tick.prepare(self.record)
-        solve_further.prepare(program.record, self.record, self.dual.record, self.solution._z_, self.dual.solution._z_)
+        start_tick.prepare(self._record_)
+        solve_further.prepare(
+            program.record, self._record_, self.dual.record, self.solution._z_, self.dual.solution._z_
+        )
         self.fallback.prepare(program)
-        _guess.prepare(program.record, self.record, self.solution.z)
+        _guess.prepare(program.record, self._record_, self.solution.z)
 
     def reset(self) -> None:
         """See :meth:`QPSolver.reset`."""
         super().reset()
         self._active[:] = 0
-        self.record["searched"] = self.fallback_solves = 0
+        self._record_["searched"] = self.fallback_solves = 0
         self.dual.reset()
         self.fallback.reset()
 
@@ -157,7 +159,7 @@ class WarmStartedActiveSet(QPSolver):
         found = self.fallback.solve(program)
         record["left"] -= FALLBACK * found.iterations
         if found.usable:
-            _guess(program.record, self.record, found.z)
+            _guess(program.record, self._record_, found.z)
         else:
             self._active[:] = 0
         solution.z[:] = found.z

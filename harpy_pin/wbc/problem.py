@@ -124,7 +124,7 @@ class WholeBodyProblem(KeepsViews):
     @property
     def thrust_bounds(self) -> tuple[Vector, Vector]:
         """Arrays whose first entries are the least and largest thrust variables of the next program, N."""
-        return field(self.record, "input_lower"), field(self.record, "input_upper")
+        return field(self._record_, "input_lower"), field(self._record_, "input_upper")
 
     def _allocate(self) -> tuple[QuadraticProgram, Record]:
         """A program with everything that never changes in it, and what else the kernels need."""

@@ -56,13 +56,13 @@ class QuadraticProgram(KeepsViews):
             inequality=constraints,
             bounded=np.int64(bounded),
         )
-        self.hessian: Vector = field(self.record, "hessian")
-        self.gradient: Vector = field(self.record, "gradient")
-        self.equality: Vector = field(self.record, "equality")
-        self.equality_value: Vector = field(self.record, "equality_value")
-        self.inequality: Vector = field(self.record, "inequality")
-        self.lower: Vector = field(self.record, "lower")
-        self.upper: Vector = field(self.record, "upper")
+        self.hessian: Vector = field(self._record_, "hessian")
+        self.gradient: Vector = field(self._record_, "gradient")
+        self.equality: Vector = field(self._record_, "equality")
+        self.equality_value: Vector = field(self._record_, "equality_value")
+        self.inequality: Vector = field(self._record_, "inequality")
+        self.lower: Vector = field(self._record_, "lower")
+        self.upper: Vector = field(self._record_, "upper")
 
     @property
     def shape(self) -> tuple[int, int, int]:

@@ -146,19 +146,19 @@ class WholeBodyTargets(KeepsViews):
         self._robot = robot
         own = targets_record(robot)
         self.record = own if record is None else same_layout(record, own)
-        self.body: Vector = field(self.record, "body")
-        self.orientation: Vector = field(self.record, "orientation")
-        self.feet: Vector = field(self.record, "feet")
-        self.joints: Vector = field(self.record, "joints")
-        self.held: Vector = field(self.record, "held")
-        self.force_range: Vector = field(self.record, "force_range")
-        self.friction: Vector = field(self.record, "friction")
-        self.frame: Vector = field(self.record, "frame")
+        self.body: Vector = field(self._record_, "body")
+        self.orientation: Vector = field(self._record_, "orientation")
+        self.feet: Vector = field(self._record_, "feet")
+        self.joints: Vector = field(self._record_, "joints")
+        self.held: Vector = field(self._record_, "held")
+        self.force_range: Vector = field(self._record_, "force_range")
+        self.friction: Vector = field(self._record_, "friction")
+        self.frame: Vector = field(self._record_, "frame")
 
     @property
     def centred(self) -> bool:
         """Whether the horizontal part of ``body`` is the acceleration of the centre of mass."""
-        return bool(self.record["centred"][0])
+        return bool(self._record_["centred"][0])
 
     @property
     def tilted(self) -> bool:

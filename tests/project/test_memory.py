@@ -41,6 +41,38 @@ def test_changes_in_place_change_nothing(name):
     assert change_all(name) > 0
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_whole_numbers_of_records_cannot_be_written(name):
+    """Kernels take them for indices and counts: bodies of feet, parents in the tree, active rows."""
+    make, use = CASES[name]
+    made = make()
+    use(made)
+    for holder, attribute in public_arrays(made):
+        for part in _records(getattr(holder, attribute)):
+            for field in part.dtype.names:
+                if part.dtype[field].base.kind != "i":
+                    continue
+                before = part[field].tobytes()
+                for refused in (
+                    lambda part=part, field=field: part.__setitem__(field, 7),
+                    lambda part=part, field=field: part[0].__setitem__(field, 7),
+                    lambda part=part, field=field: part[field].fill(7),
+                ):
+                    with pytest.raises((ValueError, TypeError)):
+                        refused()
+                with pytest.raises((ValueError, TypeError, hp.InputError)):
+                    part[0] = part.copy()[0]
+                assert part[field].tobytes() == before
+
+
+def _records(array):
+    """A record and those that are its parts."""
+    if array.dtype.names:
+        yield array
+        for field in array.dtype.names:
+            yield from _records(array[field])
+
+
 def test_targets_of_a_batch_are_views():
     """As are its results: kernels write where they did."""
     batch, force = CondensedBatch(ROBOT, 2), np.zeros((2, 2, 3))

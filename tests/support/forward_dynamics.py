@@ -25,7 +25,7 @@ def generalised_force(dynamics, torque, foot_force, thrust):
 
 def demand_of_centre(targets, dynamics):
     """Take the horizontal part of the body's target as the acceleration of the centre of mass, at one state."""
-    targets.record["centred"] = 1
+    targets._record_["centred"] = 1
     note_centre_drift(dynamics.record, targets.record)
 
 

@@ -177,7 +177,7 @@ def holders(made: Any, seen: set[int]) -> Iterator[Any]:
         parts = list(made)
     elif isinstance(made, dict):
         parts = list(made.values())
-    elif type(made).__module__.startswith("harpy_pin"):
+    elif type(made).__module__.startswith("harpy_pin") and not isinstance(made, np.ndarray):
         yield made
         parts = [getattr(made, name, None) for kind in type(made).__mro__ for name in getattr(kind, "__slots__", ())]
         parts += list(getattr(made, "__dict__", {}).values())

@@ -142,12 +142,12 @@ class WalkingGait(FollowsVelocity):
         self.record: Records[WalkingRecord] = self._make_record(
             build, pace, group, start_time=0.0 if feet == 2 and not soles else START * natural, clearance=clearance
         )
-        self._measured = self.record["measured"]
+        self._measured = self._record_["measured"]
         self._follow(velocity)
         self.target = GaitTarget(len(robot.feet))
         self._begin()
-        measure.prepare(self.record, q, v, np.zeros((len(robot.feet), 3)))
-        advance.prepare(0.0, self.record, self.target.record)
+        measure.prepare(self._record_, q, v, np.zeros((len(robot.feet), 3)))
+        advance.prepare(0.0, self._record_, self.target.record)
 
     def _make_record(
         self, build: Build, pace: Pace, group: NDArray[np.int64], **settings: float
@@ -236,12 +236,12 @@ class WalkingGait(FollowsVelocity):
     @property
     def max_speed(self) -> float:
         """Largest velocity of a foot's place, m/s: a command beyond it is scaled down."""
-        return float(self.record["max_speed"][0])
+        return float(self._record_["max_speed"][0])
 
     def expect_friction(self, mu: float) -> None:
         """See :class:`~harpy_pin.gaits.gait.Gait`: on soles the largest speed falls with it, if none was given."""
         if self.robot.flat_feet and not self._chosen_speed:
-            self.record["max_speed"] = self._fastest * min(mu / FULL_GRIP, 1.0)
+            self._record_["max_speed"] = self._fastest * min(mu / FULL_GRIP, 1.0)
 
     def observe(self, state: State) -> None:
         """See :class:`~harpy_pin.gaits.gait.Gait`; a state with entries that are not finite is ignored.
@@ -250,10 +250,10 @@ class WalkingGait(FollowsVelocity):
             InputError: it is no state of the robot.
         """
         try:
-            measure(self.record, state.q, state.v, state.foot_force)
+            measure(self._record_, state.q, state.v, state.foot_force)
         except (AttributeError, TypeError):
             state = as_state(state, self.robot)
-            measure(self.record, state.q, state.v, state.foot_force)
+            measure(self._record_, state.q, state.v, state.foot_force)
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`; the targets are those at the state that was observed last.
@@ -269,20 +269,20 @@ class WalkingGait(FollowsVelocity):
             t = checks.number("t", t)
         if not abs(t) < LONGEST:
             raise refuse_time(t)
-        if t <= 0.0 or t < float(self.record["time"][0]) - self.step_duration:
+        if t <= 0.0 or t < float(self._record_["time"][0]) - self.step_duration:
             self._begin()
-        while t >= self.record["switch"][0]:
+        while t >= self._record_["switch"][0]:
             self._take_row()
         self._ask_function(t)
-        advance(float(t), self.record, self.target.record)
+        advance(float(t), self._record_, self.target.record)
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
         """See :class:`~harpy_pin.gaits.gait.Gait`; Python takes a script's rows."""
         if type(self) is not WalkingGait or self._function is not None:
             return None
-        observe = Call(measure, self.record, state.q, state.v, state.foot_force)
-        return observe, Call(advance, 0.0, self.record, self.target.record, expected=True)
+        observe = Call(measure, self._record_, state.q, state.v, state.foot_force)
+        return observe, Call(advance, 0.0, self._record_, self.target.record, expected=True)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -296,7 +296,7 @@ class WalkingGait(FollowsVelocity):
             "gait": "walking",
             "schedule": self.schedule,
             "step_duration": self.step_duration,
-            **{name: float(self.record[name][0]) for name in names},
+            **{name: float(self._record_[name][0]) for name in names},
             "command": self.command.tolist(),
             "script": [[t, *command.tolist()] for t, command in self.script],
         }
@@ -306,12 +306,12 @@ class WalkingGait(FollowsVelocity):
         return {
             "command": self.command,
             "applied_velocity": self.applied,
-            "path": field(self.record, "path"),
+            "path": field(self._record_, "path"),
             "heading": self.target.heading,
             "centre": field(self._measured, "centre"),
-            "pressure": field(self.record, "pressure"),
-            "foothold": field(self.record, "foothold"),
-            "phase": field(self.record, "phase"),
-            "steps": field(self.record, "steps"),
-            "refused_commands": field(self.record, "refused"),
+            "pressure": field(self._record_, "pressure"),
+            "foothold": field(self._record_, "foothold"),
+            "phase": field(self._record_, "phase"),
+            "steps": field(self._record_, "steps"),
+            "refused_commands": field(self._record_, "refused"),
         }

@@ -169,15 +169,15 @@ class CondensedSolver(KeepsViews):
         self.limits = limits if limits is not None else WholeBodyLimits()
         own = condensed_record(robot, self.weights, self.limits)
         self.record = own if record is None else same_layout(record, own)
-        self.force: Vector = field(self.record, "force").reshape(-1, 3)
-        self.inputs: Vector = field(self.record, "inputs")
-        self.acceleration: Vector = field(self.record["root"], "acceleration")
-        self._outcome: NDArray[np.int64] = field(self.record, "status_and_systems")
+        self.force: Vector = field(self._record_, "force").reshape(-1, 3)
+        self.inputs: Vector = field(self._record_, "inputs")
+        self.acceleration: Vector = field(self._record_["root"], "acceleration")
+        self._outcome: NDArray[np.int64] = field(self._record_, "status_and_systems")
 
     def reset(self) -> None:
         """Forget the active sets."""
         for search in ("free", "limited"):
-            self.record[search]["exchange"]["active"] = 0
+            self._record_[search]["exchange"]["active"] = 0
 
     @property
     def status(self) -> CondensedStatus:

@@ -1,0 +1,42 @@
+"""Records as others get them: what kernels take for indices and counts cannot be written from outside."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.errors import InputError
+
+_T = TypeVar("_T")
+_Array = NDArray[Any]
+
+
+class RecordView(NDArray[np.void] if TYPE_CHECKING else np.ndarray):  # type: ignore[misc]  # an alias for mypy
+    """A record whose fields that are whole numbers are read only; kernels take it like the record itself."""
+
+    def __getitem__(self, key: Any) -> Any:
+        part = super().__getitem__(key)
+        if not isinstance(part, np.ndarray):
+            return read_only(plain(self))[key]
+        if part.dtype.names:
+            return part
+        return read_only(plain(part)) if part.dtype.kind == "i" else plain(part)
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        if not isinstance(key, str) or self.dtype[key].base.kind != "f":
+            raise InputError(f"{key!r} of a record is read only", name="key", value=key)
+        super().__setitem__(key, value)
+
+
+def plain(value: _T) -> _T:
+    """A record as an array like any other; other values as they are."""
+    return value.view(np.ndarray) if isinstance(value, RecordView) else value
+
+
+def read_only(array: _Array) -> _Array:
+    """The memory of an array, which cannot be written through this array."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
