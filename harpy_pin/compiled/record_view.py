@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -25,9 +26,18 @@ class RecordView(NDArray[np.void] if TYPE_CHECKING else np.ndarray):  # type: ig
         return read_only(plain(part)) if part.dtype.kind == "i" else plain(part)
 
     def __setitem__(self, key: Any, value: Any) -> None:
-        if not isinstance(key, str) or self.dtype[key].base.kind != "f":
-            raise InputError(f"{key!r} of a record is read only", name="key", value=key)
+        if not _is_free(self.dtype[key] if isinstance(key, str) else self.dtype):
+            what = repr(key) if isinstance(key, str) else "a record with whole numbers"
+            raise InputError(f"{what} is read only", name="key", value=key)
         super().__setitem__(key, value)
+
+
+@cache
+def _is_free(kind: np.dtype[Any]) -> bool:
+    """Whether what has this type can be written: it has no whole numbers."""
+    if kind.names:
+        return all(_is_free(kind[name]) for name in kind.names)
+    return kind.base.kind == "f"
 
 
 def plain(value: _T) -> _T:

@@ -149,7 +149,7 @@ class CondensedBatch(KeepsViews):
         pieces = len(self._threads.cuts) - 1
         record["condensed"]["mu"] = np.inf  # that of each robot counts
         self._records = [record.copy() for _ in range(pieces)]
-        self._target_records = [gait.target.record.copy() for _ in range(pieces)]
+        self._target_records = [gait.target._record_.copy() for _ in range(pieces)]
         motors = joint_targets_record(robot, p, gait.initial_state()[0])
         if motors is None:
             gains, sizes = np.zeros((2, 0)), {**robot.sizes, "joints": 0}

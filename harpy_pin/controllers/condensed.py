@@ -44,10 +44,10 @@ class CondensedController(TaskController):
         else:
             self._begin_tasks(LaggedTickRecord, LaggedTargetsRecord, condensed=condensed, lag=lag)
         self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self._record_["condensed"])
-        self._clipped = field(self.solver.record, "clipped")
-        status, systems = (field(self.solver.record, "status_and_systems")[k, ...] for k in range(2))
+        self._clipped = field(self.solver._record_, "clipped")
+        status, systems = (field(self.solver._record_, "status_and_systems")[k, ...] for k in range(2))
         self._signals |= {"desired_force": self.solver.force, "condensed_status": status, "law_systems": systems}
-        self._step.prepare(self._record_, self.target.record, *self._measured(State(0.0, *self._sample)))
+        self._step.prepare(self._record_, self.target._record_, *self._measured(State(0.0, *self._sample)))
 
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`."""
@@ -62,7 +62,7 @@ class CondensedController(TaskController):
         super().reset()
         self.solver.reset()
         for name in ("inputs", "last_inputs"):
-            self.solver.record[name] = 0
+            self.solver._record_[name] = 0
         self._clipped[:] = 0, self.parameters.hold_ticks  # there is no command to hold
         if "lag" in (self._record_.dtype.names or ()):
             self._record_["lag"]["settled"] = 0

@@ -198,7 +198,7 @@ class GaitController(KeepsViews, ABC):
         if calls is None or self._in_python or not type(self).__module__.startswith("harpy_pin."):
             return None
         measured = self._measured(state)
-        return *calls, Call(self._step, self._record_, self.target.record, *measured, *self._parts)
+        return *calls, Call(self._step, self._record_, self.target._record_, *measured, *self._parts)
 
     def _join(self) -> None:
         """Join the kernels of gait and controller, so that one crossing from Python calls all of them."""

@@ -118,7 +118,7 @@ class GovernedController(GaitController):
         self._actuate = actuate_forward if forward else actuate
         self._step, self._parts, joined = steps["none"], (), governor is None and force_filter is None
         if type(governor) is ExplicitReferenceGovernor and isinstance(governor.rows, ForceRows):
-            self._step, self._parts = steps["paper"], (governor._record, governor.rows.record)
+            self._step, self._parts = steps["paper"], (governor._record, governor.rows._record_)
             joined = force_filter is None
         elif type(force_filter) is ContactForceFilter and governor is None:
             self._step, joined = steps["filter"], True
@@ -127,7 +127,7 @@ class GovernedController(GaitController):
 
     def _prepare(self) -> None:
         """Begin to compile the kernels of a tick."""
-        record, target, example = self._record_, self.target.record, State(0.0, *self._sample)
+        record, target, example = self._record_, self.target._record_, State(0.0, *self._sample)
         measured = self._measured(example)
         if not self._in_python:
             self._step.prepare(record, target, *measured, *self._parts)

@@ -126,7 +126,7 @@ class WholeBodyController(TaskController):
         self._second = None if isinstance(made, WarmStartedActiveSet) else DualActiveSet(program)
         self._make_anew()
         example, kernels, parts = State(0.0, *self._sample), self._kernels_of_tick, self._parts_of_program
-        first = (self._record_, self.target.record, *self._measured(example))
+        first = (self._record_, self.target._record_, *self._measured(example))
         if not self._in_python:
             self._step.prepare(*first, *self._parts)
             return
@@ -228,7 +228,7 @@ class WholeBodyController(TaskController):
         self._solve(gives_way=gives_way)
         self.finish(state)
         if lag is not None:
-            count_from_kept(lag, self.dynamics.record, -1.0)
+            count_from_kept(lag, self.dynamics._record_, -1.0)
         return 0
 
     def _choose_thrusts(self, lag: Records[ThrustLagRecord], state: State) -> bool:
@@ -239,12 +239,12 @@ class WholeBodyController(TaskController):
         """
         lower, upper, last = *self.problem.thrust_bounds, self._inputs.copy()
         keep_thrusts(lag, self.dynamics.rotation)
-        count_from_kept(lag, self.dynamics.record, 1.0)
+        count_from_kept(lag, self.dynamics._record_, 1.0)
         self._swap_active()
         bound_thrusts(lag, False, lower, upper)
         self.build(state)
         if self.solve().usable:
-            command_thrusts(lag, self.dynamics.record, self._inputs, self._command._thrust_)
+            command_thrusts(lag, self.dynamics._record_, self._inputs, self._command._thrust_)
         self._inputs[:] = last
         bound_thrusts(lag, True, lower, upper)
         self._swap_active()
@@ -280,9 +280,9 @@ class WholeBodyController(TaskController):
         if self.added is not None and not targets.tilted:
             self.added.build(self.dynamics, state, targets._held_)
         elif self.added is not None:  # rows of added tasks are in world axes
-            turn_feet(self.dynamics.record, np.ascontiguousarray(targets.frame.transpose(0, 2, 1)))
+            turn_feet(self.dynamics._record_, np.ascontiguousarray(targets.frame.transpose(0, 2, 1)))
             self.added.build(self.dynamics, state, targets.held, frame=targets.frame)
-            turn_feet(self.dynamics.record, targets.frame)
+            turn_feet(self.dynamics._record_, targets.frame)
         return self.problem
 
     def solve(self) -> QPSolution:

@@ -95,7 +95,7 @@ class Exportable:
     @property
     def target(self) -> Record:
         """A record of a gait's targets."""
-        return GaitTarget(len(self.robot.feet)).record
+        return GaitTarget(len(self.robot.feet))._record_
 
 
 def exportable(controller: object) -> Exportable:
@@ -141,11 +141,11 @@ def _program(controller: WholeBodyController) -> Exportable:
     record = make_record(
         ProgramTickRecord,
         control=controller._record_,
-        problem=fresh.record,
+        problem=fresh._record_,
         terms=fresh.terms,
-        program=program.record,
-        search=WarmStartedActiveSet(program, dual).record,
-        dual=dual.record,
+        program=program._record_,
+        search=WarmStartedActiveSet(program, dual)._record_,
+        dual=dual._record_,
     )
     title = f"whole-body QP, formulation '{p.formulation}'"
     ticks = QP_TICKS[p.formulation]
@@ -164,12 +164,12 @@ def _governed(controller: GovernedController) -> Exportable:
     if behind is None:
         assert isinstance(governor, ExplicitReferenceGovernor)
         assert isinstance(governor.rows, ForceRows)
-        parts |= {"governor": governor._record, "rows": governor.rows.record}
+        parts |= {"governor": governor._record, "rows": governor.rows._record_}
         record: Record = make_record(PaperTickRecord, **parts)
         kind, title, step = "paper", "the paper's reference governor", paper_step
     else:
         behind.reset()
-        parts |= {"dynamics": behind.dynamics.record, "terms": behind.terms, "governor": behind.record}
+        parts |= {"dynamics": behind.dynamics._record_, "terms": behind.terms, "governor": behind._record_}
         record = make_record(FilterTickRecord, **parts)
         kind, title, step = "filter", "the paper's controller behind the contact-force filter", contact_step
     return _exportable(kind, title, controller.robot, record, step, GovernorStatus)

@@ -121,7 +121,7 @@ class _Watch:
         return command
 
     def _keep_target(self) -> None:
-        self.target.append(np.concatenate([np.ravel(self.inner.target.record[n][0]) for n in _names(self.what)]))
+        self.target.append(np.concatenate([np.ravel(self.inner.target._record_[n][0]) for n in _names(self.what)]))
 
 
 @dataclass

@@ -128,7 +128,7 @@ class CommandedGait(FollowsVelocity):
         self._follow(velocity)
         self.target = GaitTarget()
         restart.prepare(self._record_)
-        advance.prepare(0.0, self._record_, self.target.record)
+        advance.prepare(0.0, self._record_, self.target._record_)
         self._begin()
 
     def __repr__(self) -> str:
@@ -163,7 +163,7 @@ class CommandedGait(FollowsVelocity):
         """See :class:`~harpy_pin.gaits.gait.Gait`; Python takes a script's rows."""
         if type(self) is not CommandedGait or self._function is not None:
             return None
-        return (Call(advance, 0.0, self._record_, self.target.record, expected=True),)
+        return (Call(advance, 0.0, self._record_, self.target._record_, expected=True),)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -201,7 +201,7 @@ class CommandedGait(FollowsVelocity):
         super()._begin()
 
     def _advance(self, t: float) -> None:
-        if not advance(t, self._record_, self.target.record):
+        if not advance(t, self._record_, self.target._record_):
             message = f"the gait's time must be finite, below {LONGEST:g} s and within {LONGEST_GAP:g} s of the last"
             raise InputError(f"{message}, {self._state['time']:g} s; got {shown(t)}", name="t", value=t)
 

@@ -284,7 +284,7 @@ class ClockGait(KeepsViews):
         """See :class:`Gait`."""
         if not vars(type(self)).get("constant", False):
             return None
-        return (Call(self._kernel, 0.0, self._record, self.target.record, expected=True),)
+        return (Call(self._kernel, 0.0, self._record, self.target._record_, expected=True),)
 
 
 def refuse_time(t: float) -> InputError:

@@ -109,7 +109,7 @@ class OnTerrain(KeepsViews):
         self.target = GaitTarget(len(self.robot.feet))
         self._observe = getattr(self.gait, "observe", None)
         self.controller_parameters: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
-        lay_over.prepare(0.0, self._record, self.gait.target.record, self.target.record)
+        lay_over.prepare(0.0, self._record, self.gait.target._record_, self.target._record_)
 
     def __repr__(self) -> str:
         return f"OnTerrain({self.gait!r}, {self.terrain!r})"
@@ -124,8 +124,8 @@ class OnTerrain(KeepsViews):
         self.terrain, self._record["terrain"] = terrain, terrain.record
         if isinstance(self.gait, WalkingGait):
             reach = float(self._record["reach"][0])
-            self._record["own_swings"] = walk_over(self.gait.record, terrain.record, reach)
-            self.step_duration = self.gait.step_duration = float(self.gait.record["usual_step"][0])
+            self._record["own_swings"] = walk_over(self.gait._record_, terrain.record, reach)
+            self.step_duration = self.gait.step_duration = float(self.gait._record_["usual_step"][0])
         if isinstance(self.gait, CommandedGait):
             self.gait._record_["terrain"] = terrain.record
 
@@ -136,7 +136,7 @@ class OnTerrain(KeepsViews):
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""
-        lay_over(t, self._record, self.gait.update(t).record, self.target.record)
+        lay_over(t, self._record, self.gait.update(t)._record_, self.target._record_)
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
@@ -144,7 +144,7 @@ class OnTerrain(KeepsViews):
         calls = calls_of(self.gait, state)
         if type(self) is not OnTerrain or calls is None:
             return None
-        return *calls, Call(lay_over, 0.0, self._record, self.gait.target.record, self.target.record)
+        return *calls, Call(lay_over, 0.0, self._record, self.gait.target._record_, self.target._record_)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:
@@ -284,7 +284,7 @@ class OnFeltGround(OnTerrain):
         terrain["slope"][0] = self.slope
         terrain["profile"][0, 0, 1] = self._height
         if isinstance(self.gait, WalkingGait):
-            own = self.gait.record["terrain"]
+            own = self.gait._record_["terrain"]
             for name in ("level", "pieces", "slope", "profile"):
                 own[name] = terrain[name]
 

@@ -137,7 +137,7 @@ class Staying(ClockGait):
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
         )
         self.target = GaitTarget(len(feet))
-        _stay.prepare(0.0, self._record, self.target.record)
+        _stay.prepare(0.0, self._record, self.target._record_)
 
     def move(self, offset: ArrayLike, *, t: float, duration: float = 1.0) -> None:
         """Send the body to another place, from the time t on; it gets there at rest, and stays.

@@ -216,7 +216,7 @@ class StraightGait(ClockGait):
             curve[:, 2] -= p.height
         self.stance_curve[1:4, 2] -= p.penetration_offset
         self.target = GaitTarget()
-        self._kernel.prepare(0.0, self._record, self.target.record)
+        self._kernel.prepare(0.0, self._record, self.target._record_)
         self._check_reach()
 
     def describe(self) -> Mapping[str, Any]:

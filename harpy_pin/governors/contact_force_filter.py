@@ -104,7 +104,7 @@ class ContactForceFilter(KeepsViews):
         self.status = GovernorStatus(names, h_r, h_w, self.bend, self._record_)
         q, v, torque = np.zeros(robot.model.nq), np.zeros(robot.model.nv), np.zeros(len(robot.joints))
         thrust = np.zeros((len(robot.thrusters), 3))
-        filter_forces.prepare(self.dynamics.record, self.terms, self._record_, q, v, self.force, torque, thrust)
+        filter_forces.prepare(self.dynamics._record_, self.terms, self._record_, q, v, self.force, torque, thrust)
 
     def reset(self) -> None:
         """Forget the bend, and the bad samples."""

@@ -98,7 +98,7 @@ class ExplicitReferenceGovernor(KeepsViews):
         self._at_applied = self.status.h_w, field(self._record, "jacobian_w")
         x, x_r = np.zeros(9), np.zeros(size)
         if isinstance(rows, ForceRows):
-            governed_update.prepare(x, x_r, 0.0, self._record, rows.record)
+            governed_update.prepare(x, x_r, 0.0, self._record, rows._record_)
         else:
             _argument_verdict.prepare(x, x_r, 0.0, self._record)
             _first_broken.prepare(*self._at_target)

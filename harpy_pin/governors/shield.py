@@ -250,7 +250,7 @@ class ShieldLoop:
         )
         governor = self.governor
         shield_all(
-            (governor.dynamics.record, governor.terms, governor.record, self._limits),
+            (governor.dynamics._record_, governor.terms, governor._record_, self._limits),
             (friction, *self._memory),
             given,
             (a.torque, a.thrust, a.before, a.after, a.excess),

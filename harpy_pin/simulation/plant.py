@@ -259,7 +259,7 @@ class Plant(KeepsViews, ABC):
         if not self.actuators.thrusters:
             return ()
         given = field(self._record_["thrusters"], "mean_thrust")
-        return (Call(write_thrusts, self.dynamics.record, given, self._applied),)
+        return (Call(write_thrusts, self.dynamics._record_, given, self._applied),)
 
     def _take_law(self, command: Command) -> None:
         """Give the motors the command's own law, or none."""

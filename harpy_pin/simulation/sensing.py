@@ -134,7 +134,7 @@ class EstimatedState(KeepsViews):
     ) -> None:
         self.estimator, self.feedback, self._controller = estimator, feedback, controller
         self.sensing = Sensing(plant.robot, estimator.imu, period=estimator.period, gravity=plant.gravity, seed=seed)
-        motors = plant.record["motors"]
+        motors = plant._record_["motors"]
         self._torque, self._thrust = field(motors, "mean_torque"), plant.signals["thrust"]
         self._unit = np.zeros((2, 3))
         self._plant_state = plant.q, plant.v

@@ -59,7 +59,7 @@ class Simulator(Plant):
 
     def _prepare(self) -> None:
         arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)
-        physics_steps.prepare(self.dynamics.record, self._ground, self._record_, *arrays)
+        physics_steps.prepare(self.dynamics._record_, self._ground, self._record_, *arrays)
         super()._prepare()
 
     def reset(self, q: ArrayLike, v: ArrayLike, *, t: float = 0.0) -> None:

@@ -83,7 +83,7 @@ class CompiledLoop:
         self._simulator, self._recorder, self._substeps = simulator, recorder, substeps
         links, bound = linked((*calls, *before_row))
         push, state = np.zeros((substeps, 3)), (simulator.q, simulator.v)
-        plant = (simulator.dynamics.record, simulator._ground, simulator.record)
+        plant = (simulator.dynamics._record_, simulator._ground, simulator._record_)
         physics = physics_steps.bind(*plant, *state, *command, push)
         standing = stands.bind(simulator._terrain, *state, fall_height)
         layout = recorder.layout

@@ -75,7 +75,7 @@ class DualActiveSet(QPSolver):
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         super().prepare(program)
-        dual_active_set.prepare(program.record, self._record_, self.solution.z)
+        dual_active_set.prepare(program._record_, self._record_, self.solution.z)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         outcome, self.solution.iterations = dual_active_set(program._record_, self._record_, self.solution.z)
@@ -123,10 +123,10 @@ class WarmStartedActiveSet(QPSolver):
         self._refuse_other(program)
         start_tick.prepare(self._record_)
         solve_further.prepare(
-            program.record, self._record_, self.dual.record, self.solution._z_, self.dual.solution._z_
+            program._record_, self._record_, self.dual._record_, self.solution._z_, self.dual.solution._z_
         )
         self.fallback.prepare(program)
-        _guess.prepare(program.record, self._record_, self.solution.z)
+        _guess.prepare(program._record_, self._record_, self.solution.z)
 
     def reset(self) -> None:
         """See :meth:`QPSolver.reset`."""
@@ -159,7 +159,7 @@ class WarmStartedActiveSet(QPSolver):
         found = self.fallback.solve(program)
         record["left"] -= FALLBACK * found.iterations
         if found.usable:
-            _guess(program.record, self._record_, found.z)
+            _guess(program._record_, self._record_, found.z)
         else:
             self._active[:] = 0
         solution.z[:] = found.z

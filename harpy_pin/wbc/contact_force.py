@@ -75,7 +75,7 @@ class ContactForceProblem(WholeBodyProblem):
         rows = self.foot_rows * self.feet + self.n_thrust + self.joints
         program = QuadraticProgram(self.n_force, equalities=0, inequalities=rows, bounded=0)
         enter_pyramids(program, self.limits.pyramid, self.feet, force=0)
-        self.record["give_way"] = 1.0  # no task can
+        self._record_["give_way"] = 1.0  # no task can
         return program, make_record(ContactForceRecord, self.robot.sizes, root=condensation_record(self.robot))
 
     def acceleration(self, z: Vector) -> Vector:

@@ -161,7 +161,7 @@ class QPSolver(KeepsViews, ABC):
 
     def __init__(self, program: QuadraticProgram) -> None:
         self.solution = QPSolution(np.zeros(checks.instance("program", program, QuadraticProgram).shape[0]))
-        self._layout = program.record.dtype
+        self._layout = program._record_.dtype
 
     def prepare(self, program: QuadraticProgram) -> None:
         """Begin to compile what solving a program of this size needs.
@@ -173,7 +173,7 @@ class QPSolver(KeepsViews, ABC):
             InputError: it has other sizes.
         """
         self._refuse_other(program)
-        worst_violation.prepare(program.record, self.solution.z)
+        worst_violation.prepare(program._record_, self.solution.z)
 
     def reset(self) -> None:
         """Forget the last solution: the next solve starts cold."""

@@ -199,7 +199,7 @@ class FlyingGait(KeepsViews):
         if self.phase == "air":
             self._fly(s)
         elif self.phase == "gait":
-            self.target.record[:] = self._after.update(s).record
+            self.target._record_[:] = self._after.update(s)._record_
         else:
             self._stand_on_feet(s, span)
         return self.target

@@ -128,7 +128,7 @@ class LandedGait:
 
     def update(self, t: float) -> GaitTarget:
         """See :meth:`~harpy_pin.gaits.gait.Gait.update`."""
-        self.target.record[:] = self.gait.update(t).record
+        self.target._record_[:] = self.gait.update(t)._record_
         self.target.body[:2] += self._shift
         return self.target
 

@@ -155,7 +155,7 @@ class BatchedEnv(KeepsViews):
             shield=shield,
         )
         governor = ContactForceFilter(self.robot, ContactForceFilterParameters(mu=s.mu), period=s.dt)
-        parts = (simulator.dynamics.record, simulator.record, governor.terms, governor.record)
+        parts = (simulator.dynamics._record_, simulator._record_, governor.terms, governor._record_)
         self._ground = s.ground.record
         self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
         self._steps = checks.multiple("period", s.period, "physics step", s.dt)

@@ -121,7 +121,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         mass_error, actuators = s.disturbances.mass_error, s.disturbances.actuators
         heavy = heavier(self.robot, mass_error) if mass_error else self.robot
         self.simulator = s.plant.make(heavy, s.ground, dt=s.dt, actuators=actuators)
-        self._motors = self.simulator.record["motors"]
+        self._motors = self.simulator._record_["motors"]
         self._substeps = checks.multiple("period", s.period, "physics step", s.dt)
         self._delay = checks.multiple("delay", s.disturbances.delay, "period", s.period, low=0)
         self._surface = s.ground.surface

@@ -147,7 +147,7 @@ class WalkingGait(FollowsVelocity):
         self.target = GaitTarget(len(robot.feet))
         self._begin()
         measure.prepare(self._record_, q, v, np.zeros((len(robot.feet), 3)))
-        advance.prepare(0.0, self._record_, self.target.record)
+        advance.prepare(0.0, self._record_, self.target._record_)
 
     def _make_record(
         self, build: Build, pace: Pace, group: NDArray[np.int64], **settings: float
@@ -274,7 +274,7 @@ class WalkingGait(FollowsVelocity):
         while t >= self._record_["switch"][0]:
             self._take_row()
         self._ask_function(t)
-        advance(float(t), self._record_, self.target.record)
+        advance(float(t), self._record_, self.target._record_)
         return self.target
 
     def calls(self, state: State) -> tuple[Call, ...] | None:
@@ -282,7 +282,7 @@ class WalkingGait(FollowsVelocity):
         if type(self) is not WalkingGait or self._function is not None:
             return None
         observe = Call(measure, self._record_, state.q, state.v, state.foot_force)
-        return observe, Call(advance, 0.0, self._record_, self.target.record, expected=True)
+        return observe, Call(advance, 0.0, self._record_, self.target._record_, expected=True)
 
     @checked
     def initial_state(self, *, penetration: float = 0.0) -> tuple[Vector, Vector]:

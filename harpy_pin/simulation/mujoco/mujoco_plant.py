@@ -132,10 +132,10 @@ class MujocoPlant(Plant):
             self._find_ground(contact)
 
     def _prepare(self) -> None:
-        thrust, torque = self.record["thrust"][0], np.zeros(len(self.robot.joints))
-        read_thrusts.prepare(self.dynamics.record, self._forces, thrust)
-        drive_actuators.prepare(self.dynamics.record, self.record, torque, self.q, self.v, self.dt, self._forces)
-        _note.prepare(self.record, self._terrain, self.dynamics.foot_position, self.v, self.dt)
+        thrust, torque = self._record_["thrust"][0], np.zeros(len(self.robot.joints))
+        read_thrusts.prepare(self.dynamics._record_, self._forces, thrust)
+        drive_actuators.prepare(self.dynamics._record_, self._record_, torque, self.q, self.v, self.dt, self._forces)
+        _note.prepare(self._record_, self._terrain, self.dynamics.foot_position, self.v, self.dt)
         super()._prepare()
 
     def describe(self) -> Mapping[str, Any]:
@@ -246,7 +246,7 @@ class MujocoPlant(Plant):
     def _move_planes(self) -> None:
         """Put the plane of every foot where the ground's tangent plane below the foot is."""
         below = self.foot_radius or FOOT_RADIUS
-        tangent_planes(self.record, self._terrain, self.dynamics.foot_position, below, self._planes)
+        tangent_planes(self._record_, self._terrain, self.dynamics.foot_position, below, self._planes)
         planes = self._inside.planes
         self.model.geom_pos[planes], self.model.geom_quat[planes] = self._planes[:, :3], self._planes[:, 3:]
 

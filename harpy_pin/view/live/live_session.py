@@ -392,7 +392,7 @@ class LiveSession:
     def _may_change_schedule(self) -> bool:
         """Whether the robot stands, or steps in place with every foot on the ground: a gait begins from standing."""
         gait = cast(WalkingGait, self.gait)
-        always, swinging = bool(gait.record["always"][0]), bool(gait.record["in_air"].any())
+        always, swinging = bool(gait._record_["always"][0]), bool(gait._record_["in_air"].any())
         return float(np.abs(gait.applied).max()) < SLOW and (not gait.walking or (always and not swinging))
 
     def _make_sensors(self) -> None:

@@ -165,10 +165,10 @@ class DriveRanges:
             return cls()
         gait = WalkingGait(robot)
         speed = min(np.floor(20.0 * gait.max_speed) / 20.0, MAX_SPEED)
-        low, high = (round(float(end), 2) for end in gait.record["height_range"][0])
+        low, high = (round(float(end), 2) for end in gait._record_["height_range"][0])
         usual = walking_stiffness(robot)
         share = max(robot.mass / 4.0, 1.0)  # beside the mass of Harpy, kg
-        nominal: Vector = field(gait.record, "nominal")
+        nominal: Vector = field(gait._record_, "nominal")
         return cls(
             controllers=tuple(name for name, one in CONTROLLERS.items() if one.name != "governed"),
             schedules=_schedules(robot),

@@ -69,7 +69,7 @@ def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Re
     program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
     enter_pyramids(program, pyramid, feet, force=bounded)
     search = WarmStartedActiveSet(program, DualActiveSet(program))
-    return make_record(SearchRecord, program=program.record, exchange=search.record, dual=search.dual.record)
+    return make_record(SearchRecord, program=program._record_, exchange=search._record_, dual=search.dual._record_)
 
 
 def condensation_record(robot: Robot) -> Records[CondensationRecord]:
