@@ -124,7 +124,7 @@ def test_no_foothold_stretches_a_leg(name, higher):
     robot = hp.load_robot(name)
     gait = hp.WalkingGait(robot)
     q, v = gait.initial_state()
-    p, build, model = gait.record[0], gait._build, robot.model
+    p, build, model = gait._record_[0], gait._build, robot.model
     q[2] = build.height + higher
     feet = np.zeros((4, 3))
     gait.observe(hp.State(0.0, q, v, feet, feet, feet))
@@ -136,7 +136,7 @@ def test_no_foothold_stretches_a_leg(name, higher):
         axis = data.oMi[model.parents[model.parents[knee]]].translation  # about which the leg swings sideways
         for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
             p["foothold"][k, :2] = p["measured"]["centre"][:2] + 5.0 * np.array((np.cos(angle), np.sin(angle)))
-            _keep_in_reach(gait.record[0], k, 0.0)
+            _keep_in_reach(gait._record_[0], k, 0.0)
             place = np.array((*p["foothold"][k, :2], 0.0))
             # Beside the axis by d, a leg of length l reaches to √(l² + d²) from a point of it.
             thigh = data.oMi[model.parents[knee]].translation
