@@ -168,7 +168,7 @@ class IsolatedSolver:
         """Time the solves from ``begin`` to before ``end``."""
         program, clock = self.program, perf_counter_ns
         for i in range(begin, min(end, len(self.laps))):
-            program.record[0] = self.programs[i]
+            program._record_[0] = self.programs[i]
             t0 = clock()
             solution = self.solver.solve(program)
             t1 = clock()

@@ -78,7 +78,7 @@ def test_whatever_the_search_leaves_is_put_into_the_pyramids():
         targets.held[:] = SUPPORTS[rng.integers(4)]
         targets.force_range[:] = np.sort(rng.uniform(0.0, 200.0, 2))
         condensed.force[:] = before
-        into_cones(targets.record[0], condensed.record[0])
+        into_cones(targets._record_[0], condensed._record_[0])
         for k in range(2):
             if targets.held[k] == 0.0:
                 assert (condensed.force[k] == 0.0).all()
