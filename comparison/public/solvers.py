@@ -114,7 +114,7 @@ def _make(p: Problem) -> tuple[QuadraticProgram, DualActiveSet]:
     solver = DualActiveSet(program)
     # The bound that keeps a tick short is too low for programs with hundreds of active constraints.
     solver.limit = EXCHANGES_PER_ROW * (equalities + rows + bounded)
-    solver.record["limit"] = solver.limit
+    solver._record_["limit"] = solver.limit
     return program, solver
 
 

@@ -182,12 +182,12 @@ def test_w7_finite_differences_give_the_wrong_rank():
         x = measured(rng.uniform(0.1, 1.0), rng.uniform(-3.0, 3.0), rng.uniform(0.2, 0.8), rng.uniform(-1.0, 1.0, 3))
         w = rng.uniform(-1.0, 1.0, 6)
         h, jacobian, scratch = np.empty(5), np.empty((5, 6)), np.empty((5, 6))
-        force_rows_measured(x, w, rows.record[0], h, jacobian)
+        force_rows_measured(x, w, rows.record, h, jacobian)
         differences = np.empty((5, 6))
         for i in range(6):
             moved, ahead = w.copy(), np.empty(5)
             moved[i] += 1e-6
-            force_rows_measured(x, moved, rows.record[0], ahead, scratch)
+            force_rows_measured(x, moved, rows.record, ahead, scratch)
             differences[:, i] = (ahead - h) / 1e-6
         wrong += np.linalg.matrix_rank(differences) > 1
         assert np.linalg.matrix_rank(jacobian) == 1

@@ -100,7 +100,7 @@ def test_extreme_settings(robot, fuzz):
 def test_solves_of_a_tick_share_one_bound():
     """Programs of 59 unknowns, up to three of them in a tick: their systems and exchanges together stay within it."""
     controller = hp.make_controller("wbc", hp.Standing(hp.load_robot("g1")), mu=0.25, formulation="full")
-    account, ticks = controller._solver.record, []
+    account, ticks = controller._solver._record_, []
     rng = np.random.default_rng(6)
     for _ in range(150):
         account["searched"] = 0
