@@ -6,15 +6,19 @@ The gait was tuned on as many pushes of the same sizes from directions and at in
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import harpy_pin as hp
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
+from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.studies.crossings import PLANTS
 from comparison.studies.walking import BIPEDS, GRAVITY, SINK
 from comparison.study import Job, Study, Value, View, grid, where
+from harpy_pin.view.figures import styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SIDES, INSTANTS = 8, 4
 """Directions of a push, and instants of a step at which it begins."""
@@ -25,6 +29,8 @@ SIZES = (0.4, 0.6)
 """Impulses of pushes of 0.1 s over the mass, m/s."""
 SPEEDS = {"in place": 0.0, "at half speed": 0.5}
 """As shares of the largest speed."""
+_STOOD = ("#c8553d", "#e9c46a", "#2c6e9b")
+"""Colours: no push is stood, the smaller, both."""
 
 
 def _jobs(s: Any) -> Iterator[Job]:
@@ -58,6 +64,32 @@ def _of(speed: str, size: float) -> Value:
     return where(_stand, speed=speed, size=size)
 
 
+@styled
+def _figure(rows: Rows) -> Figure:
+    """A disc for each robot and plant: the side of a push is the angle, its instant and the speed are the ring."""
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    discs, sizes = grouped(rows, "plant", "robot"), sorted({row["size"] for row in rows})
+    plants, robots = ([*dict.fromkeys(names)] for names in zip(*discs, strict=True))
+    figure = Figure(figsize=(1.75 * len(robots), 1.95 * len(plants) + 0.5), layout="constrained")
+    panels = figure.subplots(len(plants), len(robots), squeeze=False, subplot_kw={"projection": "polar"})
+    for (plant, robot), mine in discs.items():
+        panel = panels[plants.index(plant)][robots.index(robot)]
+        panel.set_theta_zero_location("N")
+        for (speed, side, instant), same in grouped(mine, "speed", "side", "instant").items():
+            sides, instants = (1 + max(row[name] for row in mine) for name in ("side", "instant"))
+            stood = sum(row["stands"] for row in same) * len(_STOOD) // (len(sizes) + 1)
+            ring, angle = [*SPEEDS].index(speed) * (instants + 0.5) + instant + 1.0, 2.0 * np.pi * (side + 0.5) / sides
+            panel.bar(angle, 1.0, 2.0 * np.pi / sides, ring, color=_STOOD[stood], edgecolor="white", linewidth=0.6)
+        panel.set_axis_off()
+        panel.set_title(f"{robot}, {plant}", pad=-2.0)
+    words = ("falls", *(f"stands {size:g}" for size in sizes))
+    patches = [Patch(color=_STOOD[n * len(_STOOD) // len(words)], label=word) for n, word in enumerate(words)]
+    figure.legend(handles=patches, loc="outside lower center", ncols=len(words), frameon=False)
+    return figure
+
+
 STUDY = Study(
     name="pushes",
     help="""Push robots on two feet from eight sides.
@@ -79,4 +111,5 @@ STUDY = Study(
         ),
     ),
     only="robots",
+    figure=_figure,
 )

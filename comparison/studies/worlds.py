@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
-from comparison.measure.walking import Rows
+from comparison.measure.walking import Rows, grouped
 from comparison.studies.walking import SIDES, course
 from comparison.study import Job, Study, Value, View, commands, fell, mean, median, where
 from comparison.worlds.models import FEET, PLAYGROUND, ROBOTS, world
 from comparison.worlds.walk import CONTENDERS, POLICY, STANDS, walked
+from harpy_pin.view.figures import styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SPEED = {0.8: 0.8, 0.3: 0.5}
 """Largest speed of random commands, m/s, by the friction."""
@@ -128,6 +132,34 @@ VIEWS = (
     ),
 )
 
+
+@styled
+def _figure(rows: Rows) -> Figure:
+    """Worlds beside controllers: the darker, the more of the walks fall."""
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.figure import Figure
+
+    shades = LinearSegmentedColormap.from_list("falls", ("#e6f0f7", "#c8553d"))
+    cells = grouped([row for row in rows if _walks_on(row)], "who", "world")
+    whos, worlds = ([*dict.fromkeys(names)] for names in zip(*cells, strict=True))
+    figure = Figure(figsize=(0.85 * len(worlds) + 2.0, 0.32 * len(whos) + 1.0), layout="constrained")
+    panel = figure.subplots()
+    panel.grid(visible=False)
+    for (who, name), mine in cells.items():
+        x, y, falls = worlds.index(name), whos.index(who), sum(row["fell"] for row in mine)
+        share = falls / len(mine)
+        panel.barh(y, 0.96, 0.92, x - 0.48, color=shades(share))
+        panel.text(x, y, f"{falls} of {len(mine)}", ha="center", va="center", fontsize=7.5)
+    panel.set_xticks(range(len(worlds)), [Path(name).stem for name in worlds])
+    panel.set_yticks(range(len(whos)), whos)
+    panel.set_ylim(len(whos) - 0.5, -0.5)
+    panel.xaxis.tick_top()
+    panel.tick_params(length=0)
+    for side in panel.spines.values():
+        side.set_visible(False)
+    return figure
+
+
 STUDY = Study(
     name="worlds",
     help="""Walk in other people's models of quadrupeds, unchanged.
@@ -162,4 +194,5 @@ STUDY = Study(
     measure=walked,
     views=VIEWS,
     only="worlds",
+    figure=_figure,
 )

@@ -16,6 +16,7 @@ from harpy_pin.controllers.tasks import TaskSettingsRecord, TasksRecord
 from harpy_pin.gaits.gait import FullGait, Gait
 from harpy_pin.model.dynamics import Dynamics, dynamics_record
 from harpy_pin.model.record import Records, field, make_record
+from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
 
 
@@ -25,6 +26,7 @@ def tasks_record(
     """A new :class:`TasksRecord`, or one of another ``kind`` with further parts."""
     robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
     lift, feet = robot.lift_axis, len(robot.feet)
+    free = np.array([name == "arms" for name in joint_weights(robot)], dtype=bool)
     tasks = make_record(
         TaskSettingsRecord,
         body=p.body,
@@ -37,6 +39,7 @@ def tasks_record(
         contact_threshold=p.contact_threshold,
         double_support=gait.double_support,
         rest=gait.initial_state()[0][7:],
+        ends=(np.where(free, robot.joint_lower, -np.inf), np.where(free, robot.joint_upper, np.inf)),
         flat_feet=np.array(robot.flat_feet, dtype=np.int64),
         flies=np.int64(bool(robot.rotors) and not robot.feet),
         leans=np.int64(lift is not None),

@@ -43,6 +43,11 @@ from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_dri
 
 MAX_LEAN = 0.4
 """Largest angle between the thrust that is desired and the vertical, rad."""
+BRAKE, MARGIN, NEAR, STIFFER = 60.0, 0.02, 0.7, 100.0
+"""A joint on no limb has to come to rest within its range, ``MARGIN`` rad before its end. From a share ``NEAR`` of the
+velocity on from which a deceleration of ``BRAKE`` rad/s² would do, its task brakes, and weighs up to 1 + ``STIFFER``
+times as much."""
+LEAST_ROOM, MOST_FAST = 1e-4, 2.0
 _SLOPE = float(np.tan(MAX_LEAN))
 
 
@@ -62,6 +67,7 @@ class TaskSettingsRecord(RecordOf):
     contact_threshold: float
     double_support: float  # share of a step with both feet on the ground
     rest: Vector  # (joints,) posture, rad
+    ends: Vector  # (2, joints) least and largest angle of the joints on no limb; infinite for those of limbs
     flat_feet: NDArray[np.int64]  # indices of the feet that are corners of flat ones
     flies: int  # 1 for a robot with rotors and no feet
     leans: int  # 1 where thrust has one direction in the body
@@ -108,6 +114,7 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
     _body_targets(d.tree, g, p, t, q, v)
     for j in range(t.joints.shape[0]):
         t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
+        _stay_in_range(p, t, j, q[7 + j], v[6 + j])
     level = is_level(g.normal)
     for k in range(t.held.shape[0]):
         push = foot_force[k, 2] if level else load_on(g.normal[k], foot_force[k])
@@ -142,6 +149,17 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         for k in range(t.held.shape[0]):
             t.friction[k] = r.friction.estimate[k]
     return GOOD
+
+
+@kernel
+def _stay_in_range(p: TaskSettingsRecord, t: TargetsRecord, j: int, angle: float, speed: float) -> None:
+    """Let joint j's task brake where its end is near."""
+    room = (p.ends[1, j] - angle if speed > 0.0 else angle - p.ends[0, j]) - MARGIN
+    fast = min(abs(speed) / np.sqrt(2.0 * BRAKE * max(room, LEAST_ROOM)), MOST_FAST)
+    share = min(max(fast - NEAR, 0.0) / (1.0 - NEAR), 1.0)
+    brake = BRAKE * fast * fast
+    t.joints[j] += share * ((-brake if speed > 0.0 else brake) - t.joints[j])
+    t.joint_share[j] = 1.0 + STIFFER * share * share
 
 
 @kernel

@@ -53,6 +53,7 @@ class StayingRecord(RecordOf):
 
     feet: Vector  # (feet, 3) places of the feet about the body's origin, world axes, m
     height: float  # of the body, m
+    facing: float  # of the robot, rad
     shift: Vector  # (3,) how far the body goes, world axes, m
     shift_period: float  # there and back, s
     penetration_offset: float  # how much deeper than the ground an unloaded foot aims, m
@@ -95,6 +96,7 @@ def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
             o.foot_velocity[k, i] = -o.body[3 + i]
             o.foot_acceleration[k, i] = -o.body[6 + i]
     o.body[2] += p.height
+    o.heading[0] = -p.facing
     for k in range(o.stance.shape[0]):
         o.foot_position[k, 2] -= p.penetration_offset
         o.stance[k], o.phase[k] = 1.0, 0.5
@@ -132,6 +134,7 @@ class Staying(ClockGait):
             StayingRecord,
             feet=feet,
             height=float(q[2]),
+            facing=robot.facing,
             shift=checks.vector("shift", shift, 3),
             shift_period=checks.number("shift_period", shift_period, low=0.0, strict=True),
             penetration_offset=checks.number("penetration_offset", penetration_offset, low=0.0),
@@ -226,6 +229,7 @@ class Standing(Staying):
             )
         posture, model = find_posture(robot) if posture is None else posture, robot.model
         q = pin.neutral(model)
+        q[5:7] = -np.sin(0.5 * robot.facing), np.cos(0.5 * robot.facing)
         q[7:] = read_posture(robot, posture)
         data = model.createData()
         pin.framesForwardKinematics(model, data, q)

@@ -49,6 +49,7 @@ class CatalogueRobot:
         mounts: feet and rotors that are no frames of the file: the link of each, and its place in the link's frame, m.
         flat_feet: the feet that are flat.
         rotors: thrusters with a fixed axis.
+        facing: yaw of the direction in which it faces, about the axes of its base, rad.
     """
 
     file: str
@@ -57,6 +58,7 @@ class CatalogueRobot:
     mounts: Mapping[str, tuple[str, tuple[float, float, float]]] = field(default_factory=dict)
     flat_feet: Mapping[str, FlatFoot] = field(default_factory=dict)
     rotors: tuple[Rotor, ...] = ()
+    facing: float = 0.0
 
     def path(self) -> Path:
         """The URDF.
@@ -292,6 +294,7 @@ CATALOGUE: dict[str, CatalogueRobot] = {
         | _legs("l r", "shoulder_roll shoulder_yaw elbow", 0.35, 0.5, 0.5)
         | {"torso_yaw": -0.05236},
         flat_feet=_both("l_sole r_sole", FlatFoot(length=0.15, width=0.06, centre=(0.03, 0.0, 0.0))),
+        facing=np.pi,
     ),
     "g1": CatalogueRobot(  # no SRDF; the sole is among the four spheres under each foot
         "g1_description/urdf/g1_29dof_rev_1_0.urdf",

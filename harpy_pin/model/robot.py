@@ -47,6 +47,7 @@ class Robot:
         flat_feet: how many contact points each foot has, in their order, where there are flat feet
             (:mod:`harpy_pin.model.flat_foot`); empty where all are points.
         rotors: thrusters with a fixed axis, the last of ``thrusters``.
+        facing: yaw of the direction in which it faces, about the axes of its base, rad: gaits stand it facing x.
         label: its name in the catalogue; empty for a robot that was read from a file.
         source: its ``file``, what else :func:`load_robot` was told, and arrays (nv,) of the model that were changed
             since: what :func:`~harpy_pin.model.source.read_robot` makes it from again.
@@ -60,6 +61,7 @@ class Robot:
     posture: Vector | None = None
     flat_feet: tuple[int, ...] = ()
     rotors: tuple[Rotor, ...] = ()
+    facing: float = 0.0
     label: str = ""
     source: Mapping[str, Any] = field(default_factory=dict)
 
@@ -325,6 +327,7 @@ def load_robot(
         angles,
         flat_feet=corners if max(corners, default=1) > 1 else (),
         rotors=tuple(rotors),
+        facing=0.0 if known is None else known.facing,
         label="" if known is None else str(known_name(urdf)),
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
     )

@@ -109,8 +109,8 @@ def _full_objective(
     desired = np.empty(nv)
     desired_acceleration(v, rotation, t, desired)
     for i in range(nv):
-        motion_hessian[i, i] = p.w_motion[i]
-        motion_gradient[i] = -p.w_motion[i] * desired[i]
+        motion_hessian[i, i] = p.w_motion[i] if i < 6 else p.w_motion[i] * t.joint_share[i - 6]
+        motion_gradient[i] = -motion_hessian[i, i] * desired[i]
     if t.centred:
         _centre_task(d, t, p, v, rotation, motion_hessian, motion_gradient)
     for c in range(nt):

@@ -128,7 +128,8 @@ def _input_objective(
     if t.centred:
         _centre_task(p.w_body, d, t, m, v, rotation, hessian, gradient)
     for i in range(3 if t.centred else 0, nv):
-        add_task(p.w_motion[i], response[i], desired[i] - free[i], hessian, gradient)
+        weight = p.w_motion[i] if i < 6 else p.w_motion[i] * t.joint_share[i - 6]
+        add_task(weight, response[i], desired[i] - free[i], hessian, gradient)
     for a in range(count):
         add_task(p.w_force, m.gain[a], -m.force[a], hessian, gradient)
     for c in range(d.foot_drift.shape[0]):

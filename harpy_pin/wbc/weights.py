@@ -114,7 +114,9 @@ def thrust_box(robot: Robot, limits: WholeBodyLimits) -> tuple[Vector, Vector]:
     return np.concatenate((-box, lower)), np.concatenate((box, upper))
 
 
-@fixed_arrays("body", "feet", "force_range", "frame", "friction", "held", "joints", "orientation", "record")
+@fixed_arrays(
+    "body", "feet", "force_range", "frame", "friction", "held", "joint_share", "joints", "orientation", "record"
+)
 class WholeBodyTargets(KeepsViews):
     """What the tasks ask for, and which feet are held: at first no motion, every foot held with any force.
 
@@ -128,6 +130,7 @@ class WholeBodyTargets(KeepsViews):
         orientation: (3,) angular acceleration of the body, body axes, rad/s².
         feet: (feet, 3) accelerations of the feet, world axes, m/s²: a task in swing, a constraint in stance.
         joints: (joints,) accelerations of the posture task, rad/s².
+        joint_share: (joints,) by which the weight of each joint's task is multiplied: more near the end of its range.
         held: (feet,) 1 where a foot is held on the ground, else 0; the same for all corners of a flat foot.
         force_range: (feet, 2) f_min and f_max of each foot that is held, N.
         friction: (feet,) friction coefficient of each foot where it is below that of the limits, such as an estimate;
@@ -150,6 +153,7 @@ class WholeBodyTargets(KeepsViews):
         self.orientation: Vector = field(self._record_, "orientation")
         self.feet: Vector = field(self._record_, "feet")
         self.joints: Vector = field(self._record_, "joints")
+        self.joint_share: Vector = field(self._record_, "joint_share")
         self.held: Vector = field(self._record_, "held")
         self.force_range: Vector = field(self._record_, "force_range")
         self.friction: Vector = field(self._record_, "friction")

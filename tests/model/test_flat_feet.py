@@ -226,6 +226,7 @@ def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
         q, v = pin.integrate(robot.model, standing, 0.05 * rng.standard_normal(nv)), 0.05 * rng.standard_normal(nv)
         targets.body[:], targets.orientation[:] = rng.standard_normal(3), rng.standard_normal(3)
         targets.feet[:], targets.joints[:] = rng.standard_normal((8, 3)), rng.standard_normal(nv - 6)
+        targets.joint_share[free - 6] = 10.0 ** rng.uniform(0.0, 2.0, len(free))
         targets.held[:] = np.repeat([(True, True), (True, False), (False, True)][rng.integers(3)], 4)
         targets.force_range[:] = (0.0, 2.0 * mass * 9.81)
         dynamics.update(q, v)

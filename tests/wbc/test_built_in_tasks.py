@@ -25,6 +25,7 @@ def costs_agree(robot: hp.Robot, formulation: str, seed: int, held: np.ndarray) 
     targets = WholeBodyTargets(robot)
     for array in (targets.body, targets.orientation, targets.feet, targets.joints):
         array[:] = rng.uniform(-5.0, 5.0, array.shape)
+    targets.joint_share[:] = rng.uniform(0.5, 50.0, len(robot.joints))
     targets.held[:] = held
     dynamics = hp.Dynamics(robot)
     dynamics.update(q, v)
@@ -41,7 +42,7 @@ def costs_agree(robot: hp.Robot, formulation: str, seed: int, held: np.ndarray) 
             if one.active(held):
                 matrix, target = one.task.rows(dynamics, state)
                 error = matrix @ x[: matrix.shape[1]] - target
-                total += getattr(WEIGHTS, one.weight) * np.sum(error**2)
+                total += getattr(WEIGHTS, one.weight) * one.share[0] * np.sum(error**2)
         return 0.5 * total
 
     program = problem.program

@@ -143,7 +143,7 @@ def write_targets(p: WalkingRecord, o: GaitTargetRecord) -> None:
         stretched = _stretched_height(p)
         if stretched < height:
             o.body[8] = min(o.body[8], LOW_RATE * (LOW_RATE * (stretched - m.body[2]) - 2.0 * m.body[5]))
-    o.heading[0] = p.path[2]
+    o.heading[0] = p.path[2] - p.facing
     o.heading[1] = p.velocity[2] if p.holds_heading else 0.0
     o.heading[2] = p.rate[2] if p.holds_heading else 0.0
     o.centre_of_mass[0] = 1.0 if p.soles and p.terrain.level else 0.0

@@ -6,6 +6,7 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.terrain_targets import fit_plane
+from harpy_pin.gaits.walking.pendulum import wrapped
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.ground.surface import surface_height
 from harpy_pin.model.entry import all_possible, all_possible_rows, is_unit
@@ -26,6 +27,8 @@ def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
     place_bodies(p.tree, q, v)
     x, y, z, w = q[3], q[4], q[5], q[6]
     m.heading = np.arctan2(2.0 * (x * y + w * z), 1.0 - 2.0 * (y * y + z * z))
+    if p.facing != 0.0:
+        m.heading = wrapped(m.heading + p.facing)
     for i in range(3):
         m.body[i] = q[i]
         m.body[3 + i] = p.tree.rotation[i, 0] * v[0] + p.tree.rotation[i, 1] * v[1] + p.tree.rotation[i, 2] * v[2]

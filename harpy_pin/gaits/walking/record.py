@@ -19,7 +19,7 @@ class MeasuredRecord(RecordOf):
     seen: int = ZERO  # 1 once a state was measured
     ground: float = 0.0  # height of the plane that fits the ground around the body, m
     body: Vector = sized(6)  # place (m) and velocity (m/s) of the body's origin, world axes
-    heading: float = 0.0  # of the body, rad
+    heading: float = 0.0  # in which the robot faces, rad
     centre: Vector = sized(6)  # place (m) and velocity (m/s) of the centre of mass
     spin: Vector = sized(3)  # angular momentum about it, per mass, m²/s
     # horizontal velocity of a pendulum with the robot's angular momentum about the ground below it, m/s
@@ -43,6 +43,7 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     point_body: NDArray[np.int64]  # (points,) the body to which each contact point is fixed
     point_offset: Vector  # (points, 3) its place there, m
     corner: Vector  # (points, 2) its place about the foot's middle, axes of the foot, m
+    facing: float  # yaw of the direction in which the robot faces, about its base's axes, rad
     group: NDArray[np.int64]  # (feet,) in which step of the cycle each foot swings
     groups: int  # steps of a cycle
     nominal: Vector  # (feet, 2) place of each foot about the centre of mass, axes of the heading, m

@@ -173,6 +173,7 @@ class WalkingGait(FollowsVelocity):
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
             corner=(build.point - build.place[build.foot])[:, :2],
+            facing=robot.facing,
             group=group,
             groups=np.int64(groups),
             nominal=nominal,

@@ -111,7 +111,8 @@ def eliminate_limbs(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: Co
     for c in range(others):
         column = e.others[c]
         e.posture[c] = t.joints[column - 6]
-        e.free_acceleration[thrusts + c], e.inverse_weight[thrusts + c] = 0.0, 1.0 / p.w_arms
+        e.free_acceleration[thrusts + c] = 0.0
+        e.inverse_weight[thrusts + c] = 1.0 / (p.w_arms * t.joint_share[column - 6])
         for i in range(6):
             e.bias[i] += d.mass_matrix[i, column] * e.posture[c]
             e.free_map[i, thrusts + c] = -d.mass_matrix[i, column]

@@ -58,6 +58,7 @@ class TargetsRecord(RecordOf):
     orientation: Vector = sized(3)
     feet: Vector = sized("feet", 3)
     joints: Vector = sized("joints")
+    joint_share: Vector = sized("joints", fill=1.0)  # by which the weight of each joint's task is multiplied
     held: Vector = sized("feet", fill=1.0)
     force_range: Vector
     friction: Vector = sized("feet", fill=np.inf)

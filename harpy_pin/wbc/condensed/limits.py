@@ -27,6 +27,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import solve_factor
@@ -61,7 +62,7 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
             free = 0.0 if stiff and c >= first else e.free_map[i, c]
             p.wide_response[i, c] = free + (e.force_map[i, c - first] if c >= first else 0.0)
     root_cost(e, p.wide_response, qp)
-    _add_weights(t, p, qp, thrusts, first)
+    _add_weights(t, p, qp, e.others, thrusts)
     for c in range(thrusts):
         qp.lower[c], qp.upper[c] = p.input_lower[c], p.input_upper[c]
     force_bounds(t, faces, qp.lower[first:], qp.upper[first:])
@@ -78,13 +79,16 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
 
 
 @kernel
-def _add_weights(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, thrusts: int, first: int) -> None:
+def _add_weights(
+    t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord, others: NDArray[np.int64], thrusts: int
+) -> None:
     """Add the weights of the variables; of its own each swing foot is left a share."""
+    first = thrusts + others.shape[0]
     for a in range(qp.gradient.shape[0]):
         if a < thrusts:
             qp.hessian[a, a] += p.w_thrust
         elif a < first:
-            qp.hessian[a, a] += p.w_arms
+            qp.hessian[a, a] += p.w_arms * t.joint_share[others[a - thrusts] - 6]
         elif t.held[(a - first) // 3] != 0.0:
             qp.hessian[a, a] += p.w_force
         elif p.w_swing == 0.0:

@@ -19,7 +19,9 @@ tasks are compiled (:mod:`harpy_pin.wbc.full`, :mod:`harpy_pin.wbc.input_space`,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
@@ -37,12 +39,14 @@ class BuiltInTask:
         task: its rows.
         foot: index of the foot that it is for; None for a task that is always in the objective.
         stance: whether it is in the objective while that foot is in stance, or while it is in swing.
+        share: (1,) number by which its weight is multiplied.
     """
 
     weight: str
     task: Task
     foot: int | None = None
     stance: bool = False
+    share: Vector = field(default_factory=lambda: np.ones(1))
 
     def active(self, held: Vector) -> bool:
         """Whether it is in the objective.
@@ -68,7 +72,8 @@ def built_in_tasks(robot: Robot, targets: WholeBodyTargets) -> list[BuiltInTask]
         BuiltInTask("orientation", _towards(orientation, targets.orientation)),
     ]
     for j, (joint, weight) in enumerate(zip(robot.joints, joint_weights(robot), strict=True)):
-        tasks.append(BuiltInTask(weight, _towards(JointTask(joint), targets.joints[j : j + 1])))
+        task, share = _towards(JointTask(joint), targets.joints[j : j + 1]), targets.joint_share[j : j + 1]
+        tasks.append(BuiltInTask(weight, task, share=share))
     for k, foot in enumerate(robot.feet):
         tasks.append(BuiltInTask("swing", _towards(FrameTask(foot), targets.feet[k]), k))
         tasks.append(BuiltInTask("force", FootForceTask(foot), k, stance=True))
