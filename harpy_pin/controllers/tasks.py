@@ -43,7 +43,7 @@ from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_dri
 
 MAX_LEAN = 0.4
 """Largest angle between the thrust that is desired and the vertical, rad."""
-BRAKE, MARGIN, NEAR, STIFFER = 60.0, 0.02, 0.7, 100.0
+BRAKE, MARGIN, NEAR, STIFFER = 150.0, 0.02, 0.7, 100.0
 """A joint on no limb has to come to rest within its range, ``MARGIN`` rad before its end. From a share ``NEAR`` of the
 velocity on from which a deceleration of ``BRAKE`` rad/s² would do, its task brakes, and weighs up to 1 + ``STIFFER``
 times as much."""
