@@ -20,7 +20,7 @@ from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRe
 from harpy_pin.estimation.tick import estimate
 from harpy_pin.model.dynamics import dynamics_record
 from harpy_pin.model.entry import as_array
-from harpy_pin.model.memory import KeepsViews
+from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.rotor import read_thrusts
@@ -95,6 +95,7 @@ class EstimatorSettings:
             checks.keep(self, **{entry.name: value})
 
 
+@fixed_arrays("record")
 class Estimator(KeepsViews):
     """Where a robot is and how it moves, from what it feels itself.
 
@@ -120,6 +121,8 @@ class Estimator(KeepsViews):
         probability: (feet,) of contact, of the last step.
     """
 
+    _record_: Records[EstimatorRecord]
+
     @checked
     def __init__(
         self,
@@ -137,19 +140,19 @@ class Estimator(KeepsViews):
         feet = len(robot.feet)
         radius = np.full(feet, foot_radius) if np.ndim(foot_radius) == 0 else foot_radius
         self.record = _record(robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet))
-        self.probability: Vector = field(self.record["contact"], "probability")
-        self._thrust: Vector = field(self.record, "thrust")
+        self.probability: Vector = field(self._record_["contact"], "probability")
+        self._thrust: Vector = field(self._record_, "thrust")
         self._no_force = np.full(feet, np.nan)
         self._nothing = SimpleNamespace(stance=np.full(feet, 0.5), phase=np.zeros(feet), ground_height=np.zeros(feet))
         self.signals: dict[str, NDArray[Any]] = {
-            "estimated_q": field(self.record, "q"),
-            "estimated_v": field(self.record, "v"),
-            "estimated_force": field(self.record, "foot_force"),
+            "estimated_q": field(self._record_, "q"),
+            "estimated_v": field(self._record_, "v"),
+            "estimated_force": field(self._record_, "foot_force"),
             "contact_probability": self.probability,
-            "estimator_status": field(self.record, "status"),
+            "estimator_status": field(self._record_, "status"),
         }
         names = ("q", "v", "foot_position", "foot_velocity", "foot_force")
-        self._arrays = tuple(field(self.record, name) for name in names)
+        self._arrays = tuple(field(self._record_, name) for name in names)
         self.reset()
 
     def __repr__(self) -> str:
@@ -166,7 +169,7 @@ class Estimator(KeepsViews):
         Raises:
             InputError: wrong shapes, or entries that are not finite.
         """
-        r, model = self.record, self.robot.model
+        r, model = self._record_, self.robot.model
         r["level"] = q is None
         q = pin.neutral(model) if q is None else configuration(model, q)
         v = np.zeros(model.nv) if v is None else checks.vector("v", v, model.nv)
@@ -192,7 +195,7 @@ class Estimator(KeepsViews):
         other`` where the innovations of the last half second or the biases are far beyond their covariance, as those
         of a wrongly mounted unit are; ``time does not go on``. The estimate goes on in all of them, and is finite.
         """
-        return STATUS[int(self.record["status"][0])]
+        return STATUS[int(self._record_["status"][0])]
 
     def step(self, readings: Readings, target: Any = None) -> State:
         """One step.
@@ -220,10 +223,10 @@ class Estimator(KeepsViews):
         if s.thrust is not None and len(self._thrust):
             if s.thrust.shape != (len(self.robot.thrusters), 3):
                 raise InputError("thrusts of another robot", name="readings.thrust")
-            read_thrusts(self.record["dynamics"], s.thrust, self._thrust)
+            read_thrusts(self._record_["dynamics"], s.thrust, self._thrust)
         legs, expected = (s.joint_position, s.joint_velocity, s.joint_torque), target or self._nothing
         plan = (expected.stance, expected.phase, expected.ground_height)
-        estimate(self.record, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan)
+        estimate(self._record_, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan)
 
     def _fit(self, readings: Readings) -> Readings:
         """The same readings in arrays of the sizes that kernels take."""

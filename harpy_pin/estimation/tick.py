@@ -20,8 +20,9 @@ EXPECTED = 3.0
 """Mean of the squared Mahalanobis distance of three measurements."""
 INCONSISTENCY = 3.0
 """Factor on it that says that the readings do not belong together."""
-BIASED = 8.0
-"""Estimated bias that says the same, in standard deviations of the sensor."""
+BIASED, SHAKEN = 8.0, 12.0
+"""Estimated biases of gyroscope and accelerometer that say the same, in standard deviations of the sensor. Contacts
+that shake the robot and creep look like up to ten of an accelerometer."""
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
 DOUBT = (2.0, 20.0)
@@ -338,5 +339,5 @@ def _status(e: EstimatorRecord, good: bool) -> int:
     consistent = f.innovation <= INCONSISTENCY * EXPECTED
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
-        consistent = consistent and abs(f.accelerometer_bias[i]) <= BIASED * f.start[12 + i]
+        consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
     return GOOD if consistent else INCONSISTENT

@@ -213,7 +213,7 @@ def estimate_after(
 def _estimator(estimator: Estimator) -> Exportable:
     robot = estimator.robot
     estimator.reset()
-    feet, joints, record = len(robot.feet), (len(robot.joints),), estimator.record.copy()
+    feet, joints, record = len(robot.feet), (len(robot.joints),), estimator._record_.copy()
     record["t"] = 0.0
     inputs: dict[str, tuple[int, ...]] = {"elapsed": (1,), "gyroscope": (3,), "accelerometer": (3,)}
     inputs |= dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), joints)

@@ -229,7 +229,7 @@ class Standing(Staying):
             )
         posture, model = find_posture(robot) if posture is None else posture, robot.model
         q = pin.neutral(model)
-        q[5:7] = -np.sin(0.5 * robot.facing), np.cos(0.5 * robot.facing)
+        q[5:7] = 0.0 - np.sin(0.5 * robot.facing), np.cos(0.5 * robot.facing)
         q[7:] = read_posture(robot, posture)
         data = model.createData()
         pin.framesForwardKinematics(model, data, q)

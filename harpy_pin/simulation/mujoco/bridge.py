@@ -75,7 +75,7 @@ class MujocoBridge(Conventions):
         self._record = make_record(
             BridgeRecord,
             robot.sizes,
-            conventions=self.record,
+            conventions=self._record_,
             dynamics=dynamics_record(robot),
             motors=motors_record(Actuators(), **motors_of(robot)),
             q=np.zeros(nq),

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, install_line
+from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.mjcf import find_joints, free_joint
-from harpy_pin.model.record import RecordOf, make_record
+from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
@@ -62,6 +63,7 @@ class ConventionsRecord(RecordOf):
     velocity: NDArray[np.int64]  # (joints,) in MuJoCo's ``qvel``
 
 
+@fixed_arrays("record")
 class Conventions:
     """Turns states and forces of one robot from one convention into the other, in any MuJoCo model of it.
 
@@ -82,6 +84,8 @@ class Conventions:
         InputError: the model has no free joint, lacks a joint, or has one of another kind, axis, direction or zero.
     """
 
+    _record_: Records[ConventionsRecord]
+
     def __init__(self, model: Any, robot: Robot) -> None:
         self._robot = robot
         self.joints = find_joints(model, robot.joints)
@@ -101,8 +105,8 @@ class Conventions:
             velocity=self.velocity,
         )
         q, v = np.zeros(robot.model.nq), np.zeros(robot.model.nv)
-        to_mujoco.prepare(self.record, q, v, q, v)
-        from_mujoco.prepare(self.record, q, v, q, v)
+        to_mujoco.prepare(self._record_, q, v, q, v)
+        from_mujoco.prepare(self._record_, q, v, q, v)
 
     def place(self, state: State | tuple[Vector, Vector], data: Any) -> None:
         """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the caller's.
@@ -116,7 +120,7 @@ class Conventions:
         """
         q, v = state if isinstance(state, tuple) else (state.q, state.v)
         q, v = checks.vector("q", q, self._robot.model.nq), checks.vector("v", v, self._robot.model.nv)
-        to_mujoco(self.record, q, v, data.qpos, data.qvel)
+        to_mujoco(self._record_, q, v, data.qpos, data.qvel)
         data.time = data.time if isinstance(state, tuple) else state.t
 
 

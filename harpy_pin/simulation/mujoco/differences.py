@@ -118,6 +118,8 @@ def differences(here: AtZero) -> str:
         _compared("dry friction", " N·m", hinges, known["friction"], robot.dry_friction),
         _compared("largest torque", " N·m", hinges, peak_torques(here.model, joints), robot.torque_limit),
     ]
+    if any(lines[5:]):
+        lines.append("robot.with_mujoco(model) takes what the joints have in the model")
     return "\n".join(line for line in lines if line)
 
 

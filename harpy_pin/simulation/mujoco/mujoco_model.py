@@ -98,7 +98,7 @@ class MujocoModel:
         """
         self.mujoco.mj_resetData(self.model, self.data)
         q, v = as_array("q", q, self._sizes[:1]), as_array("v", v, self._sizes[1:])
-        to_mujoco(self.conventions.record, q, v, self.qpos, self.qvel)
+        to_mujoco(self.conventions._record_, q, v, self.qpos, self.qvel)
         self.mujoco.mj_fwdPosition(self.model, self.data)
 
     def apply(self, torque: Vector, thrust: Vector, push: Vector | None = None) -> None:

@@ -189,7 +189,7 @@ class MujocoPlant(Plant):
         mj.mj_fwdConstraint(model, data)
         self._read_forces(contacts)
         mj.mj_Euler(model, data)
-        from_mujoco(inside.conventions.record, inside.qpos, inside.qvel, self._q_, self._v_)
+        from_mujoco(inside.conventions._record_, inside.qpos, inside.qvel, self._q_, self._v_)
         self.dynamics.update(self._q_, self._v_)
         position = self.dynamics._foot_position_
         if self.foot_radius:

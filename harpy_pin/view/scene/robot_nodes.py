@@ -40,6 +40,7 @@ from harpy_pin.view.scene.nodes import (
 )
 
 GREY, CARBON, ROD = (Look(colour, light="body") for colour in ("#666b75", "#22252a", "#bfc2c7"))
+HINT = "meshes are looked for in the folders above the file and those of $ROS_PACKAGE_PATH"
 MOTOR_TOLERANCE = 0.02
 """How far the thigh's centre of mass may be from the knee motor's place, m."""
 
@@ -121,7 +122,7 @@ def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
             shapes = pin.buildGeomFromUrdf(robot.model, file, kind, package_dirs=folders)
     except (ValueError, RuntimeError) as error:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else "unreadable mesh"
-        warnings.warn(f"visuals of '{robot.urdf}' not drawn ({reason}); drawing a skeleton", stacklevel=2)
+        warnings.warn(f"visuals of '{robot.urdf}' not drawn ({reason}); drawing a skeleton; {HINT}", stacklevel=2)
         return []
     return list(shapes.geometryObjects)
 
