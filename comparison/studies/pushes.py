@@ -83,7 +83,7 @@ def _figure(rows: Rows) -> Figure:
             ring, angle = [*SPEEDS].index(speed) * (instants + 0.5) + instant + 1.0, 2.0 * np.pi * (side + 0.5) / sides
             panel.bar(angle, 1.0, 2.0 * np.pi / sides, ring, color=_STOOD[stood], edgecolor="white", linewidth=0.6)
         panel.set_axis_off()
-        panel.set_title(f"{robot}, {plant}", pad=-2.0)
+        panel.set_title(f"{robot}, {plant}", pad=0.0)
     words = ("falls", *(f"stands {size:g}" for size in sizes))
     patches = [Patch(color=_STOOD[n * len(_STOOD) // len(words)], label=word) for n, word in enumerate(words)]
     figure.legend(handles=patches, loc="outside lower center", ncols=len(words), frameon=False)

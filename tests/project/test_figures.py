@@ -40,7 +40,8 @@ SENTENCES = {
         f"({ratio(ACTIVE, PRINTED, 'inside C, ')} inside C).",
         f"same optimum in {OF_QP} of the QP's time ({OF_QP_C} inside C) and fits",
         f"slip {{variants/variants|{PID}|median slip|2}} mm per step instead of {{wide/variants|{LAW}|median slip|2}}.",
-        f"({{comparison/campaign|{LAW}|thrust, rms, N|2}} N instead of {{comparison/campaign|no governor|thrust, rms, N|2}})",
+        f"({{comparison/campaign|{LAW}|thrust, rms, N|2}} N instead of "
+        "{comparison/campaign|no governor|thrust, rms, N|2})",
         f"with 30 ms of delay it slides {{{DELAYED}|{LAW}|30 ms, mm}} mm per step",
     ],
     "docs/governors.md": [
