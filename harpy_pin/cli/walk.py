@@ -108,7 +108,8 @@ def _report(
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
     slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
     who = f"{scenario.robot_name}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
-    title = f"{who}, friction {scenario.ground.mu_s:g}{ice}{slope}"
+    estimated = ", on its estimate" if scenario.state == "estimated" else ""
+    title = f"{who}{estimated}, friction {scenario.ground.mu_s:g}{ice}{slope}"
     values = {**measures, "steps": f"{measures['steps']:.1f}"}
     values |= {name: ("no", "yes")[value] for name, value in measures.items() if isinstance(value, bool)}
     console.print(values_table(title, {WORDS[name]: value for name, value in values.items() if value == value}))

@@ -57,7 +57,7 @@ class Measures:
         torque_max_nm: largest joint torque.
         roll_max_rad: largest magnitude.
         pitch_max_rad: largest magnitude.
-        yaw_max_rad: largest magnitude.
+        yaw_max_rad: largest magnitude, from that at the beginning.
         solver_failures: ticks whose quadratic program gave no usable solution.
         tilt_max_rad: largest angle between the body's z axis and the vertical.
         stumbled: whether the body tilted by more than 0.5 rad (29°), whether it fell or not: what comes through such a
@@ -77,6 +77,7 @@ class Measures:
             over the weight (NaN without a plan). Friction, armature or delay that the controller does not know, soft
             ground, and feet that slip make it large.
         clipped: share of ticks in which a torque is at its limit (NaN where none is limited).
+        estimate_off_m: distance of the estimated place from the body's at the end (NaN without an estimate).
     """
 
     fell: bool = _called("fell")
@@ -110,6 +111,7 @@ class Measures:
     joint_tracking_rms_rad: float = _called("joints less their targets, rad rms")
     force_mismatch: float = _called("contact forces less those planned, share of the weight rms")
     clipped: float = _called("share of ticks with a torque at its limit")
+    estimate_off_m: float = _called("estimated place at the end, m off")
 
     def __str__(self) -> str:
         """One line for each measure that there is, in words and with its unit."""
@@ -199,7 +201,12 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     q, status = run["q"], optional.optional_signal(run, "qp_status")
     thrust = np.linalg.norm(run["thrust"], axis=2)
     thrusters = 1.0 if thrust.size else math.nan
-    roll, pitch, yaw = np.abs(body_angles(q)).max(axis=0).tolist()
+    angles = body_angles(q)
+    angles[:, 2] -= angles[0, 2]
+    angles[:, 2] -= 2.0 * np.pi * np.round(angles[:, 2] / (2.0 * np.pi))
+    roll, pitch, yaw = np.abs(angles).max(axis=0).tolist()
+    estimated = run["estimated_q"] if "estimated_q" in run else np.full_like(q, np.nan)
+    known = estimated.shape == q.shape and estimated.dtype.kind == "f"
     cosine = np.clip(1.0 - 2.0 * (q[:, 3] * q[:, 3] + q[:, 4] * q[:, 4]), -1.0, 1.0)
     tilt = float(np.arccos(cosine).max())
     return Measures(
@@ -221,6 +228,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         stumbled=not tilt <= STUMBLE,
         bad_samples=optional.last_count(run, "bad_samples"),
         **walk_measures(run, period=period, step_duration=step_duration),
+        estimate_off_m=float(np.linalg.norm(estimated[-1, :3] - q[-1, :3])) if known else math.nan,
     )
 
 

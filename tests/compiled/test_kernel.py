@@ -56,7 +56,7 @@ def records(robot):
         "gait": walk[0],
         "d": model.record[0],
         "ground": {"planar_step": Ground().record, "*": Ground().record[0]},
-        "e": Estimator(robot).record[0],
+        "e": Estimator(robot)._record_[0],
         "step": step_record({"nv": 7, "feet": 2}, dt=1e-3),
     }
 

@@ -19,7 +19,7 @@ STEP = 1e-20
 
 def make(**how):
     robot = hp.load_harpy()
-    return hp.Estimator(robot, settings=EstimatorSettings(**how)).record["filter"]
+    return hp.Estimator(robot, settings=EstimatorSettings(**how))._record_["filter"]
 
 
 def cross(a):

@@ -6,6 +6,7 @@
 from copy import deepcopy
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -313,3 +314,22 @@ def test_a_pushed_humanoid_turns_and_keeps_its_knees_bent(name, time):
     assert len(knees) == 2
     beyond = np.maximum(robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit)
     assert beyond[:, 7:][:, knees].max() < 0.05
+
+
+@needs_robots
+def test_a_robot_walks_where_it_faces():
+    """iCub's base has its x axis to the back; its soles reach further ahead of the ankles than behind."""
+    robot = hp.load_robot("icub")
+    gait, ground = hp.Walking(velocity=(0.2, 0.0, 0.0)), hp.Ground(mu_s=0.6)
+    run = hp.walk(hp.Scenario(robot="icub", gait=gait, ground=ground, state="estimated", duration=3.0))
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, run["q"][0])
+    ankles = {robot.model.frames[robot.frame_id(name)].parentJoint for name in robot.feet}
+    ahead = run["foot_position"][0, :, 0].mean() - np.mean([data.oMi[joint].translation[0] for joint in ankles])
+    assert ahead > 0.01
+    seen = hp.measure(run)
+    assert seen.distance_m > 0.3
+    assert seen.yaw_max_rad < 0.2
+    assert seen.velocity_rms_m_s < 0.1
+    np.testing.assert_allclose(seen.estimate_off_m, np.linalg.norm((run["estimated_q"] - run["q"])[-1, :3]))
+    assert 0.0 < seen.estimate_off_m < 0.05
