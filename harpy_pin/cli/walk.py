@@ -102,12 +102,15 @@ def _report(
 ) -> int:
     """Print the tables, write what was asked for, and return the exit code that the ending deserves."""
     from harpy_pin.log.measures import STUMBLE, WORDS, measure
+    from harpy_pin.scenario.gait_parts import Stand, Walking, gaits_of
 
     measured = measure(run)
     measures = measured.as_dict()
     ice = "".join(f", {mu:g} from {begin:g} to {end:g} m" for begin, end, mu in scenario.ground.friction_strips)
     slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
     who = f"{scenario.robot_name}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
+    if scenario.gait.name == Stand.name and Walking.name not in gaits_of(scenario.robot):
+        who += " (two or four feet walk)"
     estimated = ", on its estimate" if scenario.state == "estimated" else ""
     title = f"{who}{estimated}, friction {scenario.ground.mu_s:g}{ice}{slope}"
     values = {**measures, "steps": f"{measures['steps']:.1f}"}

@@ -27,6 +27,7 @@ def tasks_record(
     robot, p = gait.robot, checks.instance("parameters", parameters, WholeBodyParameters)
     lift, feet = robot.lift_axis, len(robot.feet)
     free = np.array([name == "arms" for name in joint_weights(robot)], dtype=bool)
+    free &= robot.joint_lower < robot.joint_upper  # a file that names no limits has equal ones
     tasks = make_record(
         TaskSettingsRecord,
         body=p.body,
