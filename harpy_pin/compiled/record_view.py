@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.errors import InputError
 
-_T = TypeVar("_T")
 _Array = NDArray[Any]
 
 
-class RecordView(NDArray[np.void] if TYPE_CHECKING else np.ndarray):  # type: ignore[misc]  # an alias for mypy
+class RecordView(np.ndarray[Any, np.dtype[np.void]]):
     """A record whose fields that are whole numbers are read only; kernels take it like the record itself."""
 
     def __getitem__(self, key: Any) -> Any:
@@ -40,7 +39,7 @@ def _is_free(kind: np.dtype[Any]) -> bool:
     return kind.base.kind == "f"
 
 
-def plain(value: _T) -> _T:
+def plain(value: Any) -> Any:
     """A record as an array like any other; other values as they are."""
     return value.view(np.ndarray) if isinstance(value, RecordView) else value
 

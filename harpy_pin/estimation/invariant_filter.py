@@ -124,7 +124,7 @@ def _predict_covariance(f: FilterRecord) -> None:
 
 @kernel
 def _advance_rows(f: FilterRecord, p: Vector) -> None:
-    """p ← Φ p; rows are errors, in the order of :data:`~harpy_pin.estimation._record_.ERRORS`."""
+    """p ← Φ p; rows are errors, in the order of :data:`~harpy_pin.estimation.record.ERRORS`."""
     n, t, r, v, g, turned = p.shape[0], f.period, f.rotation, f.velocity, f.gravity, f.turned
     for i in range(3):  # R̂ times the rows of the biases
         for j in range(n):

@@ -77,9 +77,9 @@ def _causes(run: Run, torque: Vector, weight: float) -> dict[str, float]:
 
 def _velocity_errors(run: Run, window: int) -> tuple[float, float]:
     """Velocity less the applied one, m/s, and about the vertical, rad/s; means over windows, root mean square."""
-    path, applied = run["path" if "path" in run else "heading"], run["applied_velocity"][:, :3]
-    faces = path.shape[1:] == (3,) and path.dtype.kind == "f" and "path" in run  # the body may face elsewhere
-    heading = path[:, 2] if faces else run["heading"][:, 0]
+    heading, applied = run["heading"][:, 0], run["applied_velocity"][:, :3]
+    if "path" in run and run["path"].shape[1:] == (3,) and run["path"].dtype.kind == "f":
+        heading = run["path"][:, 2]  # the body itself may face elsewhere
     velocity = _world_velocity(run["q"], run["v"])
     c, s = np.cos(heading), np.sin(heading)
     desired = np.stack((c * applied[:, 0] - s * applied[:, 1], s * applied[:, 0] + c * applied[:, 1]), axis=1)
