@@ -12,8 +12,8 @@ Humanoids stand on flat feet, rectangles inside the soles of their collision geo
   sole's frame.
 - G1: of the four spheres under each foot, the two at the front are 60 mm apart, those at the rear 50 mm, and 170 mm
   lie between front and rear.
-- iCub: the bottom of the foot's mesh is 156 mm by 61 mm. The file places that mesh turned by a quarter turn about the
-  vertical, its length sideways; the rectangle has the length to the front, where the link's centre of mass is.
+- iCub: the bottom of the foot's mesh reaches from x = −0.029 to 0.127 m and y = ±0.030 m of the sole's frame; its
+  corners are cut off. (Its mesh files are drawn with y up, which has to be undone: ``view/scene/robot_nodes.py``.)
 """
 
 from __future__ import annotations
@@ -293,7 +293,7 @@ CATALOGUE: dict[str, CatalogueRobot] = {
         _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.175, 0.08727, -0.35, -0.175, -0.08726)
         | _legs("l r", "shoulder_roll shoulder_yaw elbow", 0.35, 0.5, 0.5)
         | {"torso_yaw": -0.05236},
-        flat_feet=_both("l_sole r_sole", FlatFoot(length=0.15, width=0.06, centre=(0.03, 0.0, 0.0))),
+        flat_feet=_both("l_sole r_sole", FlatFoot(length=0.15, width=0.06, centre=(0.05, 0.0, 0.0))),
         facing=np.pi,
     ),
     "g1": CatalogueRobot(  # no SRDF; the sole is among the four spheres under each foot

@@ -175,3 +175,25 @@ def test_what_is_told_of_friction_is_about_the_normal(run):
     margin = next(chart for chart in charts if "friction margin" in chart.title)
     values = np.concatenate([np.asarray(line.values, dtype=float) for line in margin.lines])
     assert np.nanmin(values) > -1e-6
+
+
+@needs_robots
+@pytest.mark.parametrize(("name", "turned"), [("icub", True), ("borinot", False), ("hextilt", False), ("go1", False)])
+def test_meshes_with_y_up_are_turned_where_that_fits_the_links(name, turned):
+    robot = hp.load_robot(name)
+    folders = [str(folder) for folder in robot.urdf.resolve().parents]
+    plain = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL, package_dirs=folders)
+    for shape, read in zip(load_visuals(robot), plain.geometryObjects, strict=True):
+        change = (read.placement.inverse() * shape.placement).rotation
+        expected = pin.utils.rotate("x", 0.5 * np.pi) if turned else np.eye(3)
+        np.testing.assert_allclose(change, expected, atol=1e-12)
+
+
+@needs_robots
+def test_the_shanks_of_icub_reach_from_knee_to_ankle():
+    robot = hp.load_robot("icub")
+    ankle = robot.model.jointPlacements[robot.model.getJointId("l_ankle_pitch")].translation
+    shank = next(shape for shape in load_visuals(robot) if shape.name.startswith("l_lower_leg"))
+    corners = np.asarray(shank.geometry.vertices()) @ shank.placement.rotation.T + shank.placement.translation
+    along = corners @ ankle / np.linalg.norm(ankle)
+    assert along.min() < 0.0 and along.max() == pytest.approx(np.linalg.norm(ankle), abs=0.02)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import coal  # type: ignore[import-untyped]
 import numpy as np
@@ -41,6 +42,10 @@ from harpy_pin.view.scene.nodes import (
 
 GREY, CARBON, ROD = (Look(colour, light="body") for colour in ("#666b75", "#22252a", "#bfc2c7"))
 HINT = "meshes are looked for in the folders above the file and those of $ROS_PACKAGE_PATH"
+Y_UP = pin.SE3(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), np.zeros(3))
+"""Placement of a mesh whose y axis points up."""
+HEADER = 1 << 14
+"""Bytes of a COLLADA file within which it names its axis."""
 MOTOR_TOLERANCE = 0.02
 """How far the thigh's centre of mass may be from the knee motor's place, m."""
 
@@ -124,7 +129,31 @@ def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
         reason = str(error).strip().splitlines()[0] if str(error).strip() else "unreadable mesh"
         warnings.warn(f"visuals of '{robot.urdf}' not drawn ({reason}); drawing a skeleton; {HINT}", stacklevel=2)
         return []
+    _stand_up(robot.model, list(shapes.geometryObjects))
     return list(shapes.geometryObjects)
+
+
+def _stand_up(model: pin.Model, shapes: list[pin.GeometryObject]) -> None:
+    """Turn the meshes of COLLADA files whose y axis points up, if the links' centres of mass lie nearer to them then.
+
+    Some URDFs are written for readers that turn such files (Gazebo's), some for those that do not (RViz, Pinocchio), and
+    none says for which.
+    """
+    files = [shape for shape in shapes if _has_y_up(shape.meshPath)]
+    apart = np.zeros(2)
+    for shape in files:
+        centre = shape.placement.actInv(model.inertias[shape.parentJoint].lever)
+        corners = np.asarray(shape.geometry.vertices())
+        for k, turned in enumerate((corners, corners @ Y_UP.rotation.T)):
+            apart[k] += np.linalg.norm(np.clip(centre, turned.min(axis=0), turned.max(axis=0)) - centre)
+    if apart[1] < apart[0]:
+        for shape in files:
+            shape.placement = shape.placement * Y_UP
+
+
+def _has_y_up(path: str) -> bool:
+    """Whether a mesh file says that its y axis points up."""
+    return Path(path).suffix.lower() == ".dae" and b"Y_UP" in Path(path).read_bytes()[:HEADER]
 
 
 def _primitive(shape: coal.CollisionGeometry) -> Shape | None:
