@@ -136,8 +136,8 @@ def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
 def _stand_up(model: pin.Model, shapes: list[pin.GeometryObject]) -> None:
     """Turn the meshes of COLLADA files whose y axis points up, if the links' centres of mass lie nearer to them then.
 
-    Some URDFs are written for readers that turn such files (Gazebo's), some for those that do not (RViz, Pinocchio), and
-    none says for which.
+    Some URDFs are written for readers that turn such files (Gazebo), some for those that do not (RViz, Pinocchio); none
+    says for which.
     """
     files = [shape for shape in shapes if _has_y_up(shape.meshPath)]
     apart = np.zeros(2)
