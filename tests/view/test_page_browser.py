@@ -23,6 +23,8 @@ from harpy_pin.view.page.film import Film
 
 SLIDES = 0.6
 """From this time on the left foot slides whenever it is on the ground, s."""
+FPS = 50.0
+"""Frames per second of the page."""
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +36,7 @@ def run(robot: Robot) -> Run:
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory, run: Run, robot: Robot) -> str:
-    return write_html([(run, robot)], tmp_path_factory.mktemp("page") / "walk.html", fps=50.0).as_uri()
+    return write_html([(run, robot)], tmp_path_factory.mktemp("page") / "walk.html", fps=FPS).as_uri()
 
 
 def show(browser: Any, address: str, *, width: int = 1000, height: int = 640) -> Any:
@@ -125,12 +127,15 @@ def test_cone_is_red_where_the_log_says_that_the_foot_slides(page: Any, run: Run
 
 
 def check_together(page: Any, run: Run, time: float) -> None:
-    """Robot, charts, slider and clock show this time."""
-    assert page.evaluate("replay.time") == pytest.approx(time, abs=0.003)
+    """Robot, charts, slider, clock and numbers show the frame next to this time."""
+    assert page.evaluate("replay.time") == pytest.approx(time, abs=0.5 / FPS + 0.003)
     row = round(1e3 * page.evaluate("replay.time"))
     place = page.evaluate(f"(() => {{ const p = {node('robot/root_joint')}.position; return [p.x, p.y, p.z]; }})()")
     np.testing.assert_allclose(place, run["q"][row, :3], atol=0.002)
-    assert page.evaluate("Number(document.getElementById('time').value)") == pytest.approx(time, abs=0.003)
+    slider = page.evaluate("Number(document.getElementById('time').value)")
+    assert slider == pytest.approx(page.evaluate("replay.time"), abs=1e-3)
+    sideways = page.locator(".chart", has_text="sideways").locator("output").first.text_content()
+    assert float(sideways) == pytest.approx(1e3 * run["q"][row, 1], rel=5e-3, abs=1e-3)
     assert page.evaluate("document.getElementById('clock').textContent") == f"{page.evaluate('replay.time'):.2f} s"
     heads = page.evaluate(
         "replay.charts.plots.map((u) => [u.over.querySelector('.head').getBoundingClientRect().left"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.model.state import Vector
-from harpy_pin.view.page.charts import Chart, Clock, charts_of
+from harpy_pin.view.page.charts import Chart, Clock, Line, charts_of
 from harpy_pin.view.page.shown import Shown, headline, scoreboard, telling_moment
 from harpy_pin.view.palette import (
     APPLIED,
@@ -88,7 +88,7 @@ def _page_content(shown: Sequence[Shown]) -> dict[str, Any]:
         "duration": max(float(one.frames.time[-1]) for one in shown),
         "fps": max(one.frames.fps for one in shown),
         "runs": [_run_content(one) for one in shown],
-        "charts": _encode(charts_of(shown), [one.frames.run["t"] for one in shown]),
+        "charts": _encode(charts_of(shown), shown),
         "scores": [vars(score) for score in scores],
     }
 
@@ -108,25 +108,36 @@ def _run_content(one: Shown) -> dict[str, Any]:
     }
 
 
-def _encode(charts: Sequence[Chart], times: Sequence[Vector]) -> dict[str, Any]:
-    """Charts as the page reads them: one row of times for all lines, extremes over equal spans, null for no value."""
-    clock = Clock.of([time - time[0] for time in times])
+def _encode(charts: Sequence[Chart], shown: Sequence[Shown]) -> dict[str, Any]:
+    """Charts as the page reads them: one row of times for all lines, extremes over equal spans, null for no value.
+
+    Each line has its values at the frames, too: the numbers beside it are those of the scene's instant.
+    """
+    times = [one.frames.run["t"] - one.frames.run["t"][0] for one in shown]
+    clock, frames = Clock.of(times), max((one.frames.time for one in shown), key=len)
     return {
         "time": np.round(clock.points, 6).tolist(),
+        "frames": np.round(frames, 6).tolist(),
         "charts": [
             vars(chart)
             | {"level": None if chart.level is None else {"value": chart.level[0], "label": chart.level[1]}}
-            | {"lines": [_encode_line(vars(line), clock) for line in chart.lines]}
+            | {"lines": [_encode_line(line, clock, frames) for line in chart.lines]}
             for chart in charts
         ],
     }
 
 
-def _encode_line(line: dict[str, Any], clock: Clock) -> dict[str, Any]:
+def _encode_line(line: Line, clock: Clock, frames: Vector) -> dict[str, Any]:
     """A line with few digits and few points."""
-    values = clock.thin(line["time"], line["values"]).tolist()
-    short = [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values]
-    return {name: line[name] for name in ("label", "colour", "dashed", "filled")} | {"values": short}
+    style = {name: getattr(line, name) for name in ("label", "colour", "dashed", "filled")}
+    row = np.minimum(np.searchsorted(line.time, frames - 0.5 * clock.period), len(line.time) - 1)
+    at_frames = np.where(frames <= line.time[-1] + clock.period, line.values[row], np.nan)
+    return style | {"values": _short(clock.thin(line.time, line.values)), "shown": _short(at_frames)}
+
+
+def _short(values: Vector) -> list[float | None]:
+    """Numbers of few digits; None where there is none."""
+    return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _key(shown: Sequence[Frames]) -> list[dict[str, str]]:

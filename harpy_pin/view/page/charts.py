@@ -86,8 +86,8 @@ class _Charts:
         tangential, bound = _where(contacts.touching, contacts.tangential), None
         if contacts.mu is not None:
             bound = contacts.mu * normal
-            margin = self.lines(self.feet, bound - tangential)
-            yield Chart("Feet", "friction margin μ·f_z − |f_t|", "N", margin, level=(0.0, "slides below"))
+            margin = self.lines(self.feet, _where(contacts.touching, contacts.margin))
+            yield Chart("Feet", "friction margin μ·f_z − |f_t|", "N", margin, level=(0.0, "none left"))
         for k, given in enumerate(self.lines(self.feet, tangential)):
             lines = [] if bound is None else [self.line("μ·f_z", FRICTION, bound[:, k], filled=True)]
             lines.append(replace(given, label="|f_t| given"))

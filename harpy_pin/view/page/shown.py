@@ -130,7 +130,7 @@ def telling_moment(frames: Frames) -> Moment:
         return Moment(float(time[row]), f"{feet[foot]} {how}", power)
     if contacts.mu is not None:
         settled = time >= (START if time[-1] > 4.0 * START else 0.0)
-        used = np.where(loaded & settled[:, None] & np.isfinite(contacts.used), contacts.used, 0.0)
+        used = np.where(loaded & ~contacts.slides & settled[:, None] & np.isfinite(contacts.used), contacts.used, 0.0)
         row, foot, share = _largest(used)
         if share > 0.0:
             return Moment(float(time[row]), f"{feet[foot]} uses {100.0 * share:.0f} % of its friction", 0.0)

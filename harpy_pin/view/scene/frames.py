@@ -186,12 +186,20 @@ class Contacts:
     def used(self) -> Vector:
         """(...,) tangential force as a share of what friction allows: 1 on the cone, more outside.
 
-        It is zero without contact, and infinite for any tangential force where there is no friction.
+        It is zero without contact, and infinite for any tangential force where there is no friction. A foot that slides
+        uses all that there is, which is less than static friction.
         """
         assert self.mu is not None
         bound, tangential = self.mu * self.normal, self.tangential
         share = np.divide(tangential, bound, out=np.full(bound.shape, np.inf), where=bound > 0.0)
-        return np.where(self.touching & (tangential > 0.0), share, 0.0)
+        return np.where(self.touching & (tangential > 0.0), np.maximum(share, self.slides), 0.0)
+
+    @property
+    def margin(self) -> Vector:
+        """(...,) the tangential force that friction has left, N; none while a foot slides."""
+        assert self.mu is not None
+        margin = self.mu * self.normal - self.tangential
+        return np.where(self.slides, np.minimum(margin, 0.0), margin)
 
 
 def _require_match(run: Run, robot: Robot) -> None:

@@ -2,7 +2,7 @@
 const HEIGHT = 96, LEAST_SPAN = 0.05;
 
 function make_charts(content, on_seek) {
-  const { time, charts } = content.charts;
+  const { time, frames, charts } = content.charts;
   const end = Math.max(content.duration, time[time.length - 1], 1e-3);
   const view = { min: 0, max: end }, made = [];
   let now = 0;
@@ -51,7 +51,7 @@ function make_charts(content, on_seek) {
     now = t;
     const span = view.max - view.min;
     if (t < view.min - 1e-9 || t > view.max + 1e-9) { look_at(t - 0.1 * span, span); return; }
-    const row = row_at(time, t);
+    const row = row_at(frames, t);
     for (const one of made) one.mark(t, row);
   }
 
@@ -111,7 +111,7 @@ function make_charts(content, on_seek) {
         const place = (t - view.min) / (view.max - view.min) * plot.over.clientWidth;
         head.style.transform = "translateX(" + place + "px)";
         chart.lines.forEach((line, k) => {
-          const value = line.values[row];
+          const value = line.shown[row];
           outputs[k].textContent = value === null ? "–" : Math.abs(value) < 5e-4 ? "0" : Number(value.toPrecision(3)).toString();
         });
       },

@@ -7,7 +7,7 @@ async function start() {
   const scenes = content.runs.map(make_scene);
   const slider = find("time"), moves = scenes.some((scene) => scene.moves);
   let now = 0, playing = false, before = 0, speed = 1;
-  const charts = make_charts(content, (time) => { pause(); show(time); });
+  const charts = make_charts(content, seek);
   slider.max = duration;
 
   function show(time) {
@@ -17,6 +17,12 @@ async function start() {
     charts.set_time(now);
     slider.value = now;
     find("clock").textContent = (begin + now).toFixed(2) + " s";
+  }
+  // At rest the scene and all numbers are of the same instant, that of a frame.
+  function seek(time) {
+    pause();
+    const frames = content.charts.frames;
+    show(frames[row_at(frames, time + 0.5 / content.fps)]);
   }
   function pause() {
     playing = false;
@@ -38,20 +44,19 @@ async function start() {
     if (playing) show(now + speed * passed > duration ? 0 : now + speed * passed);
   }
 
-  find("play").addEventListener("click", () => (playing ? pause() : play()));
-  slider.addEventListener("input", () => { pause(); show(Number(slider.value)); });
+  find("play").addEventListener("click", () => (playing ? seek(now) : play()));
+  slider.addEventListener("input", () => seek(Number(slider.value)));
   find("speed").addEventListener("change", (event) => { speed = Number(event.target.value); });
   find("moment").textContent = "⚑ " + (begin + content.moment.time).toFixed(2) + " s: " + content.moment.reason;
   find("moment").title = find("moment").textContent;
-  find("moment").addEventListener("click", () => { pause(); show(content.moment.time); });
+  find("moment").addEventListener("click", () => seek(content.moment.time));
   find("fold").addEventListener("click", () => document.body.classList.toggle("folded"));
   window.addEventListener("keydown", (event) => {
     if (event.target.tagName === "SELECT") return;
-    if (event.code === "Space") { event.preventDefault(); if (playing) pause(); else play(); }
+    if (event.code === "Space") { event.preventDefault(); if (playing) seek(now); else play(); }
     if (event.code === "ArrowLeft" || event.code === "ArrowRight") {
       event.preventDefault();
-      pause();
-      show(now + (event.code === "ArrowLeft" ? -1 : 1) / content.fps);
+      seek(now + (event.code === "ArrowLeft" ? -1 : 1) / content.fps);
     }
   });
 
@@ -59,8 +64,7 @@ async function start() {
   const wish = new URLSearchParams(location.hash.slice(1));
   if (wish.has("still")) document.body.classList.add("still");
   if (wish.has("bare")) document.body.classList.add("bare");
-  pause();
-  show(wish.has("t") ? Number(wish.get("t")) - begin : wish.has("play") ? 0 : content.moment.time);
+  seek(wish.has("t") ? Number(wish.get("t")) - begin : wish.has("play") ? 0 : content.moment.time);
   if (!moves) find("bar").style.display = "none";
   window.replay = {
     content, scenes, charts, play, pause,
