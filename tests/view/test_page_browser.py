@@ -135,7 +135,8 @@ def check_together(page: Any, run: Run, time: float) -> None:
     slider = page.evaluate("Number(document.getElementById('time').value)")
     assert slider == pytest.approx(page.evaluate("replay.time"), abs=1e-3)
     sideways = page.locator(".chart", has_text="sideways").locator("output").first.text_content()
-    assert float(sideways) == pytest.approx(1e3 * run["q"][row, 1], rel=5e-3, abs=1e-3)
+    frame = round(1e3 * np.floor(page.evaluate("replay.time") * FPS + 1e-3) / FPS)
+    assert float(sideways) == pytest.approx(1e3 * run["q"][frame, 1], rel=5e-3, abs=1e-3)
     assert page.evaluate("document.getElementById('clock').textContent") == f"{page.evaluate('replay.time'):.2f} s"
     heads = page.evaluate(
         "replay.charts.plots.map((u) => [u.over.querySelector('.head').getBoundingClientRect().left"
