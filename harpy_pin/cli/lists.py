@@ -6,28 +6,32 @@ import re
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from harpy_pin import __version__
 from harpy_pin.cli.output import console, say_next
-from harpy_pin.cli.walk_options import UrdfOption
+from harpy_pin.cli.walk_options import ROBOTS, FeetOption, read_robot_options
 from harpy_pin.errors import install_line
 
 
-def info(urdf: UrdfOption = None) -> None:
-    """Print the robot's numbers, versions, and where examples are."""
+def info(named: Annotated[str, typer.Option("--robot", help=ROBOTS)] = "harpy", feet: FeetOption = None) -> None:
+    """Print a robot's numbers, versions, and where examples are."""
     from harpy_pin.log.run import describe_versions
-    from harpy_pin.model.robot import load_harpy
+    from harpy_pin.model.source import loaded_robot
 
-    robot = load_harpy(urdf)
+    robot = loaded_robot(read_robot_options(named, feet, None))
     model = robot.model
     table = Table(
         *("joint", "lower rad", "upper rad", "torque N·m", "armature kg·m²"),
         title=f"{robot.name}: {robot.mass:.3f} kg, nq {model.nq}, nv {model.nv}",
-        caption=f"feet {', '.join(robot.feet)}\nthrusters {', '.join(robot.thrusters)}, {robot.thrust_limit:g} N each",
+        caption=f"feet {', '.join(robot.feet) or 'none'}",
     )
+    if robot.thrusters:
+        limit = f"{robot.thrust_limit:g} N each" if np.isfinite(robot.thrust_limit) else "no limit"
+        table.caption = f"{table.caption}\nthrusters {', '.join(robot.thrusters)}, {limit}"
     rows = zip(robot.joints, robot.joint_lower, robot.joint_upper, robot.torque_limit, model.armature[6:], strict=True)
     for name, lower, upper, torque, armature in rows:
         table.add_row(name, f"{lower:.2f}", f"{upper:.2f}", f"{torque:.1f}", f"{armature:g}")
@@ -96,7 +100,8 @@ def settings(
         meaning = re.sub(r":\w+:`[~!]?([^`]*)`", r"\1", setting.meaning).replace("``", "")
         table.add_row(setting.name, default, owners + meaning)
     _console(140).print(table)
-    say_next(f"harpy walk --set {found[-1].name}=VALUE")
+    given = [setting for setting in found if isinstance(setting.default, str | float | int)]
+    say_next(f"harpy walk --set {given[-1].name}={given[-1].default}" if given else "harpy settings")
 
 
 def _console(width: int) -> Console:

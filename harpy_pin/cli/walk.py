@@ -35,6 +35,7 @@ def walk(
     settings: options.SetOption = None,
     duration: options.DurationOption = None,
     save: Annotated[Path | None, typer.Option(metavar="FILE.npz", help="Write the log of the run.")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE.html", help="Write its replay as a page.")] = None,
     again: Annotated[
         Path | None, typer.Option(metavar="RUN.npz", help="Walk the scenario of this log again, with no other options.")
     ] = None,
@@ -55,7 +56,7 @@ def walk(
     """
     journal = None if save is None else journal_path(save)
     check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
-    check_outputs({"--save": save, "--json": json})
+    check_outputs({"--save": save, "--html": html, "--json": json})
     choices: dict[str, Any] = {"robot": robot, "feet": feet, "posture": posture, "friction": friction}
     choices |= {"speed": speed, "push": push, "duration": duration}
     given = {name: value for name, value in choices.items() if value is not None}
@@ -72,7 +73,7 @@ def walk(
     run, trouble = _run(scenario, save=save)
     # Once it is interrupted, what is left to be written is: the next Ctrl-C waits.
     with Shield(saving=isinstance(trouble, Interrupted)) as shield:
-        code = _report(scenario, run, trouble, save=save, json=json)
+        code = _report(scenario, run, trouble, save=save, html=html, json=json)
         shield.late = None
     if code:
         raise typer.Exit(code)
@@ -98,6 +99,7 @@ def _report(
     trouble: ControlError | Interrupted | RunFileError | None,
     *,
     save: Path | None,
+    html: Path | None,
     json: Path | None,
 ) -> int:
     """Print the tables, write what was asked for, and return the exit code that the ending deserves."""
@@ -120,11 +122,16 @@ def _report(
         write_json(json, {**measures, "metadata": run.metadata})
     if isinstance(trouble, RunFileError):
         raise trouble
-    if save is None:
-        say_next("the same with --save walk.npz, then harpy view walk.npz")
-    elif not journal_path(save).exists():
+    shown = "the same with --html walk.html"
+    if save is not None and not journal_path(save).exists():
         console.print(f"log: {save}", soft_wrap=True)
-        say_next(f"harpy view {save}")
+        shown = f"harpy view {save}"
+    if html is not None:
+        from harpy_pin.view.page.replay import write_html
+
+        console.print(f"wrote {write_html(run, html)}", soft_wrap=True)
+        shown = f"open {html} in a browser"
+    say_next(shown)
     if trouble is not None:
         say(trouble)
         return INTERRUPTED if isinstance(trouble, Interrupted) else FELL

@@ -1,8 +1,9 @@
 """Well-known robots by name: their files in example-robot-data, their feet or rotors, and a posture.
 
 Postures are the reference configurations ``standing`` or ``half_sitting`` of each robot's SRDF, where there is one.
-iCub's knees are bent further, and its soles level: in its SRDF's posture the knees are nearly straight, and the centre
-of mass is 36 mm from the front edge of soles 150 mm long.
+iCub's knees are bent further, its soles level, and its centre of mass above their middle: in its SRDF's posture the
+knees are nearly straight, the soles tilt by 0.06 rad, and the centre of mass is 42 mm from the rear edge of soles
+150 mm long.
 
 Dry friction in the joints is left out: the files of Go1, Talos and hextilt have one round number for many joints.
 
@@ -290,7 +291,7 @@ CATALOGUE: dict[str, CatalogueRobot] = {
     "icub": CatalogueRobot(
         "icub_description/robots/icub.urdf",
         ("l_sole", "r_sole"),
-        _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.175, 0.08727, -0.35, -0.175, -0.08726)
+        _legs("l r", "hip_pitch hip_roll knee ankle_pitch ankle_roll", 0.122, 0.08727, -0.35, -0.228, -0.08726)
         | _legs("l r", "shoulder_roll shoulder_yaw elbow", 0.35, 0.5, 0.5)
         | {"torso_yaw": -0.05236},
         flat_feet=_both("l_sole r_sole", FlatFoot(length=0.15, width=0.06, centre=(0.05, 0.0, 0.0))),

@@ -222,6 +222,25 @@ def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, m
     assert len(opened) == 1
 
 
+def test_a_walk_writes_its_page(command, tmp_path):
+    page = tmp_path / "walk.html"
+    code, out, _ = command("walk", "--duration", "0.1", "--html", page)
+    assert code == 0
+    assert page.read_text().startswith("<!DOCTYPE html>")
+    assert " ".join(out.split()).endswith(f"next: open {page} in a browser")
+
+
+def test_info_of_harpy(command):
+    assert "thrusters left_thruster, right_thruster, 53 N each" in " ".join(command("info")[1].split())
+
+
+@needs_robots
+def test_info_of_go2(command):
+    code, out, _ = command("info", "--robot", "go2")
+    assert (code, "thrusters" in out) == (0, False)
+    assert "FL_hip_joint" in out
+
+
 def test_harpy_alone_shows_six_first_things_that_are_commands(command):
     code, out, _ = command()
     assert (code, len(named := re.findall(r"^  harpy (\w+)", out, re.M))) == (0, 6)
