@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
+from comparison.measure.complementary import complementary
 from comparison.measure.estimates import contacts, off
 from comparison.measure.walking import walk_as_far_as_it_goes
 from comparison.peers.environment import default_folder
@@ -19,6 +20,7 @@ from comparison.studies.worlds import random_walk
 from comparison.study import Job, Study, View, fell, median, most, where
 from comparison.worlds import walk as others
 from comparison.worlds.models import FEET, ROBOTS
+from harpy_pin.model.source import loaded_robot
 
 HARPY, HARPY_PUSH = "harpy", 3.0
 """Its pushes, N·s."""
@@ -49,6 +51,8 @@ def walked(job: Job) -> dict[str, Any]:
     run = walk_as_far_as_it_goes(replace(scenario, state=job["state"], sensors=hp.Imu(), disturbances=disturbances))
     found: dict[str, Any] = {"fell": run.ending != "completed"}
     found |= off(run["q"], run["v"], run["estimated_q"], run["estimated_v"])
+    plain = off(run["q"], run["v"], *complementary(run, loaded_robot(job["robot"])))
+    found |= {f"plain_{name}": plain[name] for name in ("drift", "velocity_cm_s", "tilt_deg")}
     return found | contacts(run["foot_force"][:, :, 2], run["contact_probability"])
 
 
@@ -114,11 +118,15 @@ STUDY = Study(
                 "path": (where(median("trajectory_mm"), **_SEEN), "mm"),
                 "velocity": (where(median("velocity_cm_s"), **_SEEN), "cm/s"),
                 "tilt": (where(median("tilt_deg"), **_SEEN), "°"),
+                "complementary filter, drift": (where(median("plain_drift"), **_SEEN), "%"),
+                "complementary filter, velocity": (where(median("plain_velocity_cm_s"), **_SEEN), "cm/s"),
+                "complementary filter, tilt": (where(median("plain_tilt_deg"), **_SEEN), "°"),
                 "precision": where(median("precision"), **_SEEN),
                 "recall": where(median("recall"), **_SEEN),
             },
             note="Drift is the error of the displacement over the length of the way; path, velocity and tilt are rms "
-            "errors of the body; precision and recall those of the contacts. Medians of the walks that stand.",
+            "errors of the body; precision and recall those of the contacts. Medians of the walks that stand. The "
+            "complementary filter has the same readings and contacts.",
         ),
     ),
     only="robots",

@@ -1,0 +1,36 @@
+"""The complementary filter: exact without feet on exact readings, and near the truth on a walk."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+import harpy_pin as hp
+from comparison.measure.complementary import complementary
+from comparison.measure.estimates import off
+from harpy_pin.log.run import Run
+
+
+def test_it_follows_a_walk():
+    run = hp.walk(hp.Scenario(sensors=hp.Imu(), ground=hp.Ground(mu_s=0.8), duration=1.0))
+    error = off(run["q"], run["v"], *complementary(run, hp.load_harpy()))
+    assert error["drift"] < 5.0
+    assert error["velocity_cm_s"] < 5.0
+    assert error["tilt_deg"] < 1.0
+
+
+def test_it_is_exact_in_the_air():
+    robot, t = hp.load_harpy(), 1e-4 * np.arange(4000)
+    q, v, force = (
+        np.tile(pin.neutral(robot.model), (len(t), 1)),
+        np.zeros((len(t), robot.model.nv)),
+        np.zeros((len(t), 3)),
+    )
+    q[:, 0], v[:, 0], force[:, 0] = 0.05 * np.sin(8.0 * t), 0.4 * np.cos(8.0 * t), -3.2 * np.sin(8.0 * t)
+    force[:, 2] = 9.81
+    signals = {"t": t, "q": q, "v": v, "estimated_q": q, "estimated_v": v, "contact_probability": np.zeros((len(t), 2))}
+    run = Run({**signals, "gyroscope": np.zeros_like(force), "accelerometer": force}, {})
+    error = off(q, v, *complementary(run, robot))
+    assert error["trajectory_mm"] < 0.5
+    assert error["velocity_cm_s"] < 0.5
+    assert error["tilt_deg"] < 0.1
