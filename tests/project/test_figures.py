@@ -55,7 +55,7 @@ SENTENCES = {
         f"{{wide/variants|{BEST}|median slip|2}}.",
     ],
     "docs/limitations.md": [
-        "they fall where an ungoverned walk stands: in {limits/limits|condensed WBC|joint friction: fell} walks.",
+        "they fall where an ungoverned walk stands: in {limits/limits|condensed WBC|joint friction: fell} walks."
     ],
     "docs/friction.md": [
         f"at most {{{ICE}|filter governor, exact, estimate on|worst on ice, mm|2}} mm per step with exact "
