@@ -1,6 +1,6 @@
-"""Robots on two feet are pushed from eight sides at four instants of a step, in place and at half of their speed.
+"""Robots are pushed from eight sides at four instants of a step, in place and at half of their speed.
 
-The gait was tuned on as many pushes of the same sizes from directions and at instants half-way between these.
+The gait on two feet was tuned on as many pushes of the same sizes from directions and at instants half-way between these.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import harpy_pin as hp
 from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.studies.crossings import PLANTS
-from comparison.studies.walking import BIPEDS, GRAVITY, SINK
+from comparison.studies.walking import BIPEDS, GRAVITY, QUADRUPEDS, SINK
 from comparison.study import Job, Study, Value, View, grid, where
 from harpy_pin.view.figures import styled
 
@@ -44,10 +44,11 @@ def measured(job: Job) -> dict[str, Any]:
     gait = hp.WalkingGait(robot)
     time = round(WALKED + gait.step_duration * (job["instant"] + 0.5) / INSTANTS, 3)
     angle, impulse = 2.0 * np.pi * (job["side"] + 0.5) / SIDES, robot.mass * job["size"]
+    schedule = "step" if job["robot"] in BIPEDS else "trot"
     scenario = hp.Scenario(
         robot=job["robot"],
         plant=job["plant"],
-        gait=hp.Walking(schedule="step", velocity=((0.3, SPEEDS[job["speed"]] * gait.max_speed, 0.0, 0.0),)),
+        gait=hp.Walking(schedule=schedule, velocity=((0.3, SPEEDS[job["speed"]] * gait.max_speed, 0.0, 0.0),)),
         controller=hp.Condensed(),
         ground=hp.Ground(mu_s=FRICTION, stiffness=robot.mass * GRAVITY / SINK),
         disturbances=hp.Disturbances(pushes=(hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)),
@@ -92,12 +93,12 @@ def _figure(rows: Rows) -> Figure:
 
 STUDY = Study(
     name="pushes",
-    help="""Push robots on two feet from eight sides.
+    help="""Push robots from eight sides.
 
     At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. Needs the
     extra "robots".
     """,
-    defaults={"robots": BIPEDS, "plants": PLANTS, "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
+    defaults={"robots": (*QUADRUPEDS, *BIPEDS), "plants": PLANTS, "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
     quick={"robots": ("bolt",), "sizes": SIZES[:1], "sides": 1, "instants": 1},
     jobs=_jobs,
     measure=measured,
