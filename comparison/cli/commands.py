@@ -254,3 +254,19 @@ def public(
     with writing(json) as document, stages() as progress:
         document |= measure_public(data, partial(progress, "public"), **how)
     print_tables(public_tables(document), quick=quick)
+
+
+def recorded(
+    data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder with your clones of the repositories.")],
+    json: NumbersFile = None,
+) -> None:
+    """Estimate the state on a log that no one here recorded.
+
+    Reads clones of Contact-Aided-Invariant-EKF and cassie_description (UMich-BipedLab): Cassie walks ten seconds in
+    the simulation of the filter's authors, felt by an inertial unit, encoders and contacts.
+    """
+    from comparison.public.cassie import estimate_log, recorded_tables
+
+    with writing(json) as document:
+        document |= estimate_log(data)
+    print_tables(recorded_tables(document))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import typer
 
-from comparison.cli.commands import campaign, peers, public, tune, whole
+from comparison.cli.commands import campaign, peers, public, recorded, tune, whole
 from comparison.cli.results import results
 from comparison.cli.studies import STUDIES, command_of
 from harpy_pin.cli.ending import one_line_errors, stopping
@@ -26,6 +26,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     campaign: "campaign --quick --out campaign.jsonl",
     peers: "peers --install && python -m comparison peers --json peers.json",
     public: "public --data clones --json public.json",
+    recorded: "recorded --data clones --json recorded.json",
     **{command_of(study): f"{name} {study.example or f'--json {name}.json'}" for name, study in STUDIES.items()},
     tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
     results: "results docs/results.md --data out/results",

@@ -1,6 +1,6 @@
 """Robots are pushed from eight sides at four instants of a step, in place and at half of their speed.
 
-The gait on two feet was tuned on as many pushes of the same sizes from directions and at instants half-way between these.
+The gait on two feet was tuned on as many pushes of the same sizes, with directions and instants half-way between these.
 """
 
 from __future__ import annotations
