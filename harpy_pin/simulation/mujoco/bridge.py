@@ -6,11 +6,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import HarpyError, InputError, shown
+from harpy_pin.estimation.imu import Imu
+from harpy_pin.estimation.readings import Readings
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.mjcf import plain_name
@@ -122,6 +125,54 @@ class MujocoBridge(Conventions):
             geoms, frames, places = contact.geom.astype(np.int64), contact.frame.copy(), contact.pos.copy()
             read_contacts(self._record, geoms, frames, places, self._wrench, position, force)
         return State(data.time, q, v, position, velocity, force)
+
+    @cached_property
+    def imu(self) -> Imu:
+        """The place of the model's gyroscope and accelerometer on the robot's body, with the noise of :class:`Imu`.
+
+        Raises:
+            InputError: the model has not one of each there, or the two are apart.
+        """
+        return self._sensors[0]
+
+    def readings(self, data: Any) -> Readings:
+        """What gyroscope, accelerometer, encoders and motors of MuJoCo's data say, of the last step, without noise.
+
+        Args:
+            data: ``mujoco.MjData`` of the model.
+
+        Raises:
+            InputError: as of :attr:`imu`, or data that are none.
+        """
+        (gyroscope, accelerometer), places = self._sensors[1], self._record["conventions"]["position"][0]
+        try:
+            turning, felt = (data.sensordata[n : n + 3].copy() for n in (gyroscope, accelerometer))
+            torque = (data.qfrc_actuator if self._driven else data.qfrc_applied)[self.velocity]
+            return Readings(data.time, turning, felt, data.qpos[places], data.qvel[self.velocity], torque)
+        except AttributeError:
+            raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data) from None
+
+    @cached_property
+    def _sensors(self) -> tuple[Imu, tuple[int, int]]:
+        """The inertial unit, and where its two sensors are in ``sensordata``."""
+        model, here, kinds = self.model, self._at_zero, self._mujoco.mjtSensor
+        body, found = int(model.jnt_bodyid[self.free]), list[tuple[int, int]]()
+        for kind in (kinds.mjSENS_GYRO, kinds.mjSENS_ACCELEROMETER):
+            sites = {k: int(model.sensor_objid[k]) for k in np.flatnonzero(model.sensor_type == int(kind)).tolist()}
+            own = {k: site for k, site in sites.items() if here.link[model.site_bodyid[site]] == here.link[body]}
+            if len(own) != 1:
+                what = "gyroscope" if kind == kinds.mjSENS_GYRO else "accelerometer"
+                raise InputError(f"the MuJoCo model has {len(own) or 'no'} {what} on the robot's body", name="model")
+            found += own.items()
+        (first, site), (second, other) = found
+        places, axes = here.data.site_xpos, here.data.site_xmat
+        if not np.allclose(places[site], places[other], atol=1e-3) or not np.allclose(
+            axes[site], axes[other], atol=1e-3
+        ):
+            raise InputError("gyroscope and accelerometer of the MuJoCo model are apart", name="model")
+        turn = pin.rpy.matrixToRpy(axes[site].reshape(3, 3))
+        unit = Imu(position=tuple(places[site].tolist()), orientation=tuple(turn.tolist()))
+        return unit, (int(model.sensor_adr[first]), int(model.sensor_adr[second]))
 
     def write(self, command: Command, data: Any) -> None:
         """Write a command into the controls of MuJoCo's data.

@@ -1,0 +1,69 @@
+"""The sensors of a MuJoCo model as readings of the estimator, and a loop on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from needs import needs_robots
+from own_models import described, mujoco
+
+import harpy_pin as hp
+from harpy_pin import InputError, MujocoBridge
+
+pytestmark = needs_robots
+PLACE, TURN = (-0.02, 0.01, 0.04), (0.3, -0.2, 1.0)
+GYROSCOPE, ACCELEROMETER = mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS_ACCELEROMETER
+SITE = mujoco.mjtObj.mjOBJ_SITE
+
+
+def sensing(robot, *, body="base", kinds=(GYROSCOPE, ACCELEROMETER), apart=0.0):
+    """Go2 in MuJoCo, with sensors at a site of a body."""
+    spec = described(robot, actuators="motor")
+    x, y, z, w = pin.Quaternion(pin.rpy.rpyToMatrix(*TURN)).coeffs()
+    for n, kind in enumerate(kinds):
+        spec.body(body).add_site(name=f"unit_{n}", pos=PLACE + np.array([n * apart, 0, 0]), quat=(w, x, y, z))
+        spec.add_sensor(name=f"sensor_{n}", type=kind, objtype=SITE, objname=f"unit_{n}")
+    return spec.compile()
+
+
+def test_a_robot_stands_on_what_the_models_sensors_say():
+    robot = hp.load_robot("go2")
+    bridge, gait = MujocoBridge(sensing(robot), robot), hp.Standing(robot)
+    np.testing.assert_allclose(bridge.imu.position, PLACE, atol=1e-9)
+    np.testing.assert_allclose(bridge.imu.rotation, pin.rpy.rpyToMatrix(*TURN), atol=1e-9)
+    data, period = mujoco.MjData(bridge.model), float(bridge.model.opt.timestep)
+    controller = hp.make_controller("condensed", gait, mu=0.6, period=period)
+    estimator = hp.Estimator(robot, bridge.imu, period=period)
+    q, v = gait.initial_state()
+    bridge.place((q, v), data)
+    mujoco.mj_forward(bridge.model, data)
+    estimator.reset(q, v)
+    for _ in range(round(1.0 / period)):
+        state = estimator.step(bridge.readings(data), controller.target)
+        bridge.write(controller.step(state), data)
+        mujoco.mj_step(bridge.model, data)
+    true = bridge.read(data)
+    np.testing.assert_allclose(state.q[:3], true.q[:3], atol=0.01)
+    assert pin.Quaternion(state.q[3:7]).angularDistance(pin.Quaternion(true.q[3:7])) < 0.02
+    axes, readings = bridge.imu.rotation.T, bridge.readings(data)
+    upright = pin.Quaternion(true.q[3:7]).toRotationMatrix().T @ [0.0, 0.0, 9.81]
+    np.testing.assert_allclose(readings.accelerometer, axes @ upright, atol=0.3)
+    np.testing.assert_allclose(readings.gyroscope, axes @ true.v[3:6], atol=0.05)
+    np.testing.assert_allclose(readings.joint_position, true.q[7:])
+
+
+@pytest.mark.parametrize(
+    ("how", "what"),
+    [
+        ({"kinds": (ACCELEROMETER,)}, "no gyroscope"),
+        ({"kinds": (GYROSCOPE,)}, "no accelerometer"),
+        ({"kinds": (GYROSCOPE, GYROSCOPE, ACCELEROMETER)}, "2 gyroscope"),
+        ({"body": "FL_calf"}, "no gyroscope"),
+        ({"apart": 0.1}, "apart"),
+    ],
+)
+def test_sensors_that_are_no_inertial_unit(how, what):
+    robot = hp.load_robot("go2")
+    with pytest.raises(InputError, match=what):
+        _ = MujocoBridge(sensing(robot, **how), robot).imu
