@@ -29,6 +29,8 @@ SIZES = (0.4, 0.6)
 """Impulses of pushes of 0.1 s over the mass, m/s."""
 SPEEDS = {"in place": 0.0, "at half speed": 0.5}
 """As shares of the largest speed."""
+MOST = 5
+"""Discs of the figure side by side."""
 _STOOD = ("#c8553d", "#e9c46a", "#2c6e9b")
 """Colours: no push is stood, the smaller, both."""
 
@@ -73,17 +75,20 @@ def _figure(rows: Rows) -> Figure:
 
     discs, sizes = grouped(rows, "plant", "robot"), sorted({row["size"] for row in rows})
     plants, robots = ([*dict.fromkeys(names)] for names in zip(*discs, strict=True))
-    figure = Figure(figsize=(1.75 * len(robots), 1.95 * len(plants) + 0.5), layout="constrained")
-    panels = figure.subplots(len(plants), len(robots), squeeze=False, subplot_kw={"projection": "polar"})
+    lines, columns = -(-len(robots) // MOST), min(len(robots), MOST)
+    figure = Figure(figsize=(1.75 * columns, 1.95 * lines * len(plants) + 0.5), layout="constrained")
+    panels = figure.subplots(lines * len(plants), columns, squeeze=False, subplot_kw={"projection": "polar"})
+    for panel in panels.flat:
+        panel.set_axis_off()
     for (plant, robot), mine in discs.items():
-        panel = panels[plants.index(plant)][robots.index(robot)]
+        line, column = divmod(robots.index(robot), MOST)
+        panel = panels[lines * plants.index(plant) + line][column]
         panel.set_theta_zero_location("N")
         for (speed, side, instant), same in grouped(mine, "speed", "side", "instant").items():
             sides, instants = (1 + max(row[name] for row in mine) for name in ("side", "instant"))
             stood = sum(row["stands"] for row in same) * len(_STOOD) // (len(sizes) + 1)
             ring, angle = [*SPEEDS].index(speed) * (instants + 0.5) + instant + 1.0, 2.0 * np.pi * (side + 0.5) / sides
             panel.bar(angle, 1.0, 2.0 * np.pi / sides, ring, color=_STOOD[stood], edgecolor="white", linewidth=0.6)
-        panel.set_axis_off()
         panel.set_title(f"{robot}, {plant}", pad=0.0)
     words = ("falls", *(f"stands {size:g}" for size in sizes))
     patches = [Patch(color=_STOOD[n * len(_STOOD) // len(words)], label=word) for n, word in enumerate(words)]
