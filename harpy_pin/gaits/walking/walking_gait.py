@@ -31,6 +31,12 @@ from harpy_pin.model.tree import tree_record
 
 FULL_GRIP = 0.6
 """Friction coefficient from which on a robot on soles walks at its largest speed; below, at a share of it."""
+SLIPPERY, FIRM = 0.1, 0.2
+"""Friction coefficients between which a robot on soles steps more and more as on firm ground. Where it is slippery its
+feet stand close to each other, so that it sways less. They hand over the load quickly, because that is when they
+slip."""
+CLOSE, SWIFT = 0.025, 0.05
+"""There: distance between the two soles, m, and share of a step in which both are on the ground."""
 START = 1.6
 """Time for which it stands on every foot before the first step, in √(leg / g)."""
 CLEARANCE = 0.075
@@ -240,9 +246,23 @@ class WalkingGait(FollowsVelocity):
         return float(self._record_["max_speed"][0])
 
     def expect_friction(self, mu: float) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`: on soles the largest speed falls with it, if none was given."""
-        if self.robot.flat_feet and not self._chosen_speed:
-            self._record_["max_speed"] = self._fastest * min(mu / FULL_GRIP, 1.0)
+        """See :class:`~harpy_pin.gaits.gait.Gait`: on soles the largest speed falls with it, if none was given.
+
+        Below :data:`FIRM` steps change, too.
+        """
+        if not self.robot.flat_feet:
+            return
+        r, build, grip = self._record_, self._build, min(max((mu - SLIPPERY) / (FIRM - SLIPPERY), 0.0), 1.0)
+        if not self._chosen_speed:
+            r["max_speed"] = self._fastest * min(mu / FULL_GRIP, 1.0)
+        if grip < 1.0 and r["sways"][0]:
+            nominal, group = r["nominal"][0], r["group"][0]
+            close = CLOSE + max(float(np.ptp(build.point[build.foot == k, 1])) for k in range(len(build.place)))
+            apart = float(np.linalg.norm(r["middle"][0][1] - r["middle"][0][0]))
+            draw_together(nominal, group, min(close + grip * max(apart - close, 0.0), apart))
+            r["middle"][0] = [nominal[group == g].mean(axis=0) for g in range(len(r["middle"][0]))]
+            for name in ("slow_double_support", "fast_double_support"):
+                r[name] = SWIFT + grip * (r[name] - SWIFT)
 
     def observe(self, state: State) -> None:
         """See :class:`~harpy_pin.gaits.gait.Gait`; a state with entries that are not finite is ignored.
