@@ -21,7 +21,15 @@ from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.scenario import Compliant, Mujoco, PlantPart, Straight
 from harpy_pin.simulation.mujoco import installed_version
 
-WALKING = ("campaign/*.py", "measure/*.py", "joint_pd/*.py", "studies/*.py", "worlds/*.py", "contenders.py", "study.py")
+WALKING = (
+    "campaign/*.py",
+    "measure/*.[pc]*",
+    "joint_pd/*.py",
+    "studies/*.py",
+    "worlds/*.py",
+    "contenders.py",
+    "study.py",
+)
 """What of the comparison decides the outcome of a walk."""
 JOINT_DAMPING = 0.1
 """Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""
@@ -244,7 +252,7 @@ def _balanced(levels: Sequence[_Level], count: int, rng: np.random.Generator) ->
 
 
 def code_files() -> dict[str, Path]:
-    """The Python files that decide the outcome of a walk, by their path in the repository."""
+    """The files of source that decide the outcome of a walk, by their path in the repository."""
     found: dict[str, Path] = {}
     for folder, patterns in ((Path(harpy_pin.__file__).parent, ("**/*.py",)), (Path(__file__).parents[1], WALKING)):
         paths = [path for pattern in patterns for path in folder.glob(pattern)]

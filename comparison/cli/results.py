@@ -135,8 +135,7 @@ def _campaign(summary: dict[str, Any]) -> list[Table]:
 
 def _study(study: Study) -> tuple[str, Tables]:
     """Its command, which keeps what it has done, and the tables of its document."""
-    kept = "" if study.all_at_once is not None else f" --out {{folder}}/{study.name}.jsonl"
-    return f"{study.name}{kept}", lambda document: study.tables(document["walks"])
+    return f"{study.name} --out {{folder}}/{study.name}.jsonl", lambda document: study.tables(document["walks"])
 
 
 SOURCES: Mapping[str, tuple[str, Tables]] = {

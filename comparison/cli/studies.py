@@ -49,10 +49,10 @@ def command_of(study: Study) -> Callable[..., None]:
         with writing(json) as document, stages() as progress:
             document["walks"] = rows = study.run(partial(progress, study.name), quick=quick, path=out, **chosen)
         print_tables(study.tables(rows), quick=quick)
-        if figure is not None and study.figure is not None:
+        if figure is not None:
             study.figure(rows).savefig(figure)
 
-    lacking = {"only": not study.only, "figure": study.figure is None, "out": study.all_at_once is not None}
+    lacking = {"only": not study.only, "figure": study.draw is None}
     *parameters, _ = inspect.signature(command, eval_str=True).parameters.values()
     kept = [parameter for parameter in parameters if not lacking.get(parameter.name)]
     for name, text in study.options.items():

@@ -6,7 +6,7 @@ import hashlib
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -42,13 +42,6 @@ def silent(done: int, total: int) -> None:
     """Progress that nobody is told of."""
 
 
-def tracked(jobs: Sequence[_Job], progress: Progress) -> Iterator[_Job]:
-    """The jobs one by one; progress is called when the next one is asked for."""
-    for done, job in enumerate(jobs, start=1):
-        yield job
-        progress(done, len(jobs))
-
-
 def stage(progress: Callable[[str, int, int], None], what: str, total: int) -> Callable[[], None]:
     """Announce a stage of the work and its number of pieces; returns what to call after each piece."""
     progress(what, 0, total)
@@ -77,7 +70,7 @@ def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> 
             pool.shutdown(cancel_futures=True)
 
 
-def grouped(rows: Sequence[dict[str, Any]], *names: str) -> dict[tuple[Any, ...], Rows]:
+def grouped(rows: Iterable[dict[str, Any]], *names: str) -> dict[tuple[Any, ...], Rows]:
     """Rows with the same values of these entries together, by the values, in the order of the rows."""
     groups: dict[tuple[Any, ...], Rows] = {}
     for row in rows:

@@ -8,14 +8,15 @@ known to controllers and gait.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import BEST, controller_part, label
 from comparison.measure.walking import Rows, as_far_as_it_goes
-from comparison.study import STARTS, Job, Study, Value, View, grid, start_velocity
+from comparison.studies.grounds import ending_and_slip
+from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts
 from comparison.tables import Cell, cell_text
 from harpy_pin import Disturbances, Ground, Mujoco, Run, Scenario, Straight, build
 from harpy_pin.gaits import GaitParameters
@@ -49,13 +50,10 @@ def _jobs(s: Any) -> Iterator[Job]:
     """Every controller on every contact that is installed."""
     missing = installed_version() is None
     contacts = [name for name in s.contacts if not (missing and isinstance(CONTACTS[name], Mujoco))]
-    for case in grid(contact=contacts, friction=s.frictions, walker=s.walkers, start=range(s.starts)):
-        yield {**case, "duration": s.duration, "jitter": s.jitter, "seed": s.seed}
+    return grid(contact=contacts, friction=s.frictions, walker=s.walkers, **starts(s))
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """How a walk ended and when, per step of the walk ``path_mm``, ``creep_mm`` and ``net_mm``, and ``sliding``, the
-    share of the time on the ground."""
     friction, walker = job["friction"], job["walker"]
     scenario = Scenario(
         gait=Straight(stiffness=_stiffness(job["contact"], friction)),
@@ -76,19 +74,15 @@ def _stiffness(contact: str, friction: float) -> float:
 
 
 def _kept(run: Run, plant: Plant) -> dict[str, Any]:
-    """What is kept of a walk."""
+    """Beside ending and slip, creep in the same unit and the share of the time on the ground in which feet slide."""
     end, period = float(run.metadata["end_time"]), float(run.metadata["control_period"])
     steps = max(end / GaitParameters().step_duration, 1.0)
     touching = run["foot_force"][1:, :, 2] > HELD
     creep = _creep_speed(run, plant) * touching
     way = np.diff(run["slip_path"], axis=0)
     sliding = (way / period - creep > SLIDING) & touching
-    return {
-        "ending": run.ending,
-        "end_time_s": end,
-        "path_mm": 1e3 * float(run["slip_path"][-1].sum()) / steps,
+    return ending_and_slip(run) | {
         "creep_mm": 1e3 * period * float(creep.sum()) / steps,
-        "net_mm": 1e3 * float(run["slip_net"][-1].sum()) / steps,
         "sliding": float(sliding.sum()) / max(int(touching.sum()), 1),
     }
 
@@ -107,21 +101,17 @@ def _name(walker: str) -> str:
     return "gentle" if walker == GENTLE else label(walker)
 
 
-def _spread(name: str, scale: float = 1.0) -> Value:
+def _spread(name: str, rows: Rows, scale: float = 1.0) -> Cell:
     """Median, least and largest of the walks, in which a fall counts as more than any."""
-
-    def value(rows: Rows) -> Cell:
-        values = sorted(scale * row[name] if row["ending"] == "completed" else np.inf for row in rows)
-        middle = float(np.median(values))
-        if not np.isfinite(middle):
-            return Cell("", "", "fell")
-        return Cell("", "", middle, "", values[0], max(value for value in values if np.isfinite(value)))
-
-    return value
+    values = sorted(scale * row[name] if row["ending"] == "completed" else np.inf for row in rows)
+    middle = float(np.median(values))
+    if not np.isfinite(middle):
+        return Cell("", "", "fell")
+    return Cell("", "", middle, "", values[0], max(value for value in values if np.isfinite(value)))
 
 
 def _pair(rows: Rows) -> str:
-    medians = (_spread(name)(rows).value for name in ("path_mm", "net_mm"))
+    medians = (_spread(name, rows).value for name in ("path_mm", "net_mm"))
     return " / ".join(cell_text(Cell("", "", value)) for value in medians)
 
 
@@ -132,10 +122,8 @@ VIEWS = (
         row=lambda row: f"{row['contact']}: {_name(row['walker'])}",
         columns={
             "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
-            "path": (_spread("path_mm"), "mm"),
-            "creep": (_spread("creep_mm"), "mm"),
-            "net": (_spread("net_mm"), "mm"),
-            "sliding": (_spread("sliding", 1e2), "%"),
+            **{name: (partial(_spread, f"{name}_mm"), "mm") for name in ("path", "creep", "net")},
+            "sliding": (partial(_spread, "sliding", scale=1e2), "%"),
         },
         note="Median over the walks, with the least and the largest; a fall counts as more than any. Per step of the "
         "walk, both feet: path; what of it is creep by the contact's own law, from the forces; net displacement. "
@@ -160,14 +148,10 @@ STUDY = Study(
     installed. With it this takes many minutes.
     """,
     example="--out contacts.jsonl",
-    defaults=STARTS
-    | {
-        "contacts": tuple(CONTACTS),
-        "walkers": WALKERS,
-        "frictions": (0.25, 0.15),
-        "starts": 3,
-        "duration": 4.0,
-        "seed": 700,
+    defaults={
+        **STARTS,
+        **{"starts": 3, "duration": 4.0, "seed": 700},
+        **{"contacts": tuple(CONTACTS), "walkers": WALKERS, "frictions": (0.25, 0.15)},
     },
     quick={"contacts": ("ours", "MuJoCo default"), "frictions": (0.25,), "starts": 1, "duration": 1.5},
     jobs=_jobs,

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import label
-from comparison.study import Job, Study, Value, View, fell, grid, shown
+from comparison.measure.walking import Rows
+from comparison.study import Job, Study, View, fell, grid, shown
 from harpy_pin import Disturbances, Ground, Noise, Scenario, walk
 from harpy_pin.log.run import Run
 
@@ -70,30 +72,14 @@ def slips(run: Run, begin: float, end: float) -> dict[str, Any]:
 
 
 def _place(row: dict[str, Any]) -> str:
-    walker = row["walker"]
-    name = label(walker) if walker in ("condensed", "wbc") else f"{walker} governor"
-    return f"{name}, {row['sensors']}, estimate {'on' if row['estimate'] else 'off'}"
+    return f"{label(row['walker'])}, {row['sensors']}, estimate {'on' if row['estimate'] else 'off'}"
 
 
-def _of_all(name: str, put: Callable[[list[float]], float]) -> tuple[Value, str]:
+def _of_all(name: str, put: Callable[[list[float]], float], rows: Rows) -> float | None:
     """Of the steps of all walks."""
-    value = shown(name, lambda lists: [slip for found in lists for slip in found])
-    return lambda rows: put(found) if (found := value(rows)) else None, "mm"
+    found = [slip for row in rows for slip in row[name]]
+    return float(put(found)) if found else None
 
-
-VIEW = View(
-    name="ice_{plant}_{ice:g}",
-    title="A strip of {ice:g}, {plant} plant",
-    row=_place,
-    columns={
-        "fell": fell,
-        "median on ice": _of_all("ice_mm", lambda found: float(np.median(found))),
-        "worst on ice": _of_all("ice_mm", max),
-        "worst after": _of_all("after_mm", max),
-        "lowest estimate": shown("lowest_estimate", min),
-    },
-    note="Slip per step: path of both feet along the ground, over all steps of all walks, up to a fall.",
-)
 
 STUDY = Study(
     name="ice",
@@ -115,5 +101,19 @@ STUDY = Study(
     quick={"plants": ("compliant",), "walks": 1, "place": 0.3, "length": 0.3, "duration": 3.0},
     jobs=_jobs,
     measure=_measured,
-    views=(VIEW,),
+    views=[
+        View(
+            "ice_{plant}_{ice:g}",
+            "A strip of {ice:g}, {plant} plant",
+            row=_place,
+            columns={
+                "fell": fell,
+                "median on ice": (partial(_of_all, "ice_mm", np.median), "mm"),
+                "worst on ice": (partial(_of_all, "ice_mm", max), "mm"),
+                "worst after": (partial(_of_all, "after_mm", max), "mm"),
+                "lowest estimate": shown("lowest_estimate", min),
+            },
+            note="Slip per step: path of both feet along the ground, over all steps of all walks, up to a fall.",
+        )
+    ],
 )

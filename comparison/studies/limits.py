@@ -16,8 +16,8 @@ import numpy as np
 from comparison.campaign.plan import JOINT_DAMPING
 from comparison.campaign.walks import damped_harpy
 from comparison.contenders import LIMITED
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
-from comparison.study import STARTS, Job, Study, Value, View, fell, grid, kept, most, start_velocity, where
+from comparison.measure.walking import Rows
+from comparison.study import STARTS, Job, Study, Value, View, fell, grid, most, start_velocity, starts, walking, where
 from comparison.tables import number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario
 
@@ -42,13 +42,13 @@ ACTUATORS = {"bandwidth": "bandwidth", "viscous": "viscous_friction", "coulomb":
 
 def _jobs(s: Any) -> Iterator[Job]:
     cases = [{"kind": kind, "value": value} for kind in (*KNOWN, *UNKNOWN) for value in getattr(s, kind)]
-    for one in grid(start=range(s.starts), gait=s.gaits, friction=s.frictions, case=cases, walker=WALKERS):
+    for one in grid(**starts(s), gait=s.gaits, friction=s.frictions, case=cases, walker=WALKERS):
         case, governed = one.pop("case"), WALKERS[one["walker"]]["name"] == "governed"
         if one["gait"] == "straight" or not governed:  # which cannot turn
-            yield {**one, **case, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
+            yield one | case
 
 
-def scenario_of(job: Job) -> Scenario:
+def scenario(job: Job) -> Scenario:
     """What is walked; the controller knows its torque limits."""
     kind, value, controller = job["kind"], job["value"], dict(WALKERS[job["walker"]])
     share = value if kind == "torque" else 1.0
@@ -56,19 +56,16 @@ def scenario_of(job: Job) -> Scenario:
         parameters = controller.get("parameters", {})
         controller["parameters"] = {**parameters, "limits": {**parameters.get("limits", {}), "torque_scale": share}}
     unknown = {ACTUATORS[kind]: value} if kind in ACTUATORS else {}
-    actuators = Actuators(torque_share=share, **unknown)
     return Scenario(
         gait=GAITS[job["gait"]],
         controller=controller,
         ground=Ground(mu_s=job["friction"]),
-        disturbances=Disturbances(actuators=actuators, start_velocity=start_velocity(job)),
+        disturbances=Disturbances(
+            actuators=Actuators(torque_share=share, **unknown), start_velocity=start_velocity(job)
+        ),
         duration=job["duration"],
         urdf=damped_harpy(value * JOINT_DAMPING) if kind == "damping" else None,
     )
-
-
-def _measured(job: Job) -> dict[str, Any]:
-    return kept(walk_as_far_as_it_goes(scenario_of(job)), "slip_mm_per_step", "tracking_rms_mm", "distance_m")
 
 
 def _place(row: dict[str, Any]) -> str:
@@ -78,8 +75,7 @@ def _place(row: dict[str, Any]) -> str:
 
 def slip_or_falls(rows: Rows) -> str:
     """Falls, or the median slip."""
-    count = sum(row["fell"] for row in rows)
-    if count:
+    if count := sum(row["fell"] for row in rows):
         return f"fell {count}/{len(rows)}"
     return number_text(float(np.median([row["slip_mm_per_step"] for row in rows])), 2)
 
@@ -91,8 +87,8 @@ def _of(kinds: dict[str, str], what: Value) -> Value:
 _WORST = where(most("slip_mm_per_step"), fell=False)
 VIEWS = (
     View(
-        name="limits",
-        title="Falls, and the worst slip of the walks that did not fall",
+        "limits",
+        "Falls, and the worst slip of the walks that did not fall",
         row="{walker}",
         columns={
             "limits: fell": _of(KNOWN, fell),
@@ -138,6 +134,6 @@ STUDY = Study(
         **{"frictions": (0.25,), "gaits": ("straight",), "duration": 1.5},
     },
     jobs=_jobs,
-    measure=_measured,
+    measure=walking(scenario, "slip_mm_per_step", "tracking_rms_mm", "distance_m"),
     views=VIEWS,
 )

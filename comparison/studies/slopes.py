@@ -9,10 +9,9 @@ thrusters, stand under that one, too.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,19 +20,16 @@ from scipy.optimize import brentq, linprog
 from comparison.contenders import LIMITED
 from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, grid, kept, mean
-from harpy_pin import Ground, Robot, Scenario, Standing, Straight, load_harpy, load_robot, make_gait
+from harpy_pin import Ground, Robot, Scenario, Standing, Straight, load_robot, make_gait
 from harpy_pin.gaits import OnTerrain
 from harpy_pin.ground import Plane
 from harpy_pin.ground.ground import walking_stiffness
+from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import Vector
 from harpy_pin.scenario import Stand
-from harpy_pin.view.figures import styled
 from harpy_pin.view.palette import CONTACT, SLIDING, THRUST
 from harpy_pin.wbc import WholeBodyLimits
 from harpy_pin.wbc.weights import thrust_box
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FACES = 32
 """Of the pyramid inside Coulomb's cone: its cone is half a per cent narrower."""
@@ -67,9 +63,7 @@ def static_bound(degrees: float, friction: float, name: str = "harpy") -> tuple[
     return bool(found[False]), min(possible) if possible else None
 
 
-@cache
-def _robot(name: str) -> Robot:
-    return load_harpy() if name == "harpy" else load_robot(name)
+_robot = cache(loaded_robot)
 
 
 @cache
@@ -140,10 +134,8 @@ def _least_thrust(robot: Robot, q: Vector, normal: Vector, friction: float, *, t
     cones = np.zeros((len(robot.feet) * FACES, len(jacobian)))
     for k in range(len(robot.feet)):
         cones[FACES * k : FACES * (k + 1), 3 * k : 3 * k + 3] = pyramid
-    legs, limit = (
-        jacobian[:, 6:].T,
-        thrust_box(robot, WholeBodyLimits())[1] * thrust if robot.thrusters else np.zeros(0),
-    )
+    limit = thrust_box(robot, WholeBodyLimits())[1] * thrust if robot.thrusters else np.zeros(0)
+    legs = jacobian[:, 6:].T
     found = linprog(
         np.concatenate((np.zeros(feet), np.ones(2 * len(limit)))),
         A_ub=np.vstack((cones, -legs, legs)),
@@ -185,16 +177,6 @@ HELD = 5.0
 """Slip up to which a robot stands or walks, mm: of all feet together, and of one that walks in a step."""
 USUAL = 30.0
 """Angle up to which a robot should stand wherever statics allow it, degrees."""
-
-
-def _drawn(rows: Rows) -> Figure:
-    from comparison.studies.slopes import slopes_figure  # which reads how it stands
-
-    return slopes_figure(rows)
-
-
-def _jobs(s: Any) -> Iterable[Job]:
-    return grid(walker=s.walkers, degrees=s.degrees, friction=s.frictions, duration=[s.duration])
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -240,26 +222,68 @@ def _named(row: dict[str, Any]) -> str:
     return "Harpy" if (who := WALKERS[row["walker"]]).robot == "harpy" else who.name
 
 
+COLOURS = {"stands": CONTACT, "slides": THRUST, "falls": SLIDING, "not possible": "#d9dee4"}
+"""Of what happens; the last one where statics do not allow to stand, and it does not."""
+COLUMNS = 5
+"""Panels in a row."""
+
+
+def _draw(figure: Any, rows: Rows) -> None:
+    """A panel for each walker."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    walkers = grouped(rows, "walker")
+    down = -(-len(walkers) // COLUMNS)
+    figure.set_size_inches(8.4, 0.6 + 2.3 * down)
+    panels = figure.subplots(down, min(COLUMNS, len(walkers)), sharex=True, sharey=True, squeeze=False)
+    names = list(COLOURS)
+    for panel in panels.ravel()[len(walkers) :]:
+        panel.axis("off")
+    for panel, ((walker,), here) in zip(panels.ravel(), walkers.items(), strict=False):
+        degrees, frictions = (sorted({row[name] for row in here}) for name in ("degrees", "friction"))
+        cells = np.zeros((len(degrees), len(frictions)))
+        for row in here:
+            place = degrees.index(row["degrees"]), frictions.index(row["friction"])
+            cells[place] = names.index(what_happens(row))
+        colours = ListedColormap(list(COLOURS.values()))
+        panel.pcolormesh(frictions, degrees, cells, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5, edgecolor="white")
+        panel.set_title(WALKERS[walker].name, fontsize=9)
+    for panel in panels[:, 0]:
+        panel.set_ylabel("angle, degrees")
+    for panel in panels[-1]:
+        panel.set_xlabel("friction")
+    handles = [Patch(color=colour, label=name) for name, colour in COLOURS.items()]
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
+
+
+def what_happens(row: dict[str, object]) -> str:
+    """A name of :data:`COLOURS`; a walker without thrust is measured by what statics allow without it."""
+    seen = how_it_stands(row)
+    possible = row["without_thrust"] if row["walker"] == "no_thrust" else row["least_thrust"] is not None
+    return seen if seen == "stands" or possible else "not possible"
+
+
 VIEWS = (
     View(
-        name=lambda row: f"slopes_statics_{WALKERS[row['walker']].robot}",
-        title=lambda row: f"What statics allows: {_named(row)}",
+        lambda row: f"slopes_statics_{WALKERS[row['walker']].robot}",
+        lambda row: f"What statics allows: {_named(row)}",
         row="{degrees:g}°",
         across="{friction:g}",
         columns=lambda rows: _whole(rows[0]["least_thrust"]),
         note="Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient.",
     ),
     View(
-        name="slopes_{walker}",
-        title=lambda row: f"On slopes: {WALKERS[row['walker']].name}",
+        "slopes_{walker}",
+        lambda row: f"On slopes: {WALKERS[row['walker']].name}",
         row="{degrees:g}°",
         across="{friction:g}",
         columns=lambda rows: "falls" if rows[0]["fell"] else _whole(rows[0]["slip_mm"]),
         note=f"Slip of all feet, mm, of one that walks in a step; up to {HELD:g} mm it stands.",
     ),
     View(
-        name="slopes",
-        title="Where robots stand on slopes",
+        "slopes",
+        "Where robots stand on slopes",
         row=lambda row: WALKERS[row["walker"]].name,
         columns={
             "stands": lambda rows: f"{len(_standing(rows))} of {len(rows)}",
@@ -290,58 +314,9 @@ STUDY = Study(
         "duration": 3.0,  # s
     },
     quick={"degrees": (0.0, 15.0, 30.0), "frictions": (0.2, 0.8), "walkers": ("paper", "condensed"), "duration": 1.0},
-    jobs=_jobs,
+    jobs=lambda s: grid(walker=s.walkers, degrees=s.degrees, friction=s.frictions, duration=s.duration),
     measure=_measured,
     views=VIEWS,
     only="walkers",
-    figure=_drawn,
+    draw=_draw,
 )
-
-
-COLOURS = {"stands": CONTACT, "slides": THRUST, "falls": SLIDING, "not possible": "#d9dee4"}
-"""Of what happens; the last one where statics do not allow to stand, and it does not."""
-COLUMNS = 5
-"""Panels in a row."""
-
-
-@styled
-def slopes_figure(rows: Rows) -> Figure:
-    """A panel for each walker.
-
-    Args:
-        rows: of the study :mod:`comparison.studies.slopes`.
-    """
-    from matplotlib.colors import ListedColormap
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Patch
-
-    walkers = grouped(rows, "walker")
-    down = -(-len(walkers) // COLUMNS)
-    figure = Figure(figsize=(8.4, 0.6 + 2.3 * down), layout="constrained")
-    panels = figure.subplots(down, min(COLUMNS, len(walkers)), sharex=True, sharey=True, squeeze=False)
-    names = list(COLOURS)
-    for panel in panels.ravel()[len(walkers) :]:
-        panel.axis("off")
-    for panel, ((walker,), here) in zip(panels.ravel(), walkers.items(), strict=False):
-        degrees, frictions = (sorted({row[name] for row in here}) for name in ("degrees", "friction"))
-        cells = np.zeros((len(degrees), len(frictions)))
-        for row in here:
-            place = degrees.index(row["degrees"]), frictions.index(row["friction"])
-            cells[place] = names.index(what_happens(row))
-        colours = ListedColormap(list(COLOURS.values()))
-        panel.pcolormesh(frictions, degrees, cells, cmap=colours, vmin=-0.5, vmax=len(names) - 0.5, edgecolor="white")
-        panel.set_title(WALKERS[walker].name, fontsize=9)
-    for panel in panels[:, 0]:
-        panel.set_ylabel("angle, degrees")
-    for panel in panels[-1]:
-        panel.set_xlabel("friction")
-    handles = [Patch(color=colour, label=name) for name, colour in COLOURS.items()]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
-    return figure
-
-
-def what_happens(row: dict[str, object]) -> str:
-    """A name of :data:`COLOURS`; a walker without thrust is measured by what statics allow without it."""
-    seen = how_it_stands(row)
-    possible = row["without_thrust"] if row["walker"] == "no_thrust" else row["least_thrust"] is not None
-    return seen if seen == "stands" or possible else "not possible"

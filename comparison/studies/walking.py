@@ -32,14 +32,9 @@ GRAVITY = 9.81
 SINK = 2e-3
 """How deep the feet sink in when the robot stands on two of four, m: it makes the ground's stiffness."""
 FRICTION = {
-    "course": 0.8,
-    "ticks": 0.8,
-    "course, friction 0.3": 0.3,
-    "friction 0.1": 0.1,
-    "crawl": 0.5,
-    "pace": 0.5,
-    "bound": 0.5,
-    "ten metres": 0.5,
+    **dict.fromkeys(("course", "ticks"), 0.8),
+    **{"course, friction 0.3": 0.3, "friction 0.1": 0.1},
+    **dict.fromkeys(("crawl", "pace", "bound", "ten metres"), 0.5),
 }
 """Of the ground, which the controllers know, by what is walked; of the rest it is drawn, or 0.6."""
 DRAWN = (0.3, 0.8)
@@ -79,7 +74,18 @@ def job_of(robot: str, what: str, duration: float, seed: int, **options: Any) ->
     return job | {"duration": duration, "seed": seed, **options}
 
 
-def scenario_of(job: Job) -> hp.Scenario:
+def push_from(turn: float, impulse: float, time: float) -> hp.Push:
+    """A level push of 0.1 s towards a direction, as a share of a turn to the left; N·s and s."""
+    angle = 2.0 * np.pi * turn
+    return hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0))
+
+
+def ground_of(robot: hp.Robot, friction: float) -> hp.Ground:
+    """Ground into which a robot sinks by :data:`SINK`."""
+    return hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK)
+
+
+def scenario(job: Job) -> hp.Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
     robot = hp.load_robot(job["robot"])
     fastest = float(hp.WalkingGait(robot).describe()["max_speed"])
@@ -96,9 +102,8 @@ def scenario_of(job: Job) -> hp.Scenario:
         rows = ((0.3, ICE_SPEED if job["robot"] in QUADRUPEDS else 0.3 * fastest, 0.0, 0.0),)
     elif job["what"] == "pushed":
         rows = ((0.3, 0.4 * fastest, 0.0, 0.0),)
-        angle, time = 2.0 * np.pi * job["number"] / SIDES, float(rng.uniform(1.5, 2.5))
         impulse = robot.mass * (SOLE_PUSH if robot.flat_feet else PUSH)
-        pushes = (hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)
+        pushes = (push_from(job["number"] / SIDES, impulse, float(rng.uniform(1.5, 2.5))),)
     elif job["what"].startswith("random"):
         friction = float(rng.uniform(*DRAWN))
         rows = tuple(commands(rng, job["duration"], partial(_any_direction, fastest), least=0.2, most=2.5))
@@ -109,7 +114,7 @@ def scenario_of(job: Job) -> hp.Scenario:
         controller="condensed" if job["controller"] == PD else job["controller"],
         plant=job["plant"],
         gait=hp.Walking(schedule=schedule, velocity=rows),
-        ground=hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK),
+        ground=ground_of(robot, friction),
         disturbances=hp.Disturbances(pushes=pushes, **sensors),
         duration=job["duration"],
     )
@@ -151,19 +156,15 @@ def _jobs(s: Any) -> Iterator[Job]:
                     yield walk(what, s.duration, controller=controller, **one)
 
 
-def _timed(s: Any) -> Iterator[Job]:
-    return (job_of(robot, "ticks", s.course, s.seed) for robot in s.robots)
-
-
 def walked(job: Job, gains: JointPDGains | None = None) -> dict[str, Any]:
     """Measures of one walk; joint PD has the gains that were found by default."""
-    scenario, own = scenario_of(job), None
+    what, own = scenario(job), None
     if job["what"] == "ticks":
-        return ticks_of(scenario)
+        return ticks_of(what)
     if job["controller"] == PD:
         chosen = JointPDGains(**found_gains()[job["robot"]]["gains"]) if gains is None else gains
-        own = partial(JointPD, gains=chosen, mu=scenario.mu)
-    run = walk_as_far_as_it_goes(scenario, own)
+        own = partial(JointPD, gains=chosen, mu=what.mu)
+    run = walk_as_far_as_it_goes(what, own)
     error_m = np.linalg.norm(run["centre"][:, :2] - run["path"][:, :2], axis=1)
     return kept(run, "joint_power_w") | {
         "stood_s": float(run["t"][-1]),
@@ -213,6 +214,10 @@ def _is_walk(row: dict[str, Any]) -> bool:
     return bool(row["what"] != "ticks")
 
 
+def _microseconds(**columns: str) -> dict[str, Any]:
+    return {}
+
+
 VIEWS = (
     View(
         lambda row: "walking_{what}_{plant}_{controller}".format(**row).replace(",", "").replace(" ", "_"),
@@ -249,10 +254,11 @@ VIEWS = (
         "Ticks",
         row="{robot}",
         columns={
-            "condensed": (shown("condensed_us"), "µs"),
-            "condensed, worst": (shown("condensed_worst_us"), "µs"),
-            "QP": (shown("qp_us"), "µs"),
-            "QP, worst": (shown("qp_worst_us"), "µs"),
+            **{
+                f"{who}{more}": (shown(f"{who.lower()}{entry}"), "µs")
+                for who in ("condensed", "QP")
+                for more, entry in (("", "_us"), (", worst", "_worst_us"))
+            },
             "over 2 ms": shown("late"),
             "apart": shown("apart"),
             "apart, 99 %": shown("apart_99"),
@@ -289,7 +295,7 @@ STUDY = Study(
         **{"walks_on_four": 1, "pushes": 0, "duration": 3.0},
     },
     jobs=_jobs,
-    timed=_timed,
+    timed=lambda s: (job_of(robot, "ticks", s.course, s.seed) for robot in s.robots),
     measure=walked,
     views=VIEWS,
     only="robots",

@@ -214,7 +214,7 @@ def test_all_walk_the_same(monkeypatch, dog):
 
 def test_causes_are_drawn():
     rows = [{"case": case, "world": "Go2", "fell": case == "armature", "slip_mm_s": 3.0} for case in causes.CASES]
-    texts = [text.get_text() for panel in causes.causes_figure(rows).axes for text in panel.texts]
+    texts = [text.get_text() for panel in causes.STUDY.figure(rows).axes for text in panel.texts]
     assert sorted(texts) == ["3"] * (len(rows) - 1) + ["–, 1 of 1"]
 
 
