@@ -6,9 +6,10 @@ import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import pandas as pd
+if TYPE_CHECKING:
+    import pandas as pd
 
 Value = float | int | str | bool | None
 """What a cell holds; None is "not known" or "does not apply"."""
@@ -69,6 +70,8 @@ class Table:
     @property
     def text(self) -> pd.DataFrame:
         """Every cell as readers see it; units stand in the columns' names unless the title says the only one."""
+        import pandas as pd
+
         units = {cell.column: cell.unit for cell in self.cells}
         said = len(set(units.values()) - {""}) == 1 and f", {max(units.values())}" in self.title
         names = {c: f"{c}, {unit}" if unit and not said else c for c, unit in units.items()}
@@ -129,6 +132,8 @@ def number_text(value: float, digits: int = 3) -> str:
 
 def to_csv(tables: Iterable[Table]) -> str:
     """All cells in long format, one per line, in full precision."""
+    import pandas as pd
+
     rows = [(table.name, *cell) for table in tables for cell in table.cells]
     frame = pd.DataFrame(rows, columns=["table", *Cell._fields], dtype=object)
     return str(frame.to_csv(index=False, lineterminator="\n"))

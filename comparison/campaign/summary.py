@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from scipy.stats import binomtest, quantile_test
 
 from comparison.campaign.plan import FACTORS, Task, code_digest, level_key
@@ -15,6 +14,9 @@ from comparison.contenders import label
 from comparison.tables import Cell, Table, number_text, with_interval
 from harpy_pin.errors import RunFileError
 from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WHOLE_BODY = ("condensed", "wbc")
 _WHOLE = {
@@ -45,6 +47,8 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
 
     Rows of other campaigns are ignored.
     """
+    import pandas as pd
+
     code = code_digest()
     planned = {task.key(code): task for task in tasks}
     found = []

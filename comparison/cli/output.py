@@ -19,6 +19,7 @@ from harpy_pin.files import check_writable, write_json
 NumbersFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
 ]
+Quick = Annotated[bool, typer.Option("--quick", help="A few short ones: to see whether it works.")]
 NO_EVIDENCE = "--quick shows that it works; its results are no evidence. Leave it out for results."
 
 

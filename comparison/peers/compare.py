@@ -48,9 +48,9 @@ RECORDED = ("governed", "wbc")
 
 def compare_peers(
     progress: Callable[[str, int, int], None],
-    *,
     friction: float,
     duration: float,
+    *,
     timing: TimingSettings,
     folder: Path,
     growth: Sequence[str],
