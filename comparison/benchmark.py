@@ -14,7 +14,7 @@ import numpy as np
 from comparison.campaign.plan import QUICK, CampaignSettings
 from comparison.campaign.walks import run_campaign
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
-from comparison.measure.walking import CONTENDERS, pushed_walk, record_states, recorded_walk, stage
+from comparison.measure.walking import TIMED, pushed_walk, record_states, recorded_walk, stage
 from comparison.sections.growth import FACES, time_growth
 from comparison.sections.ticks import WALKERS, WALKS, time_formulations, time_own_walks, time_simulator, time_ticks
 from comparison.sections.timing import time_contenders
@@ -91,9 +91,9 @@ def compare(
         step, rng = stage(progress, name, pieces), np.random.default_rng(stream)
         return Bench(robot=robot, friction=settings.friction, settings=timing, rng=rng, on_pass=step)
 
-    step = stage(progress, "walking", len(CONTENDERS))
+    step = stage(progress, "walking", len(TIMED))
     runs = {}
-    for name in CONTENDERS:  # nothing of these walks is timed: the first ones compile
+    for name in TIMED:  # nothing of these walks is timed: the first ones compile
         runs[name] = recorded_walk(name, **how)
         step()
     sequences = [record_states(name, runs[name], least=least) for name in RECORDED]

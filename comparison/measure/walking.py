@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from comparison.contenders import controller_part
-from harpy_pin import Disturbances, Ground, Robot, checks, make_controller, make_gait
+from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
@@ -101,8 +101,8 @@ def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
         return run
 
 
-CONTENDERS = {"ungoverned": "governed/none", "governed": "governed/paper", "condensed": "condensed", "wbc": "wbc"}
-"""The paper's controller without a governor and with the paper's, the condensed controller, and the whole-body QP."""
+TIMED = {"ungoverned": "governed/none", "governed": "governed/paper", "condensed": "condensed", "wbc": "wbc"}
+"""Contenders whose ticks are taken apart, by the names of their rows."""
 
 
 def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
@@ -115,10 +115,9 @@ def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Any:
-    """A new controller with a gait of its own, by its name in :data:`CONTENDERS`."""
-    checks.one_of("contender", name, CONTENDERS)
-    controller, _, governor = CONTENDERS[name].partition("/")
-    return make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
+    """A new controller with a gait of its own, by its name in :data:`TIMED`."""
+    checks.one_of("contender", name, TIMED)
+    return controller_part(TIMED[name]).make(make_gait(robot), mu=friction, period=1e-3)
 
 
 @dataclass(frozen=True)
@@ -145,7 +144,7 @@ def recorded_walk(name: str, *, friction: float, duration: float) -> Run:
 
     The controller knows the ground's static friction coefficient; the duration is in s.
     """
-    return walk(scenario_of(CONTENDERS[name], friction, duration=duration))
+    return walk(scenario_of(TIMED[name], friction, duration=duration))
 
 
 def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) -> Run:

@@ -145,7 +145,7 @@ def _solution(p: Problem, program: QuadraticProgram, solver: DualActiveSet) -> S
     return Solution(p, found=True, x=x, y=y, z=rows[bounded:], z_box=rows[:bounded] if bounded else None)
 
 
-CONTENDERS: dict[str, Contender] = {
+SOLVERS: dict[str, Contender] = {
     "dual (ours)": dual_made,
     "dual (ours), memory kept": dual_kept,
     **{name: through_qpsolvers(name) for name in ("daqp", "quadprog", "piqp", "proxqp", "clarabel")},
@@ -178,15 +178,15 @@ def time_solvers(
         below the tolerance, the names of the others, the largest residuals and gap among those it says it solved, the
         median time of a program and the shifted geometric mean of the times, µs.
     """
-    kept: dict[tuple[str, str], list[_Row]] = {(name, level): [] for name in CONTENDERS for level in LEVELS}
+    kept: dict[tuple[str, str], list[_Row]] = {(name, level): [] for name in SOLVERS for level in LEVELS}
     with warnings.catch_warnings(), without_gc():
         warnings.simplefilter("ignore")
         for done, (name, p) in enumerate(problems, start=1):
             for level, eps in LEVELS.items():
-                for solver, contender in CONTENDERS.items():
+                for solver, contender in SOLVERS.items():
                     kept[solver, level].append(_solved(name, *contender(p, eps), repetitions))
             progress(done, len(problems))
-    return {name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()} for name in CONTENDERS}
+    return {name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()} for name in SOLVERS}
 
 
 def _solved(name: str, solve: Callable[[], Any], read: Callable[[Any], Solution], repetitions: int) -> _Row:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from comparison.campaign.summary import summary_tables
 from comparison.contenders import label
-from comparison.measure.walking import CONTENDERS
+from comparison.measure.walking import TIMED
 from comparison.report.answer import COLUMNS, answer_of, passed
 from comparison.report.figures import growth_figure, pareto_figure
 from comparison.sections.growth import growth_tables
@@ -43,7 +43,7 @@ MEASURES = {
 def tables_of(document: Mapping[str, Any]) -> list[Table]:
     """Every table of the report, in its order."""
     friction, walk = document["settings"]["friction"], document["walk"]
-    cells = (Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in CONTENDERS)
+    cells = (Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in TIMED)
     return [
         pareto_table(document),
         *timing_tables(document["timing"], friction),

@@ -42,7 +42,7 @@ def _scenario(job: Job) -> hp.Scenario:
 def walked(job: Job) -> dict[str, Any]:
     """Measures of one walk."""
     if "world" in job:
-        who = replace(others.CONTENDERS[KNOWN], sensed=job["state"] == "estimated")
+        who = replace(others.WALKERS[KNOWN], sensed=job["state"] == "estimated")
         return others.walked({**job, "who": vars(who)})
     drawn = _scenario(job)
     disturbances = replace(drawn.disturbances, seed=job["number"])

@@ -14,7 +14,7 @@ from comparison.measure.walking import Rows, grouped
 from comparison.studies.walking import SIDES, course
 from comparison.study import Job, Study, View, commands, fell, mean, median, where
 from comparison.worlds.models import FEET, PLAYGROUND, ROBOTS, world
-from comparison.worlds.walk import CONTENDERS, POLICY, STANDS, walked
+from comparison.worlds.walk import POLICY, STANDS, WALKERS, walked
 
 SPEED = {0.8: 0.8, 0.3: 0.5}
 """Largest speed of random commands, m/s, by the friction."""
@@ -43,7 +43,7 @@ def _any_direction(fastest: float, rng: np.random.Generator) -> tuple[float, flo
 
 def _walks(s: Any, who: str) -> Iterator[Job]:
     """What a contender walks in a world: the QP random commands alone, the policy without noise."""
-    qp = CONTENDERS[who].controller == "wbc"
+    qp = WALKERS[who].controller == "wbc"
     for friction in SPEED:
         walk = partial(random_walk, s.seed, friction=friction, duration=s.duration)
         yield from (walk(number) for number in range(s.sequences))
@@ -67,7 +67,7 @@ def _jobs(s: Any) -> Iterator[Job]:
         for friction in SPEED if s.creep else ():
             yield here | random_walk(s.seed, 0, friction, s.creep) | {"commands": [], "who": STANDS}
         for who in s.contenders:
-            if who == STANDS or not able.get(CONTENDERS[who].controller, True):
+            if who == STANDS or not able.get(WALKERS[who].controller, True):
                 continue
             yield from (here | walk | {"who": who} for walk in _walks(s, who))
             for friction in SPEED if name == PLAYGROUND and s.course else ():
@@ -128,7 +128,7 @@ STUDY = Study(
     example="--sequences 200 --out worlds.jsonl",
     defaults={
         "worlds": (*ROBOTS, PLAYGROUND),
-        "contenders": tuple(CONTENDERS),
+        "contenders": tuple(WALKERS),
         "sequences": 12,  # of random commands, at each friction
         "noisy": 4,  # of them with noise and delay, at each friction
         "pushes": 24,  # at most so many, from eight sides

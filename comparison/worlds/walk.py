@@ -55,7 +55,7 @@ class Contender:
 
 _LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
 POLICY, STANDS = "policy", "stands"
-CONTENDERS = {
+WALKERS = {
     "joint PD": Contender(controller="joint_pd"),
     "joint PD, joints known": Contender(controller="joint_pd", known=JOINTS),
     "torque alone": Contender(),
@@ -253,12 +253,12 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
     """Measures of a walk.
 
     Args:
-        job: ``world``, ``feet`` and ``friction``; ``who``, a name of :data:`CONTENDERS`, or the settings of one;
+        job: ``world``, ``feet`` and ``friction``; ``who``, a name of :data:`WALKERS`, or the settings of one;
             ``duration``, s; ``commands``, each with the time from which on it holds, s, forward, to the left and
             turning; ``push``, its time, s, and impulse over mass, m/s, or None; ``noise``, its seed, or None; and
             ``kept``, what alone is kept of the world (:func:`~comparison.worlds.models.strip`), or None.
     """
-    who = CONTENDERS[job["who"]] if isinstance(job["who"], str) else Contender(**job["who"])
+    who = WALKERS[job["who"]] if isinstance(job["who"], str) else Contender(**job["who"])
     mujoco = import_mujoco()
     model, robot = world(job["world"], job["feet"])
     model.geom_friction[:, 0] = job["friction"]

@@ -13,7 +13,7 @@ import pytest
 from comparison.cli import main
 from comparison.cli.studies import STUDIES
 from comparison.measure.replay import WBC_PHASES
-from comparison.measure.walking import CONTENDERS
+from comparison.measure.walking import TIMED
 from harpy_pin.errors import install_line
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
     document = whole_document
     assert {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES} <= document["timing"]["wbc"].keys()
-    assert all(row["samples"] > 0 for name in CONTENDERS for row in document["timing"][name].values())
+    assert all(row["samples"] > 0 for name in TIMED for row in document["timing"][name].values())
     assert len(document["timing"]["ratio"]["repetitions"]) == 2
     for measures in document["walk"].values():
         for share in ("sliding", "low_force", "no_contact"):
