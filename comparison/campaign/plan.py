@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -44,6 +44,7 @@ class Factor(NamedTuple):
     levels: str  # attribute of the settings that holds its levels
     name: str  # for readers
     pattern: str  # of a level in a table, for a number times the scale
+    usual: float | str | None  # the level at which nothing is unusual; None where there is none
     scale: float = 1.0  # by which a level is multiplied for readers
     zero: str = ""  # how a level of zero is written instead
 
@@ -55,20 +56,22 @@ class Factor(NamedTuple):
 
 
 FACTORS = {
-    "friction": Factor("frictions", "friction of the ground", "μ {:g}"),
-    "push": Factor("pushes", "lateral push", "push {:g} N·s"),
-    "mass_error": Factor("mass_errors", "error of the body's mass", "mass {:+.0f} %", 100.0),
-    "friction_error": Factor("friction_errors", "error of the assumed friction", "μ error {:+.0f} %", 100.0),
-    "noise": Factor("noises", "measurement noise", "noise × {:g}"),
-    "delay": Factor("delays", "delay of the measurements", "delay {:g} ms", 1e3),
-    "stiffness": Factor("stiffnesses", "stiffness of the ground", "ground {:g} kN/m", 1e-3),
-    "damping": Factor("dampings", "damping of the ground", "damping × {:g}"),
-    "plant": Factor("plants", "engine", ""),
-    "speed": Factor("speeds", "speed", "speed {:g} m/s"),
-    "ice": Factor("ices", "strip of ice", "ice, μ {:g}", zero="no ice"),
-    "joint_damping": Factor("joint_dampings", "damping of the joints", "joint damping {:g}"),
-    "torque_share": Factor("torque_shares", "torque limits of the motors", "torque × {:g}", zero="torque unclipped"),
-    "bandwidth": Factor("bandwidths", "bandwidth of the motors", "motors {:g} Hz", zero="motors without lag"),
+    "friction": Factor("frictions", "friction of the ground", "μ {:g}", None),
+    "push": Factor("pushes", "lateral push", "push {:g} N·s", 0.0),
+    "mass_error": Factor("mass_errors", "error of the body's mass", "mass {:+.0f} %", 0.0, 100.0),
+    "friction_error": Factor("friction_errors", "error of the assumed friction", "μ error {:+.0f} %", 0.0, 100.0),
+    "noise": Factor("noises", "measurement noise", "noise × {:g}", 0.0),
+    "delay": Factor("delays", "delay of the measurements", "delay {:g} ms", 0.0, 1e3),
+    "stiffness": Factor("stiffnesses", "stiffness of the ground", "ground {:g} kN/m", Ground.stiffness, 1e-3),
+    "damping": Factor("dampings", "damping of the ground", "damping × {:g}", 1.0),
+    "plant": Factor("plants", "engine", "", Compliant.name),
+    "speed": Factor("speeds", "speed", "speed {:g} m/s", Straight().speed),
+    "ice": Factor("ices", "strip of ice", "ice, μ {:g}", 0.0, zero="no ice"),
+    "joint_damping": Factor("joint_dampings", "damping of the joints", "joint damping {:g}", JOINT_DAMPING),
+    "torque_share": Factor(
+        "torque_shares", "torque limits of the motors", "torque × {:g}", 1.0, zero="torque unclipped"
+    ),
+    "bandwidth": Factor("bandwidths", "bandwidth of the motors", "motors {:g} Hz", 0.0, zero="motors without lag"),
 }
 """A further factor comes last: each draws from the generator of its place, so that earlier ones are drawn as before."""
 
@@ -212,12 +215,9 @@ class Task:
     damping: float  # of the ground, in multiples of that of the paper's damping ratio
     plant: str  # the engine, of :data:`~comparison.campaign.plan.ENGINES`
     speed: float  # m/s
-    # friction coefficient of a strip in mid-walk that the controller knows nothing of; 0 where there is none
-    ice: float
+    ice: float  # friction coefficient of a strip in mid-walk that no controller knows of; 0 where there is none
     joint_damping: float = JOINT_DAMPING  # of every joint, N·m·s/rad, known to the controllers
-    # the motors' largest torque, as a share of the peak torque, known to the controllers; 0 where the plant clips
-    # nothing, and the governed controllers do not either
-    torque_share: float = 0.0
+    torque_share: float = 0.0  # of the peak torque, largest of the motors, known to the controllers; 0 clips nothing
     bandwidth: float = 0.0  # of the motors, Hz, not known; 0 where torques are there at once
     jitter: float  # standard deviation of the starting velocity, m/s
     seed: int  # draws the push's side and step, the starting velocity and the noise
@@ -236,12 +236,10 @@ def plan(settings: CampaignSettings) -> list[Task]:
     streams = np.random.default_rng([settings.seed, _DRAWING]).spawn(len(FACTORS))
     levels = [getattr(settings, factor.levels) for factor in FACTORS.values()]
     drawn = [_balanced(some, scenarios, stream) for some, stream in zip(levels, streams, strict=True)]
-    tasks = []
+    tasks, same = [], {"jitter": settings.jitter, "duration": settings.duration}
     for i, scenario in enumerate(zip(*drawn, strict=True)):
-        factors: dict[str, Any] = dict(zip(FACTORS, scenario, strict=True))
-        seed = 1000 * settings.seed + i
-        task = Task(contender="", jitter=settings.jitter, seed=seed, duration=settings.duration, **factors)
-        tasks += [replace(task, contender=name) for name in settings.contenders]
+        factors: dict[str, Any] = dict(zip(FACTORS, scenario, strict=True), seed=1000 * settings.seed + i, **same)
+        tasks += [Task(contender=name, **factors) for name in settings.contenders]
     return tasks
 
 

@@ -72,29 +72,30 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
     return {
         "planned": len(planned),
         "done": len(found),
-        "whole": {name: _of_contender(frame[frame.contender == name]) for name in names},
+        "whole": {name: _of(frame[frame.contender == name]) for name in names},
         "factors": factors,
         "exceptions": exceptions_of(frame),
     }
 
 
 def _of_level(part: pd.DataFrame) -> dict[str, Any]:
-    slips = {"slip_mm_per_step": _median(part.slip_mm_per_step), "slip_median_mm": _slip_median(part)}
-    return {"walks": len(part), "falls": _share(part.fell), **slips}
+    return {"walks": len(part), "falls": _share(part.fell), "slip_mm_per_step": _median(part.slip_mm_per_step)}
 
 
-def _of_contender(part: pd.DataFrame) -> dict[str, Any]:
-    upright = part.slip_mm_per_step[~part.fell.astype(bool)]
+def _of(part: pd.DataFrame) -> dict[str, Any]:
+    """What all walks together came to; in the median of slip and its ends a fall is more slip than any."""
+    fell = part.fell.astype(bool)
+    slips: Vector = part.slip_mm_per_step.astype(float).where(~fell, np.inf).dropna().to_numpy(dtype=float)
+    ends = _interval(slips)
     return {
-        "walks": len(part),
+        **_of_level(part),
         "fell": int(part.fell.sum()),
-        "falls": _share(part.fell),
         "fall_time_s": _median(part.fall_time_s),
         **{key: _median(part[key]) for key in _WHOLE},
-        "slip_mean_mm": _statistic(upright.mean()),
-        "slip_largest_mm": _statistic(upright.max()),
-        "slip_median_mm": _slip_median(part),
-        "slip_interval_mm": _slip_interval(part),
+        "slip_mean_mm": _statistic(part.slip_mm_per_step[~fell].mean()),
+        "slip_largest_mm": _statistic(part.slip_mm_per_step[~fell].max()),
+        "slip_median_mm": _statistic(float(np.median(slips))) if len(slips) else None,
+        "slip_interval_mm": None if np.isnan(ends).any() else ["fell" if np.isinf(end) else end for end in ends],
         "solver_failures": int(part.solver_failures.sum()),
     }
 
@@ -178,32 +179,12 @@ def variants_table(summary: Mapping[str, Any]) -> Table:
     return Table("variants", title, tuple(cells), _OF_VARIANTS)
 
 
-def _slip_median(part: pd.DataFrame) -> float | None:
-    """Median slip per step, mm, where a fall counts as more slip than any; None if half of the walks fell."""
-    slip = _slips(part)
-    return _statistic(float(np.median(slip))) if len(slip) else None
-
-
-def _slip_interval(part: pd.DataFrame) -> list[float | str] | None:
-    """The 95 % interval of :func:`_slip_median`, mm; ``fell`` is an end that is a fall."""
-    ends = _interval(_slips(part))
-    return None if np.isnan(ends).any() else ["fell" if np.isinf(end) else end for end in ends]
-
-
 def _interval(values: Vector) -> tuple[float, float]:
     """The 95 % interval of the median that order statistics give; NaN for fewer than six values."""
     if len(values) == 0:
         return np.nan, np.nan
     ends = quantile_test(values, p=0.5).confidence_interval(0.95)
     return float(ends.low), float(ends.high)
-
-
-def _slips(part: pd.DataFrame) -> Vector:
-    """Slip of every walk; infinite where it fell."""
-    slip: Vector = (
-        part.slip_mm_per_step.astype(float).where(~part.fell.astype(bool), np.inf).dropna().to_numpy(dtype=float)
-    )
-    return slip
 
 
 def _statistic(value: float) -> float | None:

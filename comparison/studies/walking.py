@@ -214,10 +214,6 @@ def _is_walk(row: dict[str, Any]) -> bool:
     return bool(row["what"] != "ticks")
 
 
-def _microseconds(**columns: str) -> dict[str, Any]:
-    return {}
-
-
 VIEWS = (
     View(
         lambda row: "walking_{what}_{plant}_{controller}".format(**row).replace(",", "").replace(" ", "_"),
