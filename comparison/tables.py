@@ -102,10 +102,10 @@ def with_interval(row: str, column: str, entry: Mapping[str, Any], unit: str = "
     return Cell(row, column, entry["value"], unit, entry["low"], entry["high"])
 
 
-def percentiles(row: str, times: Mapping[str, Any], *, first: str = "p50_us") -> list[Cell]:
-    """Cells of the percentiles of a summary, from one of them on."""
-    keys = list(PERCENTILES)
-    return [Cell(row, PERCENTILES[key], times[key], "µs") for key in keys[keys.index(first) :]]
+def percentiles(row: str, times: Mapping[str, Any]) -> list[Cell]:
+    """Cells of the percentiles of a summary, the median between those of the repetitions where it has them."""
+    spread = {"p50_us": (times.get("low_us"), times.get("high_us"))}
+    return [Cell(row, name, times[key], "µs", *spread.get(key, ())) for key, name in PERCENTILES.items()]
 
 
 def cell_text(cell: Cell | None) -> str:

@@ -33,7 +33,7 @@ from comparison.peers.measure_peer import (
 )
 from comparison.peers.peer_problem import PeerProblem, make_problem
 from comparison.tables import Cell, Table, percentiles
-from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import finite
 from harpy_pin.gaits import Gait, Standing
@@ -93,12 +93,10 @@ def compare_peers(
         controller.replay(repetitions - before)
     step()
     ours = mine.pop(OURS)
+    inside_c, times = time_inside_c(friction, duration), summarise_times(problem, ours.times(), ours.overhead)
     contenders: dict[str, Any] = {
-        f"{OURS}, condensed WBC inside C, a walk of its own": {
-            "reason": "",
-            "times": time_inside_c(friction, duration),
-        },
-        OURS: {"reason": "", "times": summarise_times(problem, ours.times(), ours.overhead)},
+        f"{OURS}, condensed WBC inside C, a walk of its own": {"reason": "", "times": inside_c},
+        OURS: {"reason": "", "times": times},
         **{name: controller.entry(problem) for name, controller in mine.items()},
         **others,
     }
@@ -162,25 +160,15 @@ def standing_problem(
         posture = Standing(robot).initial_state()[0][7:]
         robot = load_robot(robot.urdf, feet=feet)
     sequence = _sway(name, robot, Standing(robot, posture), most)
-    problem = make_problem(
-        robot,
-        [sequence],
-        friction=_FRICTION,
-        warm_up=warm_up,
-        most=most,
-        gait=Standing(robot, posture),
-        weights=weights,
-    )
+    how: dict[str, Any] = {"friction": _FRICTION, "warm_up": warm_up, "most": most, "weights": weights}
+    problem = make_problem(robot, [sequence], gait=Standing(robot, posture), **how)
     tree, urdf = ElementTree.parse(robot.urdf), folder / f"{name}.urdf"
     for link in tree.getroot().iter("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
             link.remove(shape)
     tree.write(urdf)
-    return (
-        replace(problem, settings={**problem.settings, "urdf": str(urdf)}),
-        partial(Standing, robot, posture),
-        sequence,
-    )
+    problem = replace(problem, settings={**problem.settings, "urdf": str(urdf)})
+    return problem, partial(Standing, robot, posture), sequence
 
 
 def _sway(name: str, robot: Robot, gait: Gait, most: int) -> StateSequence:
@@ -208,8 +196,12 @@ def _growth_of(robot: str, folder: Path, *, warm_up: int, most: int, repetitions
         entries: dict[str, Any] = {}
         parameters = peers_parameters(_FRICTION, ROBOTS[robot][0])
         for name, kind in (("WBC QP", WholeBodyController), ("condensed WBC", CondensedController)):
+
+            def make(kind: type[WholeBody] = kind) -> WholeBody:
+                return kind(gait(), parameters)
+
             try:
-                ours = Ours(partial(_made, kind, gait, parameters), [sequence], len(sequence))
+                ours = Ours(make, [sequence], len(sequence))
                 ours.replay(repetitions)
                 entries[f"{OURS}, {name}"] = ours.entry(problem)
             except InputError as error:
@@ -224,11 +216,6 @@ def _growth_of(robot: str, folder: Path, *, warm_up: int, most: int, repetitions
         "unsolved_by_us": int(np.count_nonzero(~problem.expected["decided"].solved)),
         "contenders": {name: _summary(entry) for name, entry in entries.items()},
     }
-
-
-def _made(kind: type[WholeBody], gait: Callable[[], Gait], parameters: WholeBodyParameters) -> WholeBody:
-    """A controller with a gait of its own."""
-    return kind(gait(), parameters)
 
 
 def _summary(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -269,11 +256,6 @@ def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
     return [table for table in tables if table.cells]
 
 
-def _p50(row: str, column: str, times: Mapping[str, Any]) -> Cell:
-    """A median between those of the repetitions."""
-    return Cell(row, column, times["p50_us"], "µs", times["low_us"], times["high_us"])
-
-
 def _times(peers: Mapping[str, Any], what: str) -> Table:
     text, note = _TIMES[what]
     cells: list[Cell] = []
@@ -283,7 +265,7 @@ def _times(peers: Mapping[str, Any], what: str) -> Table:
         for support, times in entry.get("times", {}).items():
             if what in times:
                 row = f"{name}: {support}"
-                cells += [_p50(row, "p50", times[what]), *percentiles(row, times[what], first="p95_us")]
+                cells += percentiles(row, times[what])
     title = f"Peers: {text} in single and double support, µs, friction {peers['friction']:g}"
     note = f"In brackets: least and largest median of a repetition. {note}"
     return Table(f"peers_{what}", title, tuple(cells), note)

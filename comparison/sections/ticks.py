@@ -118,12 +118,12 @@ def ticks_tables(ticks: Mapping[str, Any]) -> list[Table]:
     cold: list[Cell] = []
     for name, entry in ticks["contenders"].items():
         row = label(name)
-        times.append(Cell(row, "p50", entry["p50_us"], "µs", entry["low_us"], entry["high_us"]))
-        times += percentiles(row, entry, first="p95_us")
+        times += percentiles(row, entry)
         for where, found in (("inside C", entry.get("inside_c")), ("own walk", ticks.get("own_walks", {}).get(name))):
-            if found:
-                times.append(Cell(row, f"{where}, p50", found["p50_us"], "µs", found["low_us"], found["high_us"]))
-                times.append(Cell(row, f"{where}, p99", found["p99_us"], "µs"))
+            cells = percentiles(row, found) if found else []
+            times += [
+                cell._replace(column=f"{where}, {cell.column}") for cell in cells if cell.column in ("p50", "p99")
+            ]
         cold += in_columns(row, entry, {f"cold_{p}_us": (f"after a reset, {p}", "µs") for p in ("p50", "p99")})
     friction = ticks["friction"]
     title = f"Complete tick of every controller, µs, friction {friction:g}, pushes of {ticks['impulse']:g} N·s"
