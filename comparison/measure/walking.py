@@ -15,13 +15,15 @@ from itertools import count
 from typing import Any, TypeVar
 
 import numpy as np
+import pinocchio as pin
 
 from comparison.contenders import controller_part
 from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
-from harpy_pin.model.state import State
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.state import State, Vector
 from harpy_pin.scenario import Scenario, walk
 from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.push import Push
@@ -169,3 +171,24 @@ def record_states(name: str, run: Run, *, least: int) -> StateSequence:
     return StateSequence(
         name, tuple(State(float(t), *(array[i].copy() for array in arrays)) for i, t in enumerate(run["t"]))
     )
+
+
+def sway(
+    robot: Robot, posture: Vector, amplitude: Vector, phases: Vector, rate: float, force: Vector
+) -> Iterator[State]:
+    """A state every millisecond of a robot that sways about a posture, with these forces on its feet.
+
+    Args:
+        robot: which.
+        posture: (nq,) configuration in the middle.
+        amplitude: (nv,) of each direction, m and rad.
+        phases: (ticks,) of the sway, rad.
+        rate: with which the phase grows, rad/s.
+        force: (feet, 3) world axes, N.
+    """
+    dynamics = Dynamics(robot)
+    for k, phase in enumerate(phases):
+        q = pin.integrate(robot.model, posture, amplitude * np.sin(phase))
+        v = rate * np.cos(phase) * amplitude
+        dynamics.update(q, v)
+        yield State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force)

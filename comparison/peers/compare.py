@@ -15,10 +15,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from comparison.measure.timing import TimingSettings, describe_all_versions, describe_machine
-from comparison.measure.walking import StateSequence, make_contender, record_states, recorded_walk, stage
+from comparison.measure.walking import StateSequence, make_contender, record_states, recorded_walk, stage, sway
 from comparison.peers.environment import PEERS
 from comparison.peers.measure_peer import (
     OURS,
@@ -37,9 +36,7 @@ from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import finite
 from harpy_pin.gaits import Gait, Standing
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.robot import Robot, load_harpy, load_robot
-from harpy_pin.model.state import State
+from harpy_pin.model.robot import load_harpy, load_robot
 from harpy_pin.wbc import WholeBodyWeights
 
 RECORDED = ("governed", "wbc")
@@ -159,7 +156,12 @@ def standing_problem(
     if feet:
         posture = Standing(robot).initial_state()[0][7:]
         robot = load_robot(robot.urdf, feet=feet)
-    sequence = _sway(name, robot, Standing(robot, posture), most)
+    rest, force = Standing(robot, posture).initial_state()[0], np.zeros((len(robot.feet), 3))
+    force[:, 2] = robot.mass * 9.81 / len(robot.feet)
+    amplitude, rate = _AMPLITUDE * np.random.default_rng(0).standard_normal(robot.model.nv), 2.0 * np.pi / _PERIOD
+    sequence = StateSequence(
+        name, tuple(sway(robot, rest, amplitude, 0.001 * rate * np.arange(most, dtype=np.float64), rate, force))
+    )
     how: dict[str, Any] = {"friction": _FRICTION, "warm_up": warm_up, "most": most, "weights": weights}
     problem = make_problem(robot, [sequence], gait=Standing(robot, posture), **how)
     tree, urdf = ElementTree.parse(robot.urdf), folder / f"{name}.urdf"
@@ -169,21 +171,6 @@ def standing_problem(
     tree.write(urdf)
     problem = replace(problem, settings={**problem.settings, "urdf": str(urdf)})
     return problem, partial(Standing, robot, posture), sequence
-
-
-def _sway(name: str, robot: Robot, gait: Gait, most: int) -> StateSequence:
-    model, dynamics = robot.model, Dynamics(robot)
-    rest, _ = gait.initial_state()
-    amplitude = _AMPLITUDE * np.random.default_rng(0).standard_normal(model.nv)
-    rate = 2.0 * np.pi / _PERIOD
-    force = np.zeros((len(robot.feet), 3))
-    force[:, 2] = robot.mass * 9.81 / len(robot.feet)
-    states = []
-    for t in 0.001 * np.arange(most):
-        q, v = pin.integrate(model, rest, amplitude * np.sin(rate * t)), rate * np.cos(rate * t) * amplitude
-        dynamics.update(q, v)
-        states.append(State(t, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force))
-    return StateSequence(name, tuple(states))
 
 
 def _growth_of(robot: str, folder: Path, *, warm_up: int, most: int, repetitions: int) -> dict[str, Any]:

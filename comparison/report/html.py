@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import io
+from base64 import b64encode
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -128,21 +128,22 @@ def render(document: Mapping[str, Any]) -> str:
     """The page."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+    how: dict[str, Any] = {"autoescape": True, "undefined": StrictUndefined, "keep_trailing_newline": True}
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
+        loader=FileSystemLoader(Path(__file__).parent), trim_blocks=True, lstrip_blocks=True, **how
     )
     tables = {table.name: table for table in tables_of(document)}
     drawn = zip(_CAPTIONS.items(), figures_of(tables).values(), strict=True)
-    figures = {anchor: _image(figure, caption) for (anchor, caption), figure in drawn}
+    figures = {
+        anchor: {"caption": caption, "source": f"data:image/png;base64,{b64encode(picture_of(figure)).decode()}"}
+        for (anchor, caption), figure in drawn
+    }
     sections = [
         {"anchor": anchor, "title": title, "tables": found, "figure": figures.get(anchor)}
         for anchor, (title, prefixes) in _SECTIONS.items()
-        if (found := [table for name, table in tables.items() if _belongs(name, prefixes)])
+        if (
+            found := [table for table in tables.values() if any(f"{table.name}_".startswith(f"{p}_") for p in prefixes)]
+        )
     ]
     machine = document["machine"]
     return environment.get_template("report.html.j2").render(
@@ -155,17 +156,8 @@ def render(document: Mapping[str, Any]) -> str:
     )
 
 
-def _belongs(name: str, prefixes: tuple[str, ...]) -> bool:
-    """Whether a table is in a section: its name is one of the section's, or goes on after it."""
-    return any(name == prefix or name.startswith(f"{prefix}_") for prefix in prefixes)
-
-
 def picture_of(figure: Figure) -> bytes:
     """A figure as PNG."""
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=160)
     return out.getvalue()
-
-
-def _image(figure: Figure, caption: str) -> dict[str, str]:
-    return {"caption": caption, "source": f"data:image/png;base64,{base64.b64encode(picture_of(figure)).decode()}"}

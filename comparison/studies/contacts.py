@@ -97,8 +97,8 @@ def _creep_speed(run: Run, plant: Plant) -> Vector:
     return speed
 
 
-def _name(walker: str) -> str:
-    return "gentle" if walker == GENTLE else label(walker)
+def _name(row: dict[str, Any]) -> str:
+    return "gentle" if row["walker"] == GENTLE else label(row["walker"])
 
 
 def _spread(name: str, rows: Rows, scale: float = 1.0) -> Cell:
@@ -119,7 +119,7 @@ VIEWS = (
     View(
         "contacts_{friction:g}",
         "Contact models, friction {friction:g}",
-        row=lambda row: f"{row['contact']}: {_name(row['walker'])}",
+        row=lambda row: f"{row['contact']}: {_name(row)}",
         columns={
             "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
             **{name: (partial(_spread, f"{name}_mm"), "mm") for name in ("path", "creep", "net")},
@@ -134,7 +134,7 @@ VIEWS = (
         "contacts_{friction:g}_brief",
         "Median path / net displacement, mm, friction {friction:g}",
         row="{contact}",
-        across=lambda row: _name(row["walker"]),
+        across=_name,
         columns=_pair,
     ),
 )

@@ -9,7 +9,7 @@ the damping of held soles, on G1 at rest on this ground, without a push.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,24 +34,15 @@ LOADED = 0.05
 """Normal force of a foot, as a share of the weight, from which on its friction counts."""
 
 
-def _jobs(s: Any) -> Iterator[Job]:
-    same = {"friction": s.friction, "duration": s.duration, "pushes": list(s.pushes), "seed": s.seed}
-    return (one | same for one in grid(robot=s.robots, controller=CONTROLLERS))
-
-
 def _measured(job: Job) -> dict[str, Any]:
     """What a robot is, and what happened under the controller; with a reason where something did not."""
     try:
         robot = hp.load_robot(job["robot"])
     except hp.HarpyError as error:
         return {"loads": False, "reason": str(error).splitlines()[0]}
-    row: dict[str, Any] = {
-        "loads": True,
-        "mass_kg": robot.mass,
-        "dof": int(robot.model.nv),
-        "feet": f"{len(robot.corners)} {'flat_feet' if robot.flat_feet else 'points'}",
-        "terms_error": terms_error(robot, np.random.default_rng(job["seed"])),
-    }
+    feet = f"{len(robot.corners)} {'flat_feet' if robot.flat_feet else 'points'}"
+    row: dict[str, Any] = {"loads": True, "mass_kg": robot.mass, "dof": int(robot.model.nv), "feet": feet}
+    row["terms_error"] = terms_error(robot, np.random.default_rng(job["seed"]))
     try:
         return row | _stand(robot, CONTROLLERS[job["controller"]], job)
     except hp.HarpyError as error:
@@ -91,12 +82,11 @@ def run_standing(
         The run, and the ticks' times, µs of this thread.
     """
     gait = hp.Standing(robot) if robot.corners != (1, 1) else hp.WalkingGait(robot, "step", (0.0, 0.0, 0.0))
-    mass = robot.mass
-    pushes = (hp.Push(PUSH_AT, (mass * push[0], mass * push[1], mass * push[2])),) if any(push) else ()
+    x, y, z = (robot.mass * part for part in push)
     scenario = hp.Scenario(
         controller=controller,
-        ground=hp.Ground(mu_s=friction, stiffness=mass * GRAVITY / (len(robot.feet) * SINK)),
-        disturbances=hp.Disturbances(pushes=pushes),
+        ground=hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK)),
+        disturbances=hp.Disturbances(pushes=(hp.Push(PUSH_AT, (x, y, z)),) if any(push) else ()),
         duration=duration,
     )
     built = hp.build(scenario, gait=gait)
@@ -108,12 +98,11 @@ def run_standing(
 
 def _stand(robot: hp.Robot, controller: str, job: Job) -> dict[str, Any]:
     """What one controller does with a robot."""
-    result: dict[str, Any] = {}
     common: dict[str, Any] = {"friction": job["friction"], "duration": job["duration"]}
     shifted, all_ticks = run_standing(robot, controller, lean=LEAN, **common)
-    result.update(stands=stood(shifted), slip_mm=_slip(shifted), friction_used=friction_used(shifted, robot))
+    result: dict[str, Any] = {"stands": stood(shifted), "slip_mm": _slip(shifted), **dict.fromkeys(SIDES, 0.0)}
+    result["friction_used"] = friction_used(shifted, robot)
     for side, direction in SIDES.items():
-        largest = 0.0
         for speed in job["pushes"]:
             run, ticks = run_standing(robot, controller, push=[speed * part for part in direction], **common)
             if not stood(run):
@@ -121,12 +110,10 @@ def _stand(robot: hp.Robot, controller: str, job: Job) -> dict[str, Any]:
             if speed == job["pushes"][0]:
                 result[f"{side}_slip_mm"] = _slip(run)
                 all_ticks = np.append(all_ticks, ticks)
-            largest = speed
-        result[side] = largest
-    result.update(tick_us=float(np.median(all_ticks)), worst_us=float(all_ticks.max()))
+            result[side] = speed
     if not result["stands"]:
         result["reason"] = f"{shifted.ending} at {shifted['t'][-1]:.2f} s"
-    return result
+    return result | {"tick_us": float(np.median(all_ticks)), "worst_us": float(all_ticks.max())}
 
 
 def stood(run: hp.Run) -> bool:
@@ -208,7 +195,14 @@ STUDY = Study(
         "seed": 0,  # of the states at which the terms are compared with Pinocchio's
     },
     quick={"robots": ("solo12", "g1"), "duration": 1.5, "pushes": (0.1,)},
-    timed=_jobs,
+    timed=lambda s: grid(
+        robot=s.robots,
+        controller=CONTROLLERS,
+        friction=s.friction,
+        duration=s.duration,
+        pushes=[list(s.pushes)],
+        seed=s.seed,
+    ),
     measure=_measured,
     views=VIEWS,
     only="robots",
