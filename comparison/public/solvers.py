@@ -100,11 +100,8 @@ def dual_kept(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any]
 
 def solve_with_dual(p: Problem) -> Solution:
     """Our dual method on a program, its memory made for it."""
-    program, solver = _make(p)
-    _fill(p, program)
-    return (
-        _solution(p, program, solver) if solver.solve(program).status is QPStatus.SOLVED else Solution(p, found=False)
-    )
+    solve, read = dual_kept(p, 0.0)
+    return read(solve())
 
 
 def _make(p: Problem) -> tuple[QuadraticProgram, DualActiveSet]:

@@ -127,11 +127,8 @@ def measure_public(
     """
     clones = {name: folder / Path(repository).name for name, repository in SOURCES.items()}
     found = [name for name, clone in clones.items() if (clone / "data").is_dir()]
-    missing = [
-        f"git clone https://github.com/{repository} '{clones[name]}'"
-        for name, repository in SOURCES.items()
-        if name not in found
-    ]
+    absent = [name for name in SOURCES if name not in found]
+    missing = [f"git clone https://github.com/{SOURCES[name]} '{clones[name]}'" for name in absent]
     if not found:
         message = f"'{folder}' has no clone of {', '.join(SOURCES.values())}; to get them: {' && '.join(missing)}"
         raise InputError(message, name="data", value=folder)

@@ -98,9 +98,9 @@ def growth_cases(robot: Robot, faces: Sequence[int]) -> tuple[dict[str, dict[str
 
 def time_growth(
     robot: Robot,
-    *,
     repetitions: int,
     seed: int,
+    *,
     faces: Sequence[int] = FACES,
     stage: Callable[[int], Callable[[], None]] = lambda count: lambda: None,
 ) -> dict[str, Any]:

@@ -72,7 +72,7 @@ def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
         told.append(count)
         return lambda: told.append(1)
 
-    entry = growth.time_growth(robot, repetitions=1, seed=0, faces=(4, 8), stage=stage)
+    entry = growth.time_growth(robot, 1, 0, faces=(4, 8), stage=stage)
     assert told[0] == len(told) - 1 == 5
     assert entry["absent"].keys() == growth.ROBOTS.keys()
     assert entry["freedoms"]["exponents"]["terms"] is None  # one size has no slope
@@ -89,7 +89,7 @@ def test_exponent_of_a_power() -> None:
 
 
 def test_walks_beside_the_wall_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ticks, "WALKERS", ("governed/paper", "wbc"))
+    monkeypatch.setattr(ticks, "CONTENDERS", ("governed/paper", "wbc"))
     pieces: list[int] = []
     settings, rng = TimingSettings(repetitions=2), np.random.default_rng(0)
     bench = Bench(robot=hp.load_harpy(), friction=0.8, settings=settings, rng=rng, on_pass=lambda: pieces.append(1))
