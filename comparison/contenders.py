@@ -41,10 +41,7 @@ _GAIN = Range(0.25, 4.0)
 _WEIGHT = Range(0.05, 20.0)
 
 _THRUSTERS: Space = {
-    "parameters.centre.k_pt": _GAIN,
-    "parameters.centre.k_dt": _GAIN,
-    "parameters.attitude.k_p": _GAIN,
-    "parameters.attitude.k_d": _GAIN,
+    f"parameters.{name}": _GAIN for name in ("centre.k_pt", "centre.k_dt", "attitude.k_p", "attitude.k_d")
 }
 _LEGS: Mapping[str, Space] = {
     "pid": {
@@ -60,9 +57,7 @@ _LEGS: Mapping[str, Space] = {
     },
 }
 _PAPER: Space = {
-    "governor_parameters.alpha_r": Range(0.1, 10.0),
-    "governor_parameters.alpha_t": Range(0.1, 10.0),
-    "governor_parameters.alpha_n": Range(0.1, 10.0),
+    **{f"governor_parameters.alpha_{name}": Range(0.1, 10.0) for name in "rtn"},
     "governor_parameters.conditions": Choice(("algorithm", "equation")),
     "governor_parameters.friction_share": Range(0.4, 1.0),
     "governor_parameters.min_normal_force": Range(0.05, 1.5),
@@ -72,25 +67,15 @@ _FILTER: Space = {
     "governor_parameters.friction_share": Range(0.5, 1.05),
     "governor_parameters.margin": Range(0.1, 10.0),
     "governor_parameters.contact_damping": _GAIN,
-    "governor_parameters.linear": _WEIGHT,
-    "governor_parameters.angular": _WEIGHT,
-    "governor_parameters.swing": _WEIGHT,
-    "governor_parameters.thrust": _WEIGHT,
-    "governor_parameters.torque": _WEIGHT,
+    **{f"governor_parameters.{name}": _WEIGHT for name in ("linear", "angular", "swing", "thrust", "torque")},
     "governor_parameters.lag": Range(0.25, 8.0),
     "governor_parameters.sliding_speed": _GAIN,
 }
 _WHOLE_BODY: Space = {
-    "parameters.body": _GAIN,
-    "parameters.orientation": _GAIN,
-    "parameters.swing": _GAIN,
-    "parameters.contact_damping": _GAIN,
+    **{f"parameters.{name}": _GAIN for name in ("body", "orientation", "swing", "contact_damping")},
     "parameters.min_normal_force": Range(0.1, 3.0),
     "parameters.limits.friction_share": Range(0.9, 2.5),
-    "parameters.weights.orientation": _WEIGHT,
-    "parameters.weights.swing": _WEIGHT,
-    "parameters.weights.thrust": _WEIGHT,
-    "parameters.weights.force": _WEIGHT,
+    **{f"parameters.weights.{name}": _WEIGHT for name in ("orientation", "swing", "thrust", "force")},
 }
 
 _PUBLISHED = {

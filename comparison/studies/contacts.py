@@ -115,30 +115,6 @@ def _pair(rows: Rows) -> str:
     return " / ".join(cell_text(Cell("", "", value)) for value in medians)
 
 
-VIEWS = (
-    View(
-        "contacts_{friction:g}",
-        "Contact models, friction {friction:g}",
-        row=lambda row: f"{row['contact']}: {_name(row)}",
-        columns={
-            "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
-            **{name: (partial(_spread, f"{name}_mm"), "mm") for name in ("path", "creep", "net")},
-            "sliding": (partial(_spread, "sliding", scale=1e2), "%"),
-        },
-        note="Median over the walks, with the least and the largest; a fall counts as more than any. Per step of the "
-        "walk, both feet: path; what of it is creep by the contact's own law, from the forces; net displacement. "
-        "Sliding: share of the feet's time on the ground in which they move faster than they creep by 5 mm/s. Gentle: "
-        "the condensed WBC, which assumes 0.4 of the friction.",
-    ),
-    View(
-        "contacts_{friction:g}_brief",
-        "Median path / net displacement, mm, friction {friction:g}",
-        row="{contact}",
-        across=_name,
-        columns=_pair,
-    ),
-)
-
 STUDY = Study(
     name="contacts",
     help="""Walk on contact models that are not ours.
@@ -156,6 +132,28 @@ STUDY = Study(
     quick={"contacts": ("ours", "MuJoCo default"), "frictions": (0.25,), "starts": 1, "duration": 1.5},
     jobs=_jobs,
     measure=_measured,
-    views=VIEWS,
+    views=[
+        View(
+            "contacts_{friction:g}",
+            "Contact models, friction {friction:g}",
+            row=lambda row: f"{row['contact']}: {_name(row)}",
+            columns={
+                "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
+                **{name: (partial(_spread, f"{name}_mm"), "mm") for name in ("path", "creep", "net")},
+                "sliding": (partial(_spread, "sliding", scale=1e2), "%"),
+            },
+            note="Median over the walks, with the least and the largest; a fall counts as more than any. Per step of "
+            "the walk, both feet: path; what of it is creep by the contact's own law, from the forces; net "
+            "displacement. Sliding: share of the feet's time on the ground in which they move faster than they creep "
+            "by 5 mm/s. Gentle: the condensed WBC, which assumes 0.4 of the friction.",
+        ),
+        View(
+            "contacts_{friction:g}_brief",
+            "Median path / net displacement, mm, friction {friction:g}",
+            row="{contact}",
+            across=_name,
+            columns=_pair,
+        ),
+    ],
     only="contacts",
 )

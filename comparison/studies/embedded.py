@@ -244,43 +244,6 @@ _COUNT: dict[str, Any] = {
 }
 _STATES = "On the walk of each controller, and on the same states for all: those of the condensed controller's walk. "
 _MEMORY = {"flash": (shown("flash"), "B"), "RAM": (shown("ram"), "B")}
-VIEWS = (
-    View(
-        "embedded",
-        "Instructions of a tick on a Cortex-M4F, float, -O2",
-        row=_robot,
-        columns=_COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
-        note=_STATES + "Milliseconds are of its own walk, for one instruction in each cycle, the least there is.",
-        only=lambda row: (row["chip"], row.get("level"), row.get("precision")) == ("m4", "-O2", "float"),
-    ),
-    View(
-        "embedded_{robot}_{precision}",
-        "Instructions of a tick of {robot}, {precision}, {ticks} states",
-        row=lambda row: f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}",
-        columns=_COUNT | _MEMORY | {"stack": (shown("stack"), "B"), "equal": shown("equal")},
-        note=_STATES
-        + "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
-        "exchanges allowed times the dearest exchange, and the rest of the dearest tick. Equal: every command is that "
-        "of this machine, in every bit.",
-        only=lambda row: row["chip"] is not None,
-    ),
-    View(
-        "embedded_precision",
-        "Float against double, {states} states",
-        row=_robot,
-        columns={
-            "median": (shown("median"), "N"),
-            "p99": (shown("p99"), "N"),
-            "p99.9": (shown("p999"), "N"),
-            "largest": (shown("worst"), "N"),
-            "of": (shown("largest_command"), "N"),
-            "other status": shown("other_status"),
-        },
-        note="Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings.",
-        only=lambda row: row["chip"] is None,
-    ),
-)
-
 STUDY = Study(
     name="embedded",
     help="""Count what a tick costs on a microcontroller.
@@ -301,6 +264,42 @@ STUDY = Study(
     quick={"robots": ("harpy",), "chips": ("m4",), "levels": ("-O2",), "duration": 0.4, "states": 1000},
     jobs=_jobs,
     measure=_measured,
-    views=VIEWS,
+    views=[
+        View(
+            "embedded",
+            "Instructions of a tick on a Cortex-M4F, float, -O2",
+            row=_robot,
+            columns=_COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
+            note=_STATES + "Milliseconds are of its own walk, for one instruction in each cycle, the least there is.",
+            only=lambda row: (row["chip"], row.get("level"), row.get("precision")) == ("m4", "-O2", "float"),
+        ),
+        View(
+            "embedded_{robot}_{precision}",
+            "Instructions of a tick of {robot}, {precision}, {ticks} states",
+            row=lambda row: f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}",
+            columns=_COUNT | _MEMORY | {"stack": (shown("stack"), "B"), "equal": shown("equal")},
+            note=_STATES
+            + "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
+            "exchanges allowed times the dearest exchange, and the rest of the dearest tick. Equal: every command is "
+            "that of this machine, in every bit.",
+            only=lambda row: row["chip"] is not None,
+        ),
+        View(
+            "embedded_precision",
+            "Float against double, {states} states",
+            row=_robot,
+            columns={
+                "median": (shown("median"), "N"),
+                "p99": (shown("p99"), "N"),
+                "p99.9": (shown("p999"), "N"),
+                "largest": (shown("worst"), "N"),
+                "of": (shown("largest_command"), "N"),
+                "other status": shown("other_status"),
+            },
+            note="Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same "
+            "settings.",
+            only=lambda row: row["chip"] is None,
+        ),
+    ],
     only="robots",
 )

@@ -85,30 +85,6 @@ def _of(kinds: dict[str, str], what: Value) -> Value:
 
 
 _WORST = where(most("slip_mm_per_step"), fell=False)
-VIEWS = (
-    View(
-        "limits",
-        "Falls, and the worst slip of the walks that did not fall",
-        row="{walker}",
-        columns={
-            "limits: fell": _of(KNOWN, fell),
-            "limits: worst slip": (_of(KNOWN, _WORST), "mm"),
-            "joint friction: fell": _of(UNKNOWN, fell),
-            "joint friction: worst slip": (_of(UNKNOWN, _WORST), "mm"),
-        },
-        note="Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model.",
-    ),
-    View(
-        name="limits_{gait}_{friction:g}",
-        title="Slip per step, mm, or falls: {gait} gait, friction {friction:g}",
-        row=_place,
-        across="{walker}",
-        columns=slip_or_falls,
-        note="Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing gives "
-        "way; est.: joint friction estimated; law: with joint targets for the motors. All have the same torque limits.",
-    ),
-)
-
 STUDY = Study(
     name="limits",
     help="""Walk with damped joints, weak motors and joint friction.
@@ -135,5 +111,28 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=walking(scenario, "slip_mm_per_step", "tracking_rms_mm", "distance_m"),
-    views=VIEWS,
+    views=[
+        View(
+            "limits",
+            "Falls, and the worst slip of the walks that did not fall",
+            row="{walker}",
+            columns={
+                "limits: fell": _of(KNOWN, fell),
+                "limits: worst slip": (_of(KNOWN, _WORST), "mm"),
+                "joint friction: fell": _of(UNKNOWN, fell),
+                "joint friction: worst slip": (_of(UNKNOWN, _WORST), "mm"),
+            },
+            note="Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model.",
+        ),
+        View(
+            name="limits_{gait}_{friction:g}",
+            title="Slip per step, mm, or falls: {gait} gait, friction {friction:g}",
+            row=_place,
+            across="{walker}",
+            columns=slip_or_falls,
+            note="Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing "
+            "gives way; est.: joint friction estimated; law: with joint targets for the motors. All have the same "
+            "torque limits.",
+        ),
+    ],
 )

@@ -144,41 +144,6 @@ _OF_EACH: dict[str, Any] = {}
 for _name in CONTROLLERS:
     _OF_EACH[f"stands, {_name}"] = where(_whether("stands"), controller=_name, loads=True)
     _OF_EACH |= {f"{side}, {_name}": (where(shown(side), controller=_name), "m/s") for side in SIDES}
-VIEWS = (
-    View(
-        "robots",
-        "Robots that stand and take pushes",
-        row="{robot}",
-        columns={
-            "loads": _whether("loads"),
-            "mass": (shown("mass_kg"), "kg"),
-            "DoF": shown("dof"),
-            "feet": shown("feet"),
-            "terms' error": shown("terms_error"),
-            **_OF_EACH,
-        },
-        note="Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, "
-        "stepping in place. Sideways and forward: the largest push on the base that was stood, impulse over mass; 0 "
-        "where the weakest was not. Terms' error: mass matrix and bias beside Pinocchio's, relative.",
-    ),
-    View(
-        "robots_ticks",
-        "Their slip and their ticks",
-        row="{robot}, {controller}",
-        columns={
-            "slip, shift": (shown("slip_mm"), "mm"),
-            **{f"slip, {side}": (shown(f"{side}_slip_mm"), "mm") for side in SIDES},
-            "friction used": shown("friction_used"),
-            "tick": (shown("tick_us"), "µs"),
-            "worst": (shown("worst_us"), "µs"),
-        },
-        note="Slip: mean way of the contact points along the ground in the run, with the weight shifted and with the "
-        "weakest push. Friction used: largest horizontal over normal force of a foot while the weight is shifted. "
-        "Ticks in time of the thread, over the same three runs.",
-        only=lambda row: row.get("stands") is not None,
-    ),
-)
-
 STUDY = Study(
     name="robots",
     help="""Stand the robots that are known by name, and push them.
@@ -204,6 +169,39 @@ STUDY = Study(
         seed=s.seed,
     ),
     measure=_measured,
-    views=VIEWS,
+    views=[
+        View(
+            "robots",
+            "Robots that stand and take pushes",
+            row="{robot}",
+            columns={
+                "loads": _whether("loads"),
+                "mass": (shown("mass_kg"), "kg"),
+                "DoF": shown("dof"),
+                "feet": shown("feet"),
+                "terms' error": shown("terms_error"),
+                **_OF_EACH,
+            },
+            note="Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, "
+            "stepping in place. Sideways and forward: the largest push on the base that was stood, impulse over mass; "
+            "0 where the weakest was not. Terms' error: mass matrix and bias beside Pinocchio's, relative.",
+        ),
+        View(
+            "robots_ticks",
+            "Their slip and their ticks",
+            row="{robot}, {controller}",
+            columns={
+                "slip, shift": (shown("slip_mm"), "mm"),
+                **{f"slip, {side}": (shown(f"{side}_slip_mm"), "mm") for side in SIDES},
+                "friction used": shown("friction_used"),
+                "tick": (shown("tick_us"), "µs"),
+                "worst": (shown("worst_us"), "µs"),
+            },
+            note="Slip: mean way of the contact points along the ground in the run, with the weight shifted and with "
+            "the weakest push. Friction used: largest horizontal over normal force of a foot while the weight is "
+            "shifted. Ticks in time of the thread, over the same three runs.",
+            only=lambda row: row.get("stands") is not None,
+        ),
+    ],
     only="robots",
 )

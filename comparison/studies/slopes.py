@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -53,13 +53,11 @@ def static_bound(degrees: float, friction: float, name: str = "harpy") -> tuple[
         stand with thrust either.
     """
     robot, normal = _robot(name), Plane(slope=float(np.radians(degrees))).normal(0.0, 0.0)
-    found: dict[bool, list[float]] = {False: [], True: []}
-    for q in _postures(name, degrees):
-        for thrust in (False, True) if robot.thrusters else (False,):
-            least = _least_thrust(robot, q, normal, friction, thrust=thrust)
-            if least is not None:
-                found[thrust].append(least)
-    possible = found[True] if robot.thrusters else found[False]
+    found: dict[bool, list[float]] = {}
+    for thrust in {False, bool(robot.thrusters)}:
+        every = (_least_thrust(robot, q, normal, friction, thrust=thrust) for q in _postures(name, degrees))
+        found[thrust] = [least for least in every if least is not None]
+    possible = found[bool(robot.thrusters)]
     return bool(found[False]), min(possible) if possible else None
 
 
@@ -214,12 +212,17 @@ def _whole(value: float | None) -> str:
     return "–" if value is None else f"{value:.0f}"
 
 
-def _standing(rows: Rows, steepest: float = math.inf) -> Rows:
-    return [row for row in rows if how_it_stands(row) == "stands" and row["degrees"] <= steepest]
+def _standing(rows: Rows) -> Rows:
+    return [row for row in rows if how_it_stands(row) == "stands"]
 
 
-def _named(row: dict[str, Any]) -> str:
-    return "Harpy" if (who := WALKERS[row["walker"]]).robot == "harpy" else who.name
+def _named(who: Walker) -> str:
+    return "Harpy" if who.robot == "harpy" else who.name
+
+
+def _stand(steepest: float, rows: Rows) -> str:
+    level = [row for row in rows if row["degrees"] <= steepest]
+    return f"{len(_standing(level))} of {len(level)}"
 
 
 COLOURS = {"stands": CONTACT, "slides": THRUST, "falls": SLIDING, "not possible": "#d9dee4"}
@@ -264,40 +267,6 @@ def what_happens(row: dict[str, object]) -> str:
     return seen if seen == "stands" or possible else "not possible"
 
 
-VIEWS = (
-    View(
-        lambda row: f"slopes_statics_{WALKERS[row['walker']].robot}",
-        lambda row: f"What statics allows: {_named(row)}",
-        row="{degrees:g}°",
-        across="{friction:g}",
-        columns=lambda rows: _whole(rows[0]["least_thrust"]),
-        note="Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient.",
-    ),
-    View(
-        "slopes_{walker}",
-        lambda row: f"On slopes: {WALKERS[row['walker']].name}",
-        row="{degrees:g}°",
-        across="{friction:g}",
-        columns=lambda rows: "falls" if rows[0]["fell"] else _whole(rows[0]["slip_mm"]),
-        note=f"Slip of all feet, mm, of one that walks in a step; up to {HELD:g} mm it stands.",
-    ),
-    View(
-        "slopes",
-        "Where robots stand on slopes",
-        row=lambda row: WALKERS[row["walker"]].name,
-        columns={
-            "stands": lambda rows: f"{len(_standing(rows))} of {len(rows)}",
-            f"up to {USUAL:g}°": lambda rows: (
-                f"{len(_standing(rows, USUAL))} of {sum(row['degrees'] <= USUAL for row in rows)}"
-            ),
-            "statics allow": lambda rows: sum(row["least_thrust"] is not None for row in rows),
-            "without thrust": lambda rows: sum(row["without_thrust"] for row in rows),
-            "mean thrust": (lambda rows: mean("thrust_n")(_standing(rows)), "N"),
-        },
-        note="Mean thrust is the sum of both thrusts in the last half, where it stands.",
-    ),
-)
-
 STUDY = Study(
     name="slopes",
     help="""Stand robots on slopes, angle by friction.
@@ -316,7 +285,37 @@ STUDY = Study(
     quick={"degrees": (0.0, 15.0, 30.0), "frictions": (0.2, 0.8), "walkers": ("paper", "condensed"), "duration": 1.0},
     jobs=lambda s: grid(walker=s.walkers, degrees=s.degrees, friction=s.frictions, duration=s.duration),
     measure=_measured,
-    views=VIEWS,
+    views=[
+        View(
+            lambda row: f"slopes_statics_{WALKERS[row['walker']].robot}",
+            lambda row: f"What statics allows: {_named(WALKERS[row['walker']])}",
+            row="{degrees:g}°",
+            across="{friction:g}",
+            columns=lambda rows: _whole(rows[0]["least_thrust"]),
+            note="Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient.",
+        ),
+        View(
+            "slopes_{walker}",
+            lambda row: f"On slopes: {WALKERS[row['walker']].name}",
+            row="{degrees:g}°",
+            across="{friction:g}",
+            columns=lambda rows: "falls" if rows[0]["fell"] else _whole(rows[0]["slip_mm"]),
+            note=f"Slip of all feet, mm, of one that walks in a step; up to {HELD:g} mm it stands.",
+        ),
+        View(
+            "slopes",
+            "Where robots stand on slopes",
+            row=lambda row: WALKERS[row["walker"]].name,
+            columns={
+                "stands": partial(_stand, math.inf),
+                f"up to {USUAL:g}°": partial(_stand, USUAL),
+                "statics allow": lambda rows: sum(row["least_thrust"] is not None for row in rows),
+                "without thrust": lambda rows: sum(row["without_thrust"] for row in rows),
+                "mean thrust": (lambda rows: mean("thrust_n")(_standing(rows)), "N"),
+            },
+            note="Mean thrust is the sum of both thrusts in the last half, where it stands.",
+        ),
+    ],
     only="walkers",
     draw=_draw,
 )

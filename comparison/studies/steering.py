@@ -115,33 +115,6 @@ def _who(row: dict[str, Any]) -> str:
     return short_name(row["controller"])
 
 
-VIEWS = (
-    View(
-        "steering_commands",
-        "Commands",
-        row=lambda row: f"{row['what']}, {row['plant']}, {_who(row)}",
-        columns=COLUMNS,
-        note="Distance of the body from its target, and slip per step: medians over the walks, and the worst of all.",
-        only=lambda row: row["what"] not in ("slippery", "pushed"),
-    ),
-    View(
-        "steering_pushes",
-        "Random commands, pushed",
-        row=lambda row: f"{row['impulse']:g} N·s, {_who(row)}",
-        columns=COLUMNS,
-        note="One push of 0.1 s in each walk.",
-        only=lambda row: row["what"] == "pushed",
-    ),
-    View(
-        "steering_slippery",
-        "Commands as fast as the legs reach, friction {:g} to {:g}".format(*FRICTIONS["slippery"]),
-        row=_who,
-        columns=COLUMNS | {"speed": (mean("speed_m_s"), "m/s")},
-        note="Speed is the mean.",
-        only=lambda row: row["what"] == "slippery",
-    ),
-)
-
 STUDY = Study(
     name="steering",
     help="""Walk Harpy where commands say.
@@ -167,5 +140,31 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    views=VIEWS,
+    views=[
+        View(
+            "steering_commands",
+            "Commands",
+            row=lambda row: f"{row['what']}, {row['plant']}, {_who(row)}",
+            columns=COLUMNS,
+            note="Distance of the body from its target, and slip per step: medians over the walks, and the worst of "
+            "all.",
+            only=lambda row: row["what"] not in ("slippery", "pushed"),
+        ),
+        View(
+            "steering_pushes",
+            "Random commands, pushed",
+            row=lambda row: f"{row['impulse']:g} N·s, {_who(row)}",
+            columns=COLUMNS,
+            note="One push of 0.1 s in each walk.",
+            only=lambda row: row["what"] == "pushed",
+        ),
+        View(
+            "steering_slippery",
+            "Commands as fast as the legs reach, friction {:g} to {:g}".format(*FRICTIONS["slippery"]),
+            row=_who,
+            columns=COLUMNS | {"speed": (mean("speed_m_s"), "m/s")},
+            note="Speed is the mean.",
+            only=lambda row: row["what"] == "slippery",
+        ),
+    ],
 )

@@ -214,58 +214,6 @@ def _is_walk(row: dict[str, Any]) -> bool:
     return bool(row["what"] != "ticks")
 
 
-VIEWS = (
-    View(
-        lambda row: "walking_{what}_{plant}_{controller}".format(**row).replace(",", "").replace(" ", "_"),
-        lambda row: f"{row['what']}, {row['plant']} plant, {label(row['controller'])}",
-        row="{robot}",
-        columns={
-            "fell": fell,
-            "slip": (median("slip_mm_per_step"), "mm"),
-            "largest slip": (most("slip_mm_per_step"), "mm"),
-            "off path": (median("path_rms_mm"), "mm"),
-            "power": (median("joint_power_w"), "W"),
-            "speed": (most("speed_m_s"), "m/s"),
-        },
-        note="Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of the "
-        "joints, without braking. Medians over the walks.",
-        only=_is_walk,
-    ),
-    View(
-        "walks_{controller}",
-        lambda row: f"Walks, {label(row['controller'])}",
-        row="{robot}",
-        columns={
-            "speed": (most("speed_m_s"), "m/s"),
-            **{column: partial(_in_both, what) for column, what in COURSES.items()},
-            "off path": (where(shown("path_rms_mm"), what="course"), "mm"),
-            **{column: partial(_of_kinds, kinds) for column, kinds in WALKS.items()},
-        },
-        note="Slip, mm per step, the median of the walks; of courses in the compliant plant and in MuJoCo. Off path: "
-        "rms.",
-        only=_is_walk,
-    ),
-    View(
-        "walking_ticks",
-        "Ticks",
-        row="{robot}",
-        columns={
-            **{
-                f"{who}{more}": (shown(f"{who.lower()}{entry}"), "µs")
-                for who in ("condensed", "QP")
-                for more, entry in (("", "_us"), (", worst", "_worst_us"))
-            },
-            "over 2 ms": shown("late"),
-            "apart": shown("apart"),
-            "apart, 99 %": shown("apart_99"),
-            "apart, largest": shown("apart_worst"),
-        },
-        note="On the course at friction 0.8, every tick called from Python, in time of the thread: medians and worst. "
-        "Apart: largest difference of the condensed WBC's torques from the QP's, over the largest torque.",
-        only=lambda row: row["what"] == "ticks",
-    ),
-)
-
 STUDY = Study(
     name="walking",
     help="""Walk the robots that are known by name.
@@ -293,6 +241,56 @@ STUDY = Study(
     jobs=_jobs,
     timed=lambda s: (job_of(robot, "ticks", s.course, s.seed) for robot in s.robots),
     measure=walked,
-    views=VIEWS,
+    views=[
+        View(
+            lambda row: "walking_{what}_{plant}_{controller}".format(**row).replace(",", "").replace(" ", "_"),
+            lambda row: f"{row['what']}, {row['plant']} plant, {label(row['controller'])}",
+            row="{robot}",
+            columns={
+                "fell": fell,
+                "slip": (median("slip_mm_per_step"), "mm"),
+                "largest slip": (most("slip_mm_per_step"), "mm"),
+                "off path": (median("path_rms_mm"), "mm"),
+                "power": (median("joint_power_w"), "W"),
+                "speed": (most("speed_m_s"), "m/s"),
+            },
+            note="Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of "
+            "the joints, without braking. Medians over the walks.",
+            only=_is_walk,
+        ),
+        View(
+            "walks_{controller}",
+            lambda row: f"Walks, {label(row['controller'])}",
+            row="{robot}",
+            columns={
+                "speed": (most("speed_m_s"), "m/s"),
+                **{column: partial(_in_both, what) for column, what in COURSES.items()},
+                "off path": (where(shown("path_rms_mm"), what="course"), "mm"),
+                **{column: partial(_of_kinds, kinds) for column, kinds in WALKS.items()},
+            },
+            note="Slip, mm per step, the median of the walks; of courses in the compliant plant and in MuJoCo. Off "
+            "path: rms.",
+            only=_is_walk,
+        ),
+        View(
+            "walking_ticks",
+            "Ticks",
+            row="{robot}",
+            columns={
+                **{
+                    f"{who}{more}": (shown(f"{who.lower()}{entry}"), "µs")
+                    for who in ("condensed", "QP")
+                    for more, entry in (("", "_us"), (", worst", "_worst_us"))
+                },
+                "over 2 ms": shown("late"),
+                "apart": shown("apart"),
+                "apart, 99 %": shown("apart_99"),
+                "apart, largest": shown("apart_worst"),
+            },
+            note="On the course at friction 0.8, every tick called from Python, in time of the thread: medians and "
+            "worst. Apart: largest difference of the condensed WBC's torques from the QP's, over the largest torque.",
+            only=lambda row: row["what"] == "ticks",
+        ),
+    ],
     only="robots",
 )

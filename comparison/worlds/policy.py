@@ -84,16 +84,12 @@ class Policy:
 
         def act(data: Any, command: Vector) -> None:
             import_mujoco().mj_forward(model, data)
-            self.action = self._answer(observation(model, data, self.action, command))
+            self._in.write(observation(model, data, self.action, command).tobytes())
+            self._in.flush()
+            answer = self._out.read(4 * 12)
+            if len(answer) < 4 * 12:
+                raise WorkerError("the policy's process ended")
+            self.action = np.frombuffer(answer, dtype=np.float32).astype(float)
             data.ctrl[:] = model.key_qpos[0, 7:] + SCALE * self.action
 
         return act
-
-    def _answer(self, asked: Vector) -> Vector:
-        """What the process says to these numbers."""
-        self._in.write(asked.tobytes())
-        self._in.flush()
-        answer = self._out.read(4 * 12)
-        if len(answer) < 4 * 12:
-            raise WorkerError("the policy's process ended")
-        return np.frombuffer(answer, dtype=np.float32).astype(float)

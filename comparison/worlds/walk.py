@@ -111,17 +111,15 @@ class Walker:
         self._lower = self._radius if who.round else 0.0  # by how much the world is lower than the controller's
         self.gait: Any = WalkingGait(robot)
         if who.controller == "stand":
-            towards = Standing(robot).over(0, 2)
-            self.gait = Standing(robot, shift=SHIFT * towards, shift_period=SHIFT_PERIOD)
+            self.gait = Standing(robot, shift=SHIFT * Standing(robot).over(0, 2), shift_period=SHIFT_PERIOD)
         if who.controller == "joint_pd":
             self.controller: Any = MotorPD(self.gait, mu=friction, period=period)
         else:
             how: dict[str, Any] = dict(zip(("joint_stiffness", "joint_damping"), who.law, strict=True))
-            how["estimate_joint_friction"] = who.estimate
-            if who.contact_damping is not None:
-                how["contact_damping"] = who.contact_damping
+            how |= {} if who.contact_damping is None else {"contact_damping": who.contact_damping}
             kind = "wbc" if who.controller == "wbc" else "condensed"
-            self.controller = make_controller(kind, self.gait, mu=friction, period=period, **how)
+            how |= {"estimate_joint_friction": who.estimate, "mu": friction, "period": period}
+            self.controller = make_controller(kind, self.gait, **how)
         late = -int(-DELAY // period)
         self._sensors = None if seed is None or who.sensed else Sensors(robot, Noise.typical(), delay=late, seed=seed)
         self.estimator: Estimator | None = None
@@ -209,9 +207,7 @@ def sliding(model: Any, data: Any, foot: Sequence[int]) -> dict[int, float]:
     """
     mujoco, speed = import_mujoco(), dict[int, float]()
     force, velocity = np.zeros(6), np.zeros(6)
-    if not data.ncon:
-        return speed
-    for k, pair in enumerate(data.contact.geom.tolist()):
+    for k, pair in enumerate(data.contact.geom.tolist() if data.ncon else ()):
         geom = pair[0] if foot[pair[0]] >= 0 else pair[1]
         mujoco.mj_contactForce(model, data, k, force)
         if foot[geom] < 0 or force[0] <= 0.0:
