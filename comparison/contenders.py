@@ -112,7 +112,10 @@ class Variant:
                 place = place.setdefault(group, {})
             for group in groups[1:]:
                 record = getattr(record, group)
-            place[name] = _multiplied(getattr(record, name), value) if isinstance(self.space[path], Range) else value
+            published = getattr(record, name)
+            if isinstance(self.space[path], Range):
+                value = [value * x for x in published] if isinstance(published, tuple) else value * published
+            place[name] = value
         return settings
 
     def controller(self, point: Point, mu: float | None = None) -> ControllerPart:
@@ -122,11 +125,6 @@ class Variant:
     def _record(self, group: str) -> Any:
         """The published settings of a group."""
         return _PUBLISHED[self.part["governor"] if group == "governor_parameters" else self.part["name"], group]
-
-
-def _multiplied(published: Any, factor: float) -> Any:
-    """A setting, or each number of it, times a factor."""
-    return [factor * number for number in published] if isinstance(published, tuple) else factor * published
 
 
 def _governed(governor: str, legs: str, own: Space, **more: Any) -> Variant:
@@ -184,14 +182,6 @@ def searched(variant: str) -> str:
     if variant not in WHOLE_BODY:
         return variant
     return min(WHOLE_BODY, key=lambda name: tuned()["variants"][name]["training"]["cost"])
-
-
-def variant_part(name: str, mu: float | None = None) -> ControllerPart:
-    """A variant as the controller of a scenario, with ``/tuned`` after its name with the settings that were found."""
-    variant = name.removesuffix("/tuned")
-    part = VARIANTS[variant].part
-    found = tuned()["variants"][searched(variant)]["controller"] if name.endswith("/tuned") else {}
-    return read_part(CONTROLLER_PARTS, "controller", {**part, **found, "name": part["name"], "mu": mu})
 
 
 BEST = "paper/best"
@@ -258,7 +248,11 @@ def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
     :data:`TUNED`, or :data:`BEST`.
     """
     if contender == BEST or contender in TUNED:
-        return variant_part(best_paper() if contender == BEST else contender, mu)
+        name = best_paper() if contender == BEST else contender
+        variant = name.removesuffix("/tuned")
+        part = VARIANTS[variant].part
+        found = tuned()["variants"][searched(variant)]["controller"] if variant != name else {}
+        return read_part(CONTROLLER_PARTS, "controller", {**part, **found, "name": part["name"], "mu": mu})
     controller, _, variant = contender.partition("/")
     if controller == "governed":
         return Governed(governor=variant, mu=mu)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -131,65 +131,54 @@ class CampaignSettings:
         checks.number("jitter", self.jitter, low=0.0)
 
     @classmethod
-    def wide(cls, **changes: Any) -> CampaignSettings:
-        """Everything varies, ground, engine and speed as well, from a seed of its own.
+    def of(cls, kind: str, **changes: Any) -> CampaignSettings:
+        """Those of a campaign of :data:`KINDS`, with changes."""
+        return cls(**KINDS[kind] | changes)
 
-        Levels keep apart from those that settings are known to have been chosen on, but for the default ground and
-        walks without any error or push (docs/simulation.md). With 210 scenarios every level of every factor is drawn
-        equally often.
-        """
-        levels: dict[str, Any] = {
-            "walks": 1680,
-            "seed": 40427,
-            "contenders": (*CONTENDERS, *TRUSTING),
-            "frictions": (0.12, 0.17, 0.22, 0.35, 0.55, 0.8),
-            "pushes": (0.0, 2.0, 4.0, 6.0, 8.0),
-            "mass_errors": (-0.25, -0.12, 0.0, 0.12, 0.25),
-            "friction_errors": (-0.3, -0.15, 0.0, 0.15, 0.3),
-            "noises": (0.0, 0.5, 1.0),
-            "delays": (0.0, 1e-3, 2e-3),
-            "stiffnesses": (4e3, 8e3, 16e3, 40e3, 80e3),
-            "dampings": (0.5, 1.0, 2.0),
-            "plants": ("compliant", "mujoco"),
-            "speeds": (0.2, 0.35, 0.5),
-            "ices": (0.0, 0.0, 0.15),
-        }
-        return cls(**{**levels, **changes})
 
-    @classmethod
-    def harsh(cls, **changes: Any) -> CampaignSettings:
-        """What the wide campaign varies, and the motors and MuJoCo's default contact, from a seed of its own.
+_WIDE: dict[str, Any] = {
+    "walks": 1680,
+    "seed": 40427,
+    "contenders": (*CONTENDERS, *TRUSTING),
+    "frictions": (0.12, 0.17, 0.22, 0.35, 0.55, 0.8),
+    "pushes": (0.0, 2.0, 4.0, 6.0, 8.0),
+    "mass_errors": (-0.25, -0.12, 0.0, 0.12, 0.25),
+    "friction_errors": (-0.3, -0.15, 0.0, 0.15, 0.3),
+    "noises": (0.0, 0.5, 1.0),
+    "delays": (0.0, 1e-3, 2e-3),
+    "stiffnesses": (4e3, 8e3, 16e3, 40e3, 80e3),
+    "dampings": (0.5, 1.0, 2.0),
+    "plants": ("compliant", "mujoco"),
+    "speeds": (0.2, 0.35, 0.5),
+    "ices": (0.0, 0.0, 0.15),
+}
+_HARSH: dict[str, Any] = {
+    "walks": 210 * len(HARSH),
+    "seed": 71993,
+    "contenders": HARSH,
+    "plants": tuple(ENGINES),
+    "joint_dampings": (JOINT_DAMPING, JOINT_DAMPING, 0.01, 1.0, 5.0),
+    "torque_shares": (1.0, 1.0, 1.0, 0.7, 0.5, 0.3),
+    "bandwidths": (0.0, 0.0, 0.0, 200.0, 50.0, 20.0),
+}
+KINDS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "wide": _WIDE,
+    "variants": _WIDE | {"walks": 210 * len(TUNED), "contenders": TUNED},
+    "harsh": _WIDE | _HARSH,
+}
+"""Campaigns by name: settings that differ from the plain one's.
 
-        Torques are clipped to the same limits for all. What it adds is as usual in about half of the scenarios.
-        """
-        levels: dict[str, Any] = {
-            "walks": 210 * len(HARSH),
-            "seed": 71993,
-            "contenders": HARSH,
-            "plants": tuple(ENGINES),
-            "joint_dampings": (JOINT_DAMPING, JOINT_DAMPING, 0.01, 1.0, 5.0),
-            "torque_shares": (1.0, 1.0, 1.0, 0.7, 0.5, 0.3),
-            "bandwidths": (0.0, 0.0, 0.0, 200.0, 50.0, 20.0),
-        }
-        return cls.wide(**{**levels, **changes})
-
-    @classmethod
-    def variants(cls, **changes: Any) -> CampaignSettings:
-        """The scenarios of the wide campaign, walked by every tuned variant with published and with found settings."""
-        return cls.wide(**{"walks": 210 * len(TUNED), "contenders": TUNED, **changes})
-
+In the wide one everything varies, ground, engine and speed as well, from a seed of its own. Its levels keep apart from
+those that settings are known to have been chosen on, but for the default ground and walks without any error or push
+(docs/simulation.md). With 210 scenarios every level of every factor is drawn equally often. The same scenarios are
+walked by every tuned variant with published and with found settings. The harsh one varies the motors and has MuJoCo's
+default contact, too, from its own seed: torques are clipped to the same limits for all, and what it adds is as usual in
+about half of the scenarios.
+"""
 
 QUICK: dict[str, Any] = {"walks": 54, "duration": 2.5}
 """Fewer and shorter walks of any kind: to see whether it works, not to quote."""
-
-KINDS: dict[str, Callable[..., CampaignSettings]] = {
-    "plain": CampaignSettings,
-    "wide": CampaignSettings.wide,
-    "variants": CampaignSettings.variants,
-    "harsh": CampaignSettings.harsh,
-}
-"""Campaigns by name."""
-
 
 SCHEMA = 4
 """Version of the rows' meaning; raise it when a measure or the way a walk is done changes."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from comparison.benchmark import FRICTION, Settings, compare
-from comparison.campaign.plan import KINDS, QUICK, plan
+from comparison.campaign.plan import KINDS, QUICK, CampaignSettings, plan
 from comparison.campaign.summary import variants_table
 from comparison.campaign.walks import exceptions_table, run_campaign, with_reasons
 from comparison.cli.output import NO_EVIDENCE, NumbersFile, Quick, print_tables, stages, writing
@@ -107,7 +107,7 @@ def campaign(
     damped = None if joint_damping is None else (joint_damping,)
     given: dict[str, Any] = {"walks": walks, "duration": duration, "seed": seed, "joint_dampings": damped}
     given = {name: value for name, value in given.items() if value is not None}
-    settings = KINDS[kind](**((QUICK if quick else {}) | given))
+    settings = CampaignSettings.of(kind, **((QUICK if quick else {}) | given))
     with writing(json) as summary, stages() as progress:
         summary |= run_campaign(settings, out, progress=partial(progress, "campaign"))
         if kind == "harsh":

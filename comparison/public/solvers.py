@@ -160,11 +160,6 @@ class _Row(NamedTuple):
     residuals: tuple[float, float, float]
 
 
-def _shifted_mean(times: Sequence[float]) -> float:
-    """Shifted geometric mean, s: http://plato.asu.edu/ftp/shgeom.html."""
-    return float(np.exp(np.mean(np.log(np.array(times) + SHIFT))) - SHIFT)
-
-
 def time_solvers(
     problems: Sequence[tuple[str, Problem]], repetitions: int, progress: Progress = silent
 ) -> dict[str, dict[str, Any]]:
@@ -203,6 +198,8 @@ def _solved(name: str, solve: Callable[[], Any], read: Callable[[Any], Solution]
 def _summary(rows: Sequence[_Row], eps: float) -> dict[str, Any]:
     found = [row for row in rows if row.claimed]
     unsolved = [row.name for row in rows if not (row.claimed and max(row.residuals) < eps)]
+    # http://plato.asu.edu/ftp/shgeom.html
+    shifted = float(np.exp(np.mean(np.log([row.time + SHIFT for row in rows]))) - SHIFT)
     worst = np.array([row.residuals for row in found]).max(axis=0) if found else np.full(3, np.nan)
     return {
         "solved_percent": 100.0 * (1.0 - len(unsolved) / len(rows)),
@@ -210,5 +207,5 @@ def _summary(rows: Sequence[_Row], eps: float) -> dict[str, Any]:
         "unsolved": unsolved,
         **dict(zip(("primal_max", "dual_max", "gap_max"), worst.tolist(), strict=True)),
         "median_us": 1e6 * float(np.median([row.time for row in found])) if found else None,
-        "shifted_mean_us": 1e6 * _shifted_mean([row.time for row in rows]),
+        "shifted_mean_us": 1e6 * shifted,
     }

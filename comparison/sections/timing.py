@@ -41,11 +41,11 @@ class RecordingGovernor:
     """Passes everything on to a governor, and keeps what went in and came out."""
 
     def __init__(self, inner: Governor) -> None:
-        self.inner = inner
-        self.applied: Vector = inner.applied
-        self.status = inner.status
-        self.start = inner.applied
+        self.inner, self.start = inner, inner.applied
         self.kept: list[tuple[Any, ...]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
 
     def reset(self, x_r: Vector) -> None:
         """See :class:`harpy_pin.governors.Governor`."""
@@ -56,11 +56,10 @@ class RecordingGovernor:
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governors.Governor`."""
         inputs = x.copy(), x_r.copy()
-        self.applied = self.inner.update(x, x_r, dt)
-        self.status = self.inner.status
-        active = bool(np.any(self.status.h_r < 0.0) or np.any(self.status.h_w < 0.0))
-        self.kept.append((*inputs, self.applied.copy(), active, bool(self.status.infeasible)))
-        return self.applied
+        applied, status = self.inner.update(x, x_r, dt), self.inner.status
+        active = bool(np.any(status.h_r < 0.0) or np.any(status.h_w < 0.0))
+        self.kept.append((*inputs, applied.copy(), active, bool(status.infeasible)))
+        return applied
 
     def trace(self) -> GovernorTrace:
         """What was kept, of one sequence."""

@@ -81,7 +81,7 @@ def walk_scenario(scenario: Scenario) -> Outcome:
 def tasks_of(seed: int, count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
     """Walks of a search, in the library's own engine, or those that judge what it found, in both engines, by seed."""
     alone = {"contenders": ("governed/none",), "joint_dampings": (joint_damping,)}
-    tasks = plan(CampaignSettings.wide(walks=count, duration=duration, seed=seed, **alone))
+    tasks = plan(CampaignSettings.of("wide", walks=count, duration=duration, seed=seed, **alone))
     return [replace(task, plant=Compliant.name) for task in tasks] if seed == TRAINING_SEED else tasks
 
 

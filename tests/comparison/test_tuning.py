@@ -103,7 +103,7 @@ def test_gains_that_were_found_without_a_governor_are_tried_second() -> None:
 
 def test_walks_that_train_never_judge() -> None:
     training, judging = tasks_of(TRAINING_SEED, 60, 5.0), tasks_of(JUDGING_SEED, 60, 5.0)
-    campaign = plan(CampaignSettings.wide())
+    campaign = plan(CampaignSettings.of("wide"))
     seeds = [{task.seed for task in tasks} for tasks in (training, judging, campaign)]
     assert len(set.union(*seeds)) == sum(map(len, seeds))
     assert {task.plant for task in training} == {"compliant"}
