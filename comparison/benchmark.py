@@ -15,7 +15,7 @@ from comparison.campaign.plan import QUICK, CampaignSettings
 from comparison.campaign.walks import run_campaign
 from comparison.contenders import CONTENDERS
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
-from comparison.measure.walking import TIMED, pushed_walk, record_states, recorded_walk, stage
+from comparison.measure.walking import TIMED, record_states, recorded_walk, stage
 from comparison.sections.growth import FACES, time_growth
 from comparison.sections.ticks import WALKS, time_formulations, time_own_walks, time_simulator, time_ticks
 from comparison.sections.timing import time_contenders
@@ -95,7 +95,7 @@ def compare(
     document |= time_contenders(bench("timing", settings.seed, passes), sequences)
     step, pushed = stage(progress, "pushed walks", len(PUSHED)), []
     for name, contender in PUSHED.items():
-        run = pushed_walk(contender, impulse=settings.impulse, **how)
+        run = recorded_walk(contender, impulse=settings.impulse, **how)
         pushed.append(record_states(name, run, least=least))
         step()
     document["ticks"] = {

@@ -93,13 +93,14 @@ class Table:
 
 
 def in_columns(row: str, entry: Mapping[str, Any], columns: Columns) -> list[Cell]:
-    """The values of an entry in these columns; one that the entry lacks is not known."""
-    return [Cell(row, heading, entry.get(key), unit) for key, (heading, unit) in columns.items()]
-
-
-def with_interval(row: str, column: str, entry: Mapping[str, Any], unit: str = "") -> Cell:
-    """The cell of a ``value`` between ``low`` and ``high``."""
-    return Cell(row, column, entry["value"], unit, entry["low"], entry["high"])
+    """The values of an entry in these columns, or each ``value`` between ``low`` and ``high``; None is not known."""
+    cells = []
+    for key, (heading, unit) in columns.items():
+        value, low, high = entry.get(key), None, None
+        if isinstance(value, Mapping):
+            value, low, high = value["value"], value["low"], value["high"]
+        cells.append(Cell(row, heading, value, unit, low, high))
+    return cells
 
 
 def percentiles(row: str, times: Mapping[str, Any]) -> list[Cell]:

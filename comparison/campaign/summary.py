@@ -11,7 +11,7 @@ from scipy.stats import binomtest, quantile_test
 
 from comparison.campaign.plan import FACTORS, Task, code_digest, level_key
 from comparison.contenders import label
-from comparison.tables import Cell, Table, number_text, with_interval
+from comparison.tables import Cell, Table, in_columns, number_text
 from harpy_pin.errors import RunFileError
 from harpy_pin.model.state import Vector
 
@@ -27,6 +27,12 @@ _WHOLE = {
     "low_force": ("under 20 N", ""),
     "tracking_rms_mm": ("off target, rms", "mm"),
     "thrust_rms_n": ("thrust, rms", "N"),
+}
+_COLUMNS = {
+    **{"walks": ("walks", ""), "falls": ("falls", ""), "fall_time_s": ("time of fall", "s"), **_WHOLE},
+    "slip_mean_mm": ("slip of walks without a fall, mean", "mm"),
+    "slip_largest_mm": ("largest", "mm"),
+    "solver_failures": ("failed solves", ""),
 }
 _VALUE = float | int | None
 _MEASURES = ("fell", "fall_time_s", "solver_failures", *_WHOLE)
@@ -130,23 +136,16 @@ def exceptions_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
     """The tables of a summary: all contenders, then falls and slip by the levels of each factor."""
-    whole: list[Cell] = []
-    for name, entry in summary["whole"].items():
-        row = label(name)
-        whole += [Cell(row, "walks", entry["walks"]), with_interval(row, "falls", entry["falls"])]
-        whole.append(with_interval(row, "time of fall", entry["fall_time_s"], "s"))
-        whole += [with_interval(row, text, entry[key], unit) for key, (text, unit) in _WHOLE.items()]
-        whole.append(Cell(row, "slip of walks without a fall, mean", entry["slip_mean_mm"], "mm"))
-        whole.append(Cell(row, "largest", entry["slip_largest_mm"], "mm"))
-        whole.append(Cell(row, "failed solves", entry["solver_failures"]))
+    whole = [cell for name, entry in summary["whole"].items() for cell in in_columns(label(name), entry, _COLUMNS)]
     title = f"Campaign: {summary['done']} of {summary['planned']} walks; shares and medians"
     tables = [Table("campaign", title, tuple(whole), _NOTE)]
     for factor, levels in summary["factors"].items():
         for key, what, unit in (("falls", "share of falls", ""), ("slip_mm_per_step", "median slip per step", "mm")):
             cells = [
-                with_interval(label(name), FACTORS[factor].text(level), entry[key], unit)
+                cell
                 for level, row_of in levels.items()
                 for name, entry in row_of.items()
+                for cell in in_columns(label(name), entry, {key: (FACTORS[factor].text(level), unit)})
             ]
             title = f"Campaign: {what}{', ' if unit else ''}{unit}, by {FACTORS[factor].name}"
             tables.append(Table(f"campaign_{factor}_{key}", title, tuple(cells)))
@@ -159,7 +158,7 @@ def variants_table(summary: Mapping[str, Any]) -> Table:
     for name, entry in summary["whole"].items():
         row, share, ends = label(name), entry["falls"], entry["slip_interval_mm"]
         low_high = None if share["low"] is None else f"{100.0 * share['low']:.0f} to {100.0 * share['high']:.0f} %"
-        cells += [Cell(row, "walks", entry["walks"]), Cell(row, "fell", entry["fell"])]
+        cells += in_columns(row, entry, {"walks": ("walks", ""), "fell": ("fell", "")})
         cells.append(Cell(row, "fell, 95 %", low_high))
         for factor in _SPLIT:
             for level, row_of in summary["factors"].get(factor, {}).items():

@@ -141,23 +141,19 @@ class StateSequence:
         return total.hexdigest()
 
 
-def recorded_walk(name: str, *, friction: float, duration: float) -> Run:
+def recorded_walk(name: str, *, friction: float, duration: float, impulse: float = 0.0) -> Run:
     """Walk in closed loop; the log ends early if the robot falls.
 
-    The controller knows the ground's static friction coefficient; the duration is in s.
+    Args:
+        name: of :data:`TIMED`, or of :func:`scenario_of`.
+        friction: of the ground, which the controller knows.
+        duration: s.
+        impulse: of a lateral push to alternating sides in every second, N·s: many touchdowns and recoveries.
     """
-    return walk(scenario_of(TIMED[name], friction, duration=duration))
-
-
-def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) -> Run:
-    """Walk with a lateral push to alternating sides in every second of time: many touchdowns and recoveries.
-
-    The name is that of :func:`~comparison.measure.walking.scenario_of`. The duration is in s, the impulse of each
-    push in N·s.
-    """
-    times = np.arange(0.6, duration - 0.1, 1.0)
+    times = np.arange(0.6, duration - 0.1, 1.0) if impulse else ()
     pushes = tuple(Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times))
-    return walk(scenario_of(name, friction, duration=duration, disturbances=Disturbances(pushes=pushes)))
+    disturbances = Disturbances(pushes=pushes)
+    return walk(scenario_of(TIMED.get(name, name), friction, duration=duration, disturbances=disturbances))
 
 
 def record_states(name: str, run: Run, *, least: int) -> StateSequence:

@@ -16,7 +16,7 @@ from comparison.report.figures import growth_figure, pareto_figure
 from comparison.sections.growth import growth_tables
 from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
 from comparison.sections.timing import timing_tables
-from comparison.tables import Cell, Table, to_csv, with_interval
+from comparison.tables import Cell, Table, in_columns, to_csv
 from harpy_pin.files import OwnFolder, json_text
 
 if TYPE_CHECKING:
@@ -86,8 +86,7 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
         if tick is not None:
             cells.append(Cell(row, "tick, median", tick["p50_us"], "µs", tick["low_us"], tick["high_us"]))
             cells.append(Cell(row, "tick, p99", tick["p99_us"], "µs"))
-        cells.append(with_interval(row, "slip per step", entry["slip_mm_per_step"], "mm"))
-        cells.append(with_interval(row, "falls", entry["falls"]))
+        cells += in_columns(row, entry, {"slip_mm_per_step": ("slip per step", "mm"), "falls": ("falls", "")})
     where = f"complete tick on recorded states (friction {document['ticks']['friction']:g})"
     title = f"Cost and quality: {where}, slip and falls of the campaign"
     note = "In brackets: of the times, least and largest median of a repetition; else 95 % intervals."

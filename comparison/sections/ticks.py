@@ -13,7 +13,7 @@ from comparison.contenders import CONTENDERS, FORCES, controller_part, label
 from comparison.measure.inside_c import ReplayInsideC, overhead_inside_c
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
-from comparison.measure.walking import StateSequence, pushed_walk, scenario_of
+from comparison.measure.walking import StateSequence, recorded_walk, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
@@ -89,7 +89,7 @@ def time_own_walks(bench: Bench, impulse: float, duration: float) -> dict[str, A
     for _ in range(bench.settings.repetitions):
         for k in bench.rng.permutation(len(CONTENDERS)):
             name = CONTENDERS[int(k)]
-            found[name].append(pushed_walk(name, friction=bench.friction, duration=duration, impulse=impulse))
+            found[name].append(recorded_walk(name, friction=bench.friction, duration=duration, impulse=impulse))
         bench.on_pass()
     first, overhead = bench.settings.warm_up, overhead_inside_c()
     return {

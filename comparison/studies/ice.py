@@ -58,17 +58,13 @@ def slips(run: Run, begin: float, end: float) -> dict[str, Any]:
     on_ice = np.any((x >= begin) & (x < end) & (load > LOADED), axis=1)
     path = 1e3 * run["slip_path"].sum(axis=1)
     step = np.floor(run["t"] / STEP + 1e-9).astype(int)
-    ice: list[float] = []
-    after: list[float] = []
-    for n in range(int(step[-1]) + 1):
-        rows = np.flatnonzero(step == n)
-        slip = float(path[rows[-1]] - path[max(rows[0] - 1, 0)])
-        if on_ice[rows].any():
-            ice.append(slip)
-        elif ice:
-            after.append(slip)
+    first = np.flatnonzero(np.diff(step, prepend=-1))
+    slip = np.diff(path[np.append(np.maximum(first - 1, 0), -1)])  # in each step
+    icy = np.logical_or.reduceat(on_ice, first)
+    after = ~icy & np.logical_or.accumulate(icy)
     estimate = float(run["friction_estimate"].min()) if "friction_estimate" in run else None
-    return {"fell": run.ending != "completed", "ice_mm": ice, "after_mm": after, "lowest_estimate": estimate}
+    slips_mm = {"ice_mm": slip[icy].tolist(), "after_mm": slip[after].tolist()}
+    return {"fell": run.ending != "completed", **slips_mm, "lowest_estimate": estimate}
 
 
 def _place(row: dict[str, Any]) -> str:

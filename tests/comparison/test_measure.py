@@ -12,7 +12,7 @@ import comparison.measure.replay as replays
 from comparison.measure.inside_c import ReplayInsideC
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
 from comparison.measure.timing import Bench, TimingSettings, counted, interleave, ratio_of_medians, summarise
-from comparison.measure.walking import TIMED, StateSequence, make_contender, pushed_walk, record_states, recorded_walk
+from comparison.measure.walking import TIMED, StateSequence, make_contender, record_states, recorded_walk
 from comparison.sections.ticks import make_all
 from comparison.sections.timing import stationarity, time_contenders
 from harpy_pin import InputError, State, load_harpy
@@ -204,7 +204,8 @@ def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> Non
 
 def test_pushed_walk_is_pushed() -> None:
     runs = {
-        impulse: pushed_walk("governed/filter", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
+        impulse: recorded_walk("governed/filter", friction=0.25, duration=0.9, impulse=impulse)
+        for impulse in (0.0, 3.0)
     }
     sideways = {impulse: run["v"][:, 1] for impulse, run in runs.items()}
     np.testing.assert_allclose(sideways[0.0][:590], sideways[3.0][:590])
