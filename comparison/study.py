@@ -1,7 +1,7 @@
 """Studies as data on one runner: what is walked, what is measured, and which tables are made of it.
 
-A study lists jobs, each a dict that says all of one walk; ``measure`` walks one and gives what is kept of it (where that
-are the library's own measures, :func:`walking` makes it). A row is both together. Walks that a file has are not
+A study lists jobs, each a dict that says all of one walk; ``measure`` walks one and gives what is kept of it (where
+those are the library's own measures, :func:`walking` makes it). A row is both together. Walks that a file has are not
 repeated; many are walked in processes of their own, one for each core.
 
 A new study is a file of :mod:`comparison.studies` with a ``STUDY``; its command is ``python -m comparison NAME``.
