@@ -40,7 +40,7 @@ class Study:
     """One question, measured."""
 
     name: str  # of the command and of its source in pages
-    help: str  # of the command: a line, an empty line, and the rest
+    help: str | None  # of the command: a line, an empty line, and the rest; the docstring of the study's file
     defaults: Mapping[str, Any]  # settings; of a tuple of names it has all that there are
     quick: Mapping[str, Any]  # those that differ in a look
     jobs: Callable[[Any], Iterable[Job]] = lambda settings: ()  # what is walked, from the settings

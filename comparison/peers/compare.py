@@ -250,9 +250,7 @@ def _times(peers: Mapping[str, Any], what: str) -> Table:
         if "times" not in entry:
             cells.append(Cell(name, "no times", entry["reason"]))
         for support, times in entry.get("times", {}).items():
-            if what in times:
-                row = f"{name}: {support}"
-                cells += percentiles(row, times[what])
+            cells += percentiles(f"{name}: {support}", times[what]) if what in times else []
     title = f"Peers: {text} in single and double support, µs, friction {peers['friction']:g}"
     note = f"In brackets: least and largest median of a repetition. {note}"
     return Table(f"peers_{what}", title, tuple(cells), note)

@@ -1,4 +1,8 @@
-"""Walks whose controllers are wrong about the friction of the ground, with and without an estimate of it."""
+"""Walk with a wrong friction coefficient.
+
+Every controller assumes from half to two and a half times the friction of the ground, without and with the friction
+estimated. In the figure a vertical line is where the margin of the WBCs ends.
+"""
 
 from __future__ import annotations
 
@@ -65,11 +69,7 @@ def _draw(figure: Any, rows: Rows) -> None:
 
 STUDY = Study(
     name="assumption",
-    help="""Walk with a wrong friction coefficient.
-
-    Every controller assumes from half to two and a half times the friction of the ground, without and with the friction
-    estimated. In the figure a vertical line is where the margin of the WBCs ends.
-    """,
+    help=__doc__,
     defaults={
         **STARTS,
         "starts": 3,

@@ -1,4 +1,9 @@
-"""What fells the condensed WBC in other people's models, and what helps: properties and remedies one by one."""
+"""Find what fells the condensed WBC in other people's models.
+
+Torques alone, in models that have one of dry friction, damping and armature in the joints, round feet, their own steps
+and pyramids as friction cones; then in the whole model, with what the controller may know or the motors may do. Random
+commands at friction 0.8 and 0.3. "peers --install" installs the models. This takes many minutes.
+"""
 
 from __future__ import annotations
 
@@ -91,12 +96,7 @@ def _draw(figure: Any, rows: Rows) -> None:
 
 STUDY = Study(
     name="causes",
-    help="""Find what fells the condensed WBC in other people's models.
-
-    Torques alone, in models that have one of dry friction, damping and armature in the joints, round feet, their own
-    steps and pyramids as friction cones; then in the whole model, with what the controller may know or the motors may
-    do. Random commands at friction 0.8 and 0.3. "peers --install" installs the models. This takes many minutes.
-    """,
+    help=__doc__,
     example="--out causes.jsonl --figure causes.png",
     defaults={
         "worlds": (*ROBOTS, PLAYGROUND),

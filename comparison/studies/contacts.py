@@ -1,8 +1,9 @@
-"""Contact models that are not ours: who falls, how far feet slip on each, and how much of it the model itself makes.
+"""Walk on contact models that are not ours.
 
-MuJoCo's friction creeps: a foot inside the cone moves with a velocity that its force sets. This part of
-the slip is known in closed form, and taken apart from the rest. Friction, and the stiffness that the weight finds, are
-known to controllers and gait.
+MuJoCo's own contact and what is advised against its slip, and spheres as feet, beside ours. MuJoCo's friction creeps: a
+foot inside the cone moves with a velocity that its force sets. This part of the slip is known in closed form, and the
+tables take it from the rest. Friction, and the stiffness that the weight finds, are known to controllers and gait.
+MuJoCo is left out where it is not installed. With it this takes many minutes.
 """
 
 from __future__ import annotations
@@ -117,12 +118,7 @@ def _pair(rows: Rows) -> str:
 
 STUDY = Study(
     name="contacts",
-    help="""Walk on contact models that are not ours.
-
-    MuJoCo's own contact and what is advised against its slip, and spheres as feet, beside ours. The tables
-    take the creep that a contact has by itself from the rest of the slip. It is left out where MuJoCo is not
-    installed. With it this takes many minutes.
-    """,
+    help=__doc__,
     example="--out contacts.jsonl",
     defaults={
         **STARTS,

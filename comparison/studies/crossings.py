@@ -1,7 +1,9 @@
-"""What robots cross: stairs, rough ground that they know or do not know, and slopes whose normal is told wrong.
+"""Let robots cross stairs, rough ground and ramps.
 
-Rough ground that is not known is walked *blind*: by the gait of flat ground, or, on four feet, by one that feels the
-plane below its feet. The robot begins with its feet on the ground.
+Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the gait knows
+or does not know, ramps, and normals that are told wrong by 5 degrees. Ground that is not known is walked blind: by the
+gait of flat ground, or, on four feet, by one that feels the plane below its feet. The robot begins with its feet on the
+ground. Needs the extra "robots". This takes some minutes.
 """
 
 from __future__ import annotations
@@ -117,12 +119,7 @@ for _plant in PLANTS:
     COLUMNS[f"slip, {_plant}"] = where(median("slip_mm_per_step"), plant=_plant, through=True), "mm"
 STUDY = Study(
     name="crossings",
-    help="""Let robots cross stairs, rough ground and ramps.
-
-    Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the
-    gait knows or does not know, ramps, and normals that are told wrong by 5 degrees. Needs the extra "robots". This
-    takes some minutes.
-    """,
+    help=__doc__,
     example="--out crossings.jsonl",
     defaults={"names": tuple(CROSSINGS), "plants": PLANTS, "most_tries": 20},  # of one kind of ground
     quick={"names": ("Harpy, ±2 cm, blind", "Go2, 20° up"), "plants": ("compliant",), "most_tries": 1},

@@ -1,7 +1,8 @@
-"""How much delay and noise each kind of leg law bears: what a linear argument predicts, beside walks.
+"""Walk with late and noisy measurements.
 
-The gains of the leg law with feedforward were chosen on walks at friction 0.5 and 0.3; what is walked here is at other
-friction, and with noise.
+The paper's joint PID, legs with feedforward, the condensed controller and the whole-body QP, beside the delays that a
+linear argument allows. The gains of the legs with feedforward were chosen on walks at friction 0.5 and 0.3; what is
+walked here is at other friction, and with noise.
 """
 
 from __future__ import annotations
@@ -101,11 +102,7 @@ def _of_tasks(rows: Rows) -> Iterator[Table]:
 
 STUDY = Study(
     name="delay",
-    help="""Walk with late and noisy measurements.
-
-    The paper's joint PID, legs with feedforward, the condensed controller and the whole-body QP, beside the delays that
-    a linear argument allows.
-    """,
+    help=__doc__,
     defaults={
         "frictions": (0.8, 0.25),
         "delays": (0, 1, 2, 3, 4, 5, 8, 30, 40),  # of the measurements, ms

@@ -1,8 +1,10 @@
-"""What a tick costs on a microcontroller: instructions counted in QEMU, flash, memory and stack.
+"""Count what a tick costs on a microcontroller.
 
-Controllers are exported as C (:mod:`harpy_pin.export`). Each is counted on the states of its own walk, and once more
-on those of the condensed controller's walk, which are the same for all; the pushes are the same in every walk. Beside
-our own QP, which begins with the last tick's active set, DAQP solves the same program from nothing, in its own C.
+Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU, for Harpy, Solo12 and Bolt: the paper's
+governor, the contact-force filter, the condensed controller, and the whole-body QP by its last active set and, from
+nothing, by DAQP's own C. Each is exported as C and counted on the states of its own walk, and once more on those of the
+condensed controller's, which are the same for all; the pushes are the same in every walk. Needs gcc-arm-none-eabi,
+libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
 """
 
 from __future__ import annotations
@@ -246,13 +248,7 @@ _STATES = "On the walk of each controller, and on the same states for all: those
 _MEMORY = {"flash": (shown("flash"), "B"), "RAM": (shown("ram"), "B")}
 STUDY = Study(
     name="embedded",
-    help="""Count what a tick costs on a microcontroller.
-
-    Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU: the paper's governor, the contact-force
-    filter, the condensed controller, and the whole-body QP by its last active set and by DAQP's own C, for Harpy,
-    Solo12 and Bolt, on a walk of each controller and on the same recorded states for all. Needs gcc-arm-none-eabi,
-    libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
-    """,
+    help=__doc__,
     defaults={
         "robots": ("harpy", "solo12", "bolt"),
         "chips": tuple(CHIPS),

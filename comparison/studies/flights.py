@@ -1,7 +1,9 @@
-"""Flights of Harpy: hop, jump, hover, a way through the air, a landing on a slope, fans that lag or lose power.
+"""Let Harpy jump, hover and fly.
 
-Walks stand beside them, to compare what they cost. All measurements are noisy. A try stands if the robot is upright
-over its feet at the end, or walked on where it should. The controller knows of the fan only where a row says so.
+Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering for
+10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, fans that lag, and
+what walks, jumps and flights cost on slopes. A try stands if the robot is upright over its feet at the end, or walked
+on where it should. The controller knows of the fan only where a row says so. This takes many minutes.
 """
 
 from __future__ import annotations
@@ -196,12 +198,7 @@ def _of_all(name: str, together: Callable[[list[Any]], Any], digits: int) -> Val
 
 STUDY = Study(
     name="flights",
-    help="""Let Harpy jump, hover and fly.
-
-    Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering
-    for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, fans that
-    lag, and what walks, jumps and flights cost on slopes. This takes many minutes.
-    """,
+    help=__doc__,
     defaults={
         **{"names": tuple(FLIGHTS), "controllers": tuple(CONTROLLERS), "plants": tuple(PLANTS)},
         "most_tries": 20,  # of one manoeuvre

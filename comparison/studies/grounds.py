@@ -1,4 +1,8 @@
-"""The same walks on grounds from soft to stiff, in this library's plant and in MuJoCo."""
+"""Walk every controller on soft and stiff ground.
+
+Stiffness is 4 to 80 kN/m, in this library's plant, or MuJoCo's. Friction is 0.25 and 0.15. The tables show how far the
+feet slip, or when the robot fell. This takes some minutes.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +23,6 @@ STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)
 STEPS = ("governed/paper", "condensed")
 """Walkers that also walk with half the physics step, on the highest friction."""
 DT = Scenario().dt
-NOTE = (
-    "Per step of the walk, both feet together, mm. Friction and stiffness are known to controllers and gait. Where the "
-    "path is much longer than the net displacement the feet go to and fro; where it is shorter they hop. Do not rank "
-    "what differs by less than the effect of the physics step."
-)
 
 
 def _grounds() -> dict[str, dict[str, Any]]:
@@ -67,11 +66,7 @@ def _slip(name: str, rows: Rows) -> Any:
 
 STUDY = Study(
     name="grounds",
-    help="""Walk every controller on soft and stiff ground.
-
-    Stiffness is 4 to 80 kN/m, or MuJoCo's. Friction is 0.25 and 0.15. The tables show how far the feet slip, or when
-    the robot fell. This takes some minutes.
-    """,
+    help=__doc__,
     defaults={
         "walkers": ("governed/none", "governed/paper", "governed/filter", "condensed", "wbc"),
         "frictions": (0.25, 0.15),  # the highest first
@@ -102,7 +97,9 @@ STUDY = Study(
                 "path": (where(shown("path_mm"), dt_s=DT), "mm"),
                 "half the step": (where(shown("path_mm"), dt_s=0.5 * DT), "mm"),
             },
-            note=NOTE,
+            note="Per step of the walk, both feet together, mm. Friction and stiffness are known to controllers and "
+            "gait. Where the path is much longer than the net displacement the feet go to and fro; where it is "
+            "shorter they hop. Do not rank what differs by less than the effect of the physics step.",
             only=lambda row: row["walker"] in STEPS,
         ),
     ],

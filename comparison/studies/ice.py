@@ -1,7 +1,9 @@
-"""Walks over a strip of ice that the controller knows nothing of, with and without an estimate of the friction.
+"""Walk over ice with and without estimated friction.
 
-The estimate's settings were chosen on strips of 0.2 and 0.1 on ground of 0.6, at 0.2 and 0.4 m/s, with seeds 100 and
-101. What is walked here is at other friction, at another speed, on strips at other places and with other seeds.
+The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, none of which knows of
+the strip, in both engines, with exact measurements and with noise and delay. The estimate's settings were chosen on
+strips of 0.2 and 0.1 on ground of 0.6, at 0.2 and 0.4 m/s, with seeds 100 and 101. What is walked here is at other
+friction, at another speed, on strips at other places and with other seeds.
 """
 
 from __future__ import annotations
@@ -79,11 +81,7 @@ def _of_all(name: str, put: Callable[[list[float]], float], rows: Rows) -> float
 
 STUDY = Study(
     name="ice",
-    help="""Walk over ice with and without estimated friction.
-
-    The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines,
-    with exact measurements and with noise and delay.
-    """,
+    help=__doc__,
     defaults={
         "friction": 0.8,  # of the ground, which the controllers assume
         "ice": (0.15,),  # static friction coefficients of the strip

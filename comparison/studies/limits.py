@@ -1,9 +1,10 @@
-"""Walks at the limits of the motors: strong damping, weak and slow motors, and joint friction that no model has.
+"""Walk with damped joints, weak motors and joint friction.
 
-Two things are known to the controllers: the joint damping and the motors' peak torques. Two are not: how slow the
-motors are, and friction in the joints. Every controller has the same torque limits, and the plant clips what is beyond.
-What gives way at these limits (:mod:`harpy_pin.wbc.condensed.limits`) was chosen on walks from exact starts; the walks
-here begin with other velocities.
+The ungoverned and the paper's controller, the contact-force filter, the condensed controller with and without tasks
+that give way, and the whole-body QP. They know the joint damping and the motors' peak torques, but neither how slow the
+motors are nor the friction in the joints, which is in no model. All have the same torque limits, and the plant clips
+what is beyond. What gives way was chosen on walks from exact starts; the walks here begin with other velocities. This
+takes many minutes.
 """
 
 from __future__ import annotations
@@ -87,12 +88,7 @@ def _of(kinds: dict[str, str], what: Value) -> Value:
 _WORST = where(most("slip_mm_per_step"), fell=False)
 STUDY = Study(
     name="limits",
-    help="""Walk with damped joints, weak motors and joint friction.
-
-    Damping is strong, motors are also slow, and no model has the joint friction. The ungoverned and the paper's
-    controller, the contact-force filter, the condensed controller with and without tasks that give way, and the
-    whole-body QP. This takes many minutes.
-    """,
+    help=__doc__,
     example="--out limits.jsonl",
     defaults=STARTS
     | {

@@ -1,6 +1,8 @@
-"""Robots on two feet are pushed from eight sides at four instants of a step, in place and at half of their speed.
+"""Push robots on two feet from eight sides.
 
-The gait was tuned on as many pushes of the same sizes from directions and at instants half-way between these.
+At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. The gait was
+tuned on as many pushes of the same sizes from directions and at instants half-way between these. Needs the extra
+"robots".
 """
 
 from __future__ import annotations
@@ -71,11 +73,7 @@ def _draw(figure: Any, rows: Rows) -> None:
 
 STUDY = Study(
     name="pushes",
-    help="""Push robots on two feet from eight sides.
-
-    At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. Needs the
-    extra "robots".
-    """,
+    help=__doc__,
     defaults={"robots": BIPEDS, "plants": PLANTS, "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
     quick={"robots": ("bolt",), "sizes": SIZES[:1], "sides": 1, "instants": 1},
     jobs=lambda s: grid(

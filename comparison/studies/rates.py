@@ -1,4 +1,7 @@
-"""How much one machine does in a second: walks, environment steps, whole-body optima, and a tick inside C."""
+"""Measure how much this machine does in a second.
+
+Walks, environment steps and whole-body optima, and the condensed controller's tick inside C.
+"""
 
 from __future__ import annotations
 
@@ -130,10 +133,7 @@ def _measured(job: Job) -> dict[str, Any]:
 
 STUDY = Study(
     name="rates",
-    help="""Measure how much this machine does in a second.
-
-    Walks, environment steps and whole-body optima, and the condensed controller's tick inside C.
-    """,
+    help=__doc__,
     defaults={
         "seconds": 60.0,  # of each walk
         "robots": ("harpy", "solo12", "g1"),  # of the batches of optima

@@ -1,10 +1,9 @@
-"""Well-known robots stand, shift their weight and are pushed, under the whole-body QP and the condensed controller.
+"""Stand the robots that are known by name, and push them.
 
-A biped on point feet cannot stand: it steps in place.
-
-Gains and weights are the library's; ranges of force and the weight on forces follow from the mass
-(:attr:`harpy_pin.Standing.parameters`), and so do the ground's stiffness and the pushes. One setting was chosen here:
-the damping of held soles, on G1 at rest on this ground, without a push.
+They also shift their weight; a biped on point feet steps in place. Under the whole-body QP and the condensed
+controller, on compliant ground. Gains and weights are the library's; ranges of force and the weight on forces follow
+from the mass, and so do the ground's stiffness and the pushes. One setting was chosen here: the damping of held soles,
+on G1 at rest on this ground, without a push. Needs the extra "robots".
 """
 
 from __future__ import annotations
@@ -146,11 +145,7 @@ for _name in CONTROLLERS:
     _OF_EACH |= {f"{side}, {_name}": (where(shown(side), controller=_name), "m/s") for side in SIDES}
 STUDY = Study(
     name="robots",
-    help="""Stand the robots that are known by name, and push them.
-
-    They also shift their weight. Under the whole-body QP and the condensed controller, on compliant ground. Needs the
-    extra "robots".
-    """,
+    help=__doc__,
     example="--only g1 --json g1.json",
     defaults={
         "robots": tuple(CATALOGUE),

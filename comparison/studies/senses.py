@@ -1,4 +1,9 @@
-"""Robots walk on what they feel: inertial unit, encoders and motor torques. Falls, and how far off the estimate is."""
+"""Walk on what robots feel.
+
+That is an inertial unit, encoders and motor torques. Thirteen robots and Harpy in both engines, and quadrupeds in other
+people's models of them, walk random commands, pushes and courses: once on the true state and once on the estimate. The
+table has falls, and how far off the estimate is. Needs the extras "robots" and "mujoco".
+"""
 
 from __future__ import annotations
 
@@ -71,12 +76,7 @@ _SEEN = {"state": "estimated", "fell": False}
 
 STUDY = Study(
     name="senses",
-    help="""Walk on what robots feel.
-
-    That is an inertial unit, encoders and motor torques. Thirteen robots and Harpy in both engines, and quadrupeds in
-    other people's models of them, walk random commands, pushes and courses: once on the true state and once on the
-    estimate. Needs the extras "robots" and "mujoco".
-    """,
+    help=__doc__,
     example="--walks 50 --only go2",
     defaults={
         "robots": (HARPY, *QUADRUPEDS, *BIPEDS),

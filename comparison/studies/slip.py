@@ -1,4 +1,8 @@
-"""How far the feet slip on ever more slippery ground, with no push and no error."""
+"""Walk every controller on ever more slippery ground.
+
+The controllers know the friction; there is no push and no error. The table shows how far the feet slip in each step,
+and when the robot fell.
+"""
 
 from __future__ import annotations
 
@@ -43,10 +47,7 @@ def _draw(figure: Any, rows: Rows) -> None:
 
 STUDY = Study(
     name="slip",
-    help="""Walk every controller on ever more slippery ground.
-
-    The controllers know the friction. The table shows how far the feet slip in each step, and when the robot fell.
-    """,
+    help=__doc__,
     defaults={
         "walkers": (*CONTENDERS[:2], "paper/tracked/pid", *CONTENDERS[2:]),
         "frictions": (0.25, 0.2, 0.15, 0.1),

@@ -1,9 +1,11 @@
-"""Where robots stand on slopes: pitch by friction, beside what statics allows, which is a linear program.
+"""Stand robots on slopes, angle by friction.
 
-In it forces in the friction cones about the normal and thrusts within their limits balance the robot, with joint
-torques within the motors' limits, wherever its body is along x; robots on four feet lean with the slope, others are
-upright. Harpy stands under every kind of controller, and walks under the condensed one; Go2 and G1, which have no
-thrusters, stand under that one, too.
+From 0 to 45 degrees, at friction 0.1 to 1.0: Harpy under a joint PID without a governor, without and with thrust, the
+paper's governor, the contact-force filter, the condensed controller and the whole-body QP, and Go2 and G1, which have
+no thrusters, under the condensed controller. Beside them is the bound of statics, a linear program: forces in the
+friction cones about the normal and thrusts within their limits balance the robot, with joint torques within the motors'
+limits, wherever its body is along x. Robots on four feet lean with the slope, others are upright. Needs the extra
+"robots". This takes many minutes.
 """
 
 from __future__ import annotations
@@ -269,12 +271,7 @@ def what_happens(row: dict[str, object]) -> str:
 
 STUDY = Study(
     name="slopes",
-    help="""Stand robots on slopes, angle by friction.
-
-    From 0 to 45 degrees, at friction 0.1 to 1.0, beside the bound of statics: Harpy under a joint PID without a
-    governor, without and with thrust, the paper's governor, the contact-force filter, the condensed controller and the
-    whole-body QP, and Go2 and G1 under the condensed controller. Needs the extra "robots". This takes many minutes.
-    """,
+    help=__doc__,
     example="--out slopes.jsonl --figure slopes.png",
     defaults={
         "degrees": (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0),  # by which the ground rises along x

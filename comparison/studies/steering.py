@@ -1,6 +1,8 @@
-"""Walks that go where they are told: a course, random commands, pushes, slippery ground and absurd commands.
+"""Walk Harpy where commands say.
 
-Nothing was chosen on these commands.
+A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed controller and the
+whole-body QP; the course and some of the sequences in MuJoCo, too. Nothing was chosen on these commands. This takes
+many minutes.
 """
 
 from __future__ import annotations
@@ -117,12 +119,7 @@ def _who(row: dict[str, Any]) -> str:
 
 STUDY = Study(
     name="steering",
-    help="""Walk Harpy where commands say.
-
-    A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed controller and the
-    whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
-    minutes.
-    """,
+    help=__doc__,
     defaults={
         "course": 20.0,  # seconds of the course that are walked, friction 0.4
         "plants": ("compliant", "mujoco"),  # in which it is

