@@ -96,7 +96,8 @@ def _of_tasks(rows: Rows) -> Iterator[Table]:
     for name, (k_p, k_d) in gains.items():
         margin = 1e3 * pd_delay_margin(k_p, k_d, period=p.period)
         cells += [Cell(name, "k_p", k_p, "1/s²"), Cell(name, "k_d", k_d, "1/s"), Cell(name, "margin", margin, "ms")]
-    note = "In closed form. A held foot is at rest whatever is commanded; its row is for one that the ground lets move."
+    note = "In closed form. A held foot is at rest whatever is commanded; "
+    note += "its row is for a foot that the ground lets move."
     yield Table("delay_tasks", "Delay margins of the tasks of condensed WBC and QP", tuple(cells), note)
 
 
