@@ -180,9 +180,6 @@ about half of the scenarios.
 QUICK: dict[str, Any] = {"walks": 54, "duration": 2.5}
 """Fewer and shorter walks of any kind: to see whether it works, not to quote."""
 
-SCHEMA = 4
-"""Version of the rows' meaning; raise it when a measure or the way a walk is done changes."""
-
 _DRAWING = 2
 """Version of how scenarios are drawn; part of the generators' seed, so that raising it draws other ones."""
 
@@ -213,8 +210,8 @@ class Task:
     duration: float  # s
 
     def key(self, code: str) -> str:
-        """Identifies the walk: hash of its fields, the schema and the code that does it (see :func:`code_digest`)."""
-        text = json.dumps({"schema": SCHEMA, "code": code, **asdict(self)}, sort_keys=True)
+        """Identifies the walk: hash of its fields and of the code that does it (see :func:`code_digest`)."""
+        text = json.dumps({"code": code, **asdict(self)}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
