@@ -122,22 +122,6 @@ def _margins(rows: Rows) -> Iterable[Table]:
     yield Table("thrusters_margins", "Lags that the linear argument allows", tuple(cells), note)
 
 
-VIEWS = (
-    _margins,
-    _view(
-        "slip", "Slip per step, mm, or falls", slip_or_falls,
-        "Median over the starts; where walks fell, how many. Two columns know the lags.",
-    ),
-    _view(
-        "thrust", "Thrust, N", partial(_unless_fallen, "thrust_n"),
-        "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty where a walk fell.",
-    ),
-    _view(
-        "power", "Power of the thrusters, W", partial(_unless_fallen, "thrust_w"),
-        "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a walk fell.",
-    ),
-)  # fmt: skip
-
 STUDY = Study(
     name="thrusters",
     help=__doc__,
@@ -159,5 +143,25 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    views=VIEWS,
+    views=[
+        _margins,
+        _view(
+            "slip",
+            "Slip per step, mm, or falls",
+            slip_or_falls,
+            "Median over the starts; where walks fell, how many. Two columns know the lags.",
+        ),
+        _view(
+            "thrust",
+            "Thrust, N",
+            partial(_unless_fallen, "thrust_n"),
+            "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty where a walk fell.",
+        ),
+        _view(
+            "power",
+            "Power of the thrusters, W",
+            partial(_unless_fallen, "thrust_w"),
+            "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a walk fell.",
+        ),
+    ],
 )
