@@ -1,9 +1,8 @@
-"""Runs the command line, or says what is not installed."""
+"""Runs the command line."""
 
 from __future__ import annotations
 
 from harpy_pin.cli.signals import leave_at_signals
-from harpy_pin.errors import install_line
 
 
 def main() -> None:
@@ -11,13 +10,8 @@ def main() -> None:
     leave_at_signals()
     from harpy_pin.cli.ending import one_line_errors
 
-    try:
-        with one_line_errors("error", 1):
-            from comparison.cli import main as run
-    except ModuleNotFoundError as error:
-        if error.name is None or error.name.startswith(("comparison", "harpy_pin")):
-            raise
-        raise SystemExit(f"error: the comparison needs '{error.name}': {install_line('compare')}") from None
+    with one_line_errors("error", 1):
+        from comparison.cli import main as run
     run()
 
 

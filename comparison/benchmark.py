@@ -13,10 +13,11 @@ import numpy as np
 
 from comparison.campaign.plan import QUICK, CampaignSettings
 from comparison.campaign.walks import run_campaign
+from comparison.contenders import CONTENDERS
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
-from comparison.measure.walking import CONTENDERS, pushed_walk, record_states, recorded_walk, stage
+from comparison.measure.walking import TIMED, record_states, recorded_walk, stage
 from comparison.sections.growth import FACES, time_growth
-from comparison.sections.ticks import WALKERS, WALKS, time_formulations, time_own_walks, time_simulator, time_ticks
+from comparison.sections.ticks import WALKS, time_formulations, time_own_walks, time_simulator, time_ticks
 from comparison.sections.timing import time_contenders
 from harpy_pin import checks, measure
 from harpy_pin.files import finite
@@ -45,8 +46,7 @@ class Settings:
     impulse: float = 3.0  # of the pushes during the walks on which every controller's tick is timed, N·s
     faces: tuple[int, ...] = FACES  # numbers of faces of the friction pyramid, of the section on growth
     timing: TimingSettings = field(default_factory=TimingSettings)  # how to time
-    # the walks of the campaign, where it is asked for
-    campaign: CampaignSettings = field(default_factory=CampaignSettings)
+    campaign: CampaignSettings = field(default_factory=CampaignSettings)  # its walks
 
     def __post_init__(self) -> None:
         checks.numbers(self, "friction", low=0.0, high=checks.MAX_FRICTION)
@@ -59,15 +59,9 @@ class Settings:
     @classmethod
     def quick(cls, **changes: Any) -> Settings:
         """Shorter walks, fewer repetitions, fewer sizes: to see whether it works, not to quote."""
-        timing = TimingSettings(repetitions=3, programs=500, samples=30)
-        given = {
-            "duration": 2.0,
-            "faces": FACES[:2],
-            "timing": timing,
-            "campaign": CampaignSettings(**QUICK),
-            **changes,
-        }
-        return cls(**given)
+        timing, campaign = TimingSettings(repetitions=3, programs=500, samples=30), CampaignSettings(**QUICK)
+        less: dict[str, Any] = {"duration": 2.0, "faces": FACES[:2], "timing": timing, "campaign": campaign}
+        return cls(**less | changes)
 
 
 def compare(
@@ -91,9 +85,8 @@ def compare(
         step, rng = stage(progress, name, pieces), np.random.default_rng(stream)
         return Bench(robot=robot, friction=settings.friction, settings=timing, rng=rng, on_pass=step)
 
-    step = stage(progress, "walking", len(CONTENDERS))
-    runs = {}
-    for name in CONTENDERS:  # nothing of these walks is timed: the first ones compile
+    step, runs = stage(progress, "walking", len(TIMED)), {}
+    for name in TIMED:  # nothing of these walks is timed: the first ones compile
         runs[name] = recorded_walk(name, **how)
         step()
     sequences = [record_states(name, runs[name], least=least) for name in RECORDED]
@@ -102,29 +95,22 @@ def compare(
     document |= time_contenders(bench("timing", settings.seed, passes), sequences)
     step, pushed = stage(progress, "pushed walks", len(PUSHED)), []
     for name, contender in PUSHED.items():
-        run = pushed_walk(contender, impulse=settings.impulse, **how)
+        run = recorded_walk(contender, impulse=settings.impulse, **how)
         pushed.append(record_states(name, run, least=least))
         step()
     document["ticks"] = {
         "friction": settings.friction,
         "impulse": settings.impulse,
         "contenders": time_ticks(bench("ticks", [settings.seed, 1]), pushed),
-        "own_walks": time_own_walks(
-            bench("own walks", [settings.seed, 2]), impulse=settings.impulse, duration=settings.duration
-        ),
+        "own_walks": time_own_walks(bench("own walks", [settings.seed, 2]), settings.impulse, settings.duration),
     }
     inside_c = [entry["inside_c"] for entry in document["ticks"]["contenders"].values() if "inside_c" in entry]
     differing = sum(entry["differing"] for entry in inside_c)
     document["checks"] |= {"differing_inside_c": differing, "passed": document["checks"]["passed"] and not differing}
     document["formulations"] = time_formulations(bench("formulations", [settings.seed, 3]), pushed[1])
-    document["growth"] = time_growth(
-        robot,
-        repetitions=timing.repetitions,
-        seed=settings.seed,
-        faces=settings.faces,
-        stage=partial(stage, progress, "growth"),
-    )
-    whole = bench("simulator", [settings.seed, 4], WALKS * len(WALKERS))
+    grows = partial(stage, progress, "growth")
+    document["growth"] = time_growth(robot, timing.repetitions, settings.seed, faces=settings.faces, stage=grows)
+    whole = bench("simulator", [settings.seed, 4], WALKS * len(CONTENDERS))
     document["simulator"] = time_simulator(whole, duration=min(settings.duration, 4.0))
     with TemporaryDirectory() as folder:  # nothing is timed meanwhile
         kept = rows or Path(folder) / "rows.jsonl"

@@ -41,10 +41,7 @@ _GAIN = Range(0.25, 4.0)
 _WEIGHT = Range(0.05, 20.0)
 
 _THRUSTERS: Space = {
-    "parameters.centre.k_pt": _GAIN,
-    "parameters.centre.k_dt": _GAIN,
-    "parameters.attitude.k_p": _GAIN,
-    "parameters.attitude.k_d": _GAIN,
+    f"parameters.{name}": _GAIN for name in ("centre.k_pt", "centre.k_dt", "attitude.k_p", "attitude.k_d")
 }
 _LEGS: Mapping[str, Space] = {
     "pid": {
@@ -60,9 +57,7 @@ _LEGS: Mapping[str, Space] = {
     },
 }
 _PAPER: Space = {
-    "governor_parameters.alpha_r": Range(0.1, 10.0),
-    "governor_parameters.alpha_t": Range(0.1, 10.0),
-    "governor_parameters.alpha_n": Range(0.1, 10.0),
+    **{f"governor_parameters.alpha_{name}": Range(0.1, 10.0) for name in "rtn"},
     "governor_parameters.conditions": Choice(("algorithm", "equation")),
     "governor_parameters.friction_share": Range(0.4, 1.0),
     "governor_parameters.min_normal_force": Range(0.05, 1.5),
@@ -72,25 +67,15 @@ _FILTER: Space = {
     "governor_parameters.friction_share": Range(0.5, 1.05),
     "governor_parameters.margin": Range(0.1, 10.0),
     "governor_parameters.contact_damping": _GAIN,
-    "governor_parameters.linear": _WEIGHT,
-    "governor_parameters.angular": _WEIGHT,
-    "governor_parameters.swing": _WEIGHT,
-    "governor_parameters.thrust": _WEIGHT,
-    "governor_parameters.torque": _WEIGHT,
+    **{f"governor_parameters.{name}": _WEIGHT for name in ("linear", "angular", "swing", "thrust", "torque")},
     "governor_parameters.lag": Range(0.25, 8.0),
     "governor_parameters.sliding_speed": _GAIN,
 }
 _WHOLE_BODY: Space = {
-    "parameters.body": _GAIN,
-    "parameters.orientation": _GAIN,
-    "parameters.swing": _GAIN,
-    "parameters.contact_damping": _GAIN,
+    **{f"parameters.{name}": _GAIN for name in ("body", "orientation", "swing", "contact_damping")},
     "parameters.min_normal_force": Range(0.1, 3.0),
     "parameters.limits.friction_share": Range(0.9, 2.5),
-    "parameters.weights.orientation": _WEIGHT,
-    "parameters.weights.swing": _WEIGHT,
-    "parameters.weights.thrust": _WEIGHT,
-    "parameters.weights.force": _WEIGHT,
+    **{f"parameters.weights.{name}": _WEIGHT for name in ("orientation", "swing", "thrust", "force")},
 }
 
 _PUBLISHED = {
@@ -127,7 +112,10 @@ class Variant:
                 place = place.setdefault(group, {})
             for group in groups[1:]:
                 record = getattr(record, group)
-            place[name] = _multiplied(getattr(record, name), value) if isinstance(self.space[path], Range) else value
+            published = getattr(record, name)
+            if isinstance(self.space[path], Range):
+                value = [value * x for x in published] if isinstance(published, tuple) else value * published
+            place[name] = value
         return settings
 
     def controller(self, point: Point, mu: float | None = None) -> ControllerPart:
@@ -137,11 +125,6 @@ class Variant:
     def _record(self, group: str) -> Any:
         """The published settings of a group."""
         return _PUBLISHED[self.part["governor"] if group == "governor_parameters" else self.part["name"], group]
-
-
-def _multiplied(published: Any, factor: float) -> Any:
-    """A setting, or each number of it, times a factor."""
-    return [factor * number for number in published] if isinstance(published, tuple) else factor * published
 
 
 def _governed(governor: str, legs: str, own: Space, **more: Any) -> Variant:
@@ -199,14 +182,6 @@ def searched(variant: str) -> str:
     if variant not in WHOLE_BODY:
         return variant
     return min(WHOLE_BODY, key=lambda name: tuned()["variants"][name]["training"]["cost"])
-
-
-def variant_part(name: str, mu: float | None = None) -> ControllerPart:
-    """A variant as the controller of a scenario, with ``/tuned`` after its name with the settings that were found."""
-    variant = name.removesuffix("/tuned")
-    part = VARIANTS[variant].part
-    found = tuned()["variants"][searched(variant)]["controller"] if name.endswith("/tuned") else {}
-    return read_part(CONTROLLER_PARTS, "controller", {**part, **found, "name": part["name"], "mu": mu})
 
 
 BEST = "paper/best"
@@ -273,7 +248,11 @@ def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
     :data:`TUNED`, or :data:`BEST`.
     """
     if contender == BEST or contender in TUNED:
-        return variant_part(best_paper() if contender == BEST else contender, mu)
+        name = best_paper() if contender == BEST else contender
+        variant = name.removesuffix("/tuned")
+        part = VARIANTS[variant].part
+        found = tuned()["variants"][searched(variant)]["controller"] if variant != name else {}
+        return read_part(CONTROLLER_PARTS, "controller", {**part, **found, "name": part["name"], "mu": mu})
     controller, _, variant = contender.partition("/")
     if controller == "governed":
         return Governed(governor=variant, mu=mu)

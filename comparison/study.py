@@ -1,15 +1,14 @@
 """Studies as data on one runner: what is walked, what is measured, and which tables are made of it.
 
-A study lists jobs, each a dict that says all of one walk; ``measure`` walks one and gives what is kept of it. A row is
-both together. Walks that a file has are not repeated; many are walked in processes of their own, one for each core.
+A study lists jobs, each a dict that says all of one walk; ``measure`` walks one and gives what is kept of it (where
+those are the library's own measures, :func:`walking` makes it). A row is both together. Walks that a file has are not
+repeated; many are walked in processes of their own, one for each core.
 
 A new study is a file of :mod:`comparison.studies` with a ``STUDY``; its command is ``python -m comparison NAME``.
 """
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,18 +16,16 @@ from functools import partial
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from comparison.campaign.plan import code_digest
 from comparison.campaign.store import Store, do_missing
-from comparison.measure.walking import Progress, Rows, silent
+from comparison.measure.walking import Progress, Rows, silent, walk_as_far_as_it_goes
 from comparison.tables import Cell, Table
-from harpy_pin import Run, checks, measure
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from harpy_pin import Run, Scenario, checks, measure
+from harpy_pin.view.figures import styled
 
 Job = dict[str, Any]
 """What one walk is; JSON can hold it."""
@@ -38,28 +35,22 @@ STARTS: dict[str, Any] = {"starts": 1, "jitter": 0.02, "duration": 6.0, "seed": 
 along x and y, m/s, the duration of a walk, s, and the seed of the starts."""
 
 
-def _nothing(settings: Any) -> Iterable[Job]:
-    return ()
-
-
 @dataclass(frozen=True, kw_only=True)
 class Study:
     """One question, measured."""
 
     name: str  # of the command and of its source in pages
-    help: str  # of the command: a line, an empty line, and the rest
+    help: str | None  # of the command: a line, an empty line, and the rest; the docstring of the study's file
     defaults: Mapping[str, Any]  # settings; of a tuple of names it has all that there are
     quick: Mapping[str, Any]  # those that differ in a look
-    jobs: Callable[[Any], Iterable[Job]] = _nothing  # what is walked, from the settings
+    jobs: Callable[[Any], Iterable[Job]] = lambda settings: ()  # what is walked, from the settings
     # the same of what is measured afterwards, one after the other with nothing beside it
-    timed: Callable[[Any], Iterable[Job]] = _nothing
-    measure: Callable[[Job], dict[str, Any]] = dict  # gives the measures of one job; a function of a module
-    # measures everything itself instead, from settings and progress
-    all_at_once: Callable[[Any, Progress], Rows] | None = None
+    timed: Callable[[Any], Iterable[Job]] = lambda settings: ()
+    measure: Callable[[Job], dict[str, Any]]  # gives the measures of one job; picklable
     views: Sequence[View | Callable[[Rows], Iterable[Table]]]  # tables of the rows; or what makes tables of them
     example: str = ""  # of the command's options
     only: str = ""  # the setting that --only chooses from, if there is one
-    figure: Callable[[Rows], Figure] | None = None  # draws the rows, for --figure
+    draw: Callable[[Any, Rows], None] | None = None  # draws the rows in an empty figure, for --figure
     options: Mapping[str, str] = field(default_factory=dict)  # settings that are options of the command, and their help
 
     def settings(self, *, quick: bool = False, **changes: Any) -> SimpleNamespace:
@@ -85,10 +76,7 @@ class Study:
             changes: of settings.
         """
         settings = self.settings(quick=quick, **changes)
-        if self.all_at_once is not None:
-            return self.all_at_once(settings, progress)
-        own = hashlib.sha256(Path(inspect.getfile(self.measure)).read_bytes()).hexdigest()[:8]
-        code = f"{code_digest()} {own}"
+        code = code_digest()
         jobs, timed = ({f"{code} {job}": job for job in part(settings)} for part in (self.jobs, self.timed))
         with tempfile.TemporaryDirectory() as folder, Store(path or Path(folder) / "walks") as store:
             do_missing(store, jobs | timed, partial(_row, self.measure), progress, alone=timed)
@@ -98,14 +86,31 @@ class Study:
         """Every table of the rows."""
         return [table for view in self.views for table in (view.of(rows) if isinstance(view, View) else view(rows))]
 
+    @styled
+    def figure(self, rows: Rows) -> Any:
+        """The drawn rows, a ``matplotlib.figure.Figure``."""
+        from matplotlib.figure import Figure
+
+        assert self.draw is not None
+        figure = Figure(layout="constrained")
+        self.draw(figure, rows)
+        return figure
+
 
 def _row(measure: Callable[[Job], dict[str, Any]], job: Job) -> dict[str, Any]:
     return job | measure(job)
 
 
-def grid(**axes: Iterable[Any]) -> Iterator[Job]:
-    """Every combination of these entries; the last one changes first."""
-    return (dict(zip(axes, case, strict=True)) for case in product(*axes.values()))
+def grid(**axes: Any) -> Iterator[Job]:
+    """Every combination of these entries; the last one changes first. A number or a text is alone on its axis."""
+    values = [(axis,) if isinstance(axis, str | float | int | None) else axis for axis in axes.values()]
+    return (dict(zip(axes, case, strict=True)) for case in product(*values))
+
+
+def starts(settings: Any) -> dict[str, Any]:
+    """Axes of a grid: the starts of each walk, of a study with :data:`STARTS`."""
+    same = {name: getattr(settings, name) for name in ("jitter", "seed", "duration")}
+    return {"start": range(settings.starts), **same}
 
 
 def start_velocity(job: Job) -> tuple[float, ...]:
@@ -134,6 +139,15 @@ def kept(run: Run, *names: str) -> dict[str, Any]:
     """Whether a walk fell, and these of its measures."""
     measures = measure(run)
     return {"fell": run.ending != "completed", **{name: getattr(measures, name) for name in names}}
+
+
+def walking(scenario: Callable[[Job], Scenario], *names: str) -> Callable[[Job], dict[str, Any]]:
+    """A study's ``measure`` that walks the scenario of a job, and keeps these of its measures (:func:`kept`)."""
+    return partial(_walked, scenario, names)
+
+
+def _walked(scenario: Callable[[Job], Scenario], names: tuple[str, ...], job: Job) -> dict[str, Any]:
+    return kept(walk_as_far_as_it_goes(scenario(job)), *names)
 
 
 Value = Callable[[Rows], Any]

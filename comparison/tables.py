@@ -6,9 +6,10 @@ import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-import pandas as pd
+if TYPE_CHECKING:
+    import pandas as pd
 
 Value = float | int | str | bool | None
 """What a cell holds; None is "not known" or "does not apply"."""
@@ -69,6 +70,8 @@ class Table:
     @property
     def text(self) -> pd.DataFrame:
         """Every cell as readers see it; units stand in the columns' names unless the title says the only one."""
+        import pandas as pd
+
         units = {cell.column: cell.unit for cell in self.cells}
         said = len(set(units.values()) - {""}) == 1 and f", {max(units.values())}" in self.title
         names = {c: f"{c}, {unit}" if unit and not said else c for c, unit in units.items()}
@@ -90,19 +93,20 @@ class Table:
 
 
 def in_columns(row: str, entry: Mapping[str, Any], columns: Columns) -> list[Cell]:
-    """The values of an entry in these columns; one that the entry lacks is not known."""
-    return [Cell(row, heading, entry.get(key), unit) for key, (heading, unit) in columns.items()]
+    """The values of an entry in these columns, or each ``value`` between ``low`` and ``high``; None is not known."""
+    cells = []
+    for key, (heading, unit) in columns.items():
+        value, low, high = entry.get(key), None, None
+        if isinstance(value, Mapping):
+            value, low, high = value["value"], value["low"], value["high"]
+        cells.append(Cell(row, heading, value, unit, low, high))
+    return cells
 
 
-def with_interval(row: str, column: str, entry: Mapping[str, Any], unit: str = "") -> Cell:
-    """The cell of a ``value`` between ``low`` and ``high``."""
-    return Cell(row, column, entry["value"], unit, entry["low"], entry["high"])
-
-
-def percentiles(row: str, times: Mapping[str, Any], *, first: str = "p50_us") -> list[Cell]:
-    """Cells of the percentiles of a summary, from one of them on."""
-    keys = list(PERCENTILES)
-    return [Cell(row, PERCENTILES[key], times[key], "µs") for key in keys[keys.index(first) :]]
+def percentiles(row: str, times: Mapping[str, Any]) -> list[Cell]:
+    """Cells of the percentiles of a summary, the median between those of the repetitions where it has them."""
+    spread = {"p50_us": (times.get("low_us"), times.get("high_us"))}
+    return [Cell(row, name, times[key], "µs", *spread.get(key, ())) for key, name in PERCENTILES.items()]
 
 
 def cell_text(cell: Cell | None) -> str:
@@ -129,6 +133,8 @@ def number_text(value: float, digits: int = 3) -> str:
 
 def to_csv(tables: Iterable[Table]) -> str:
     """All cells in long format, one per line, in full precision."""
+    import pandas as pd
+
     rows = [(table.name, *cell) for table in tables for cell in table.cells]
     frame = pd.DataFrame(rows, columns=["table", *Cell._fields], dtype=object)
     return str(frame.to_csv(index=False, lineterminator="\n"))

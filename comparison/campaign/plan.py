@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -21,7 +21,15 @@ from harpy_pin.model.robot import harpy_urdf
 from harpy_pin.scenario import Compliant, Mujoco, PlantPart, Straight
 from harpy_pin.simulation.mujoco import installed_version
 
-WALKING = ("campaign/*.py", "measure/*.py", "joint_pd/*.py", "studies/*.py", "worlds/*.py", "contenders.py", "study.py")
+WALKING = (
+    "campaign/*.py",
+    "measure/*.[pc]*",
+    "joint_pd/*.py",
+    "studies/*.py",
+    "worlds/*.py",
+    "contenders.py",
+    "study.py",
+)
 """What of the comparison decides the outcome of a walk."""
 JOINT_DAMPING = 0.1
 """Of every joint of the packaged robot, N·m·s/rad; the authors' own model has 5."""
@@ -36,6 +44,7 @@ class Factor(NamedTuple):
     levels: str  # attribute of the settings that holds its levels
     name: str  # for readers
     pattern: str  # of a level in a table, for a number times the scale
+    usual: float | str | None  # the level at which nothing is unusual; None where there is none
     scale: float = 1.0  # by which a level is multiplied for readers
     zero: str = ""  # how a level of zero is written instead
 
@@ -47,20 +56,22 @@ class Factor(NamedTuple):
 
 
 FACTORS = {
-    "friction": Factor("frictions", "friction of the ground", "μ {:g}"),
-    "push": Factor("pushes", "lateral push", "push {:g} N·s"),
-    "mass_error": Factor("mass_errors", "error of the body's mass", "mass {:+.0f} %", 100.0),
-    "friction_error": Factor("friction_errors", "error of the assumed friction", "μ error {:+.0f} %", 100.0),
-    "noise": Factor("noises", "measurement noise", "noise × {:g}"),
-    "delay": Factor("delays", "delay of the measurements", "delay {:g} ms", 1e3),
-    "stiffness": Factor("stiffnesses", "stiffness of the ground", "ground {:g} kN/m", 1e-3),
-    "damping": Factor("dampings", "damping of the ground", "damping × {:g}"),
-    "plant": Factor("plants", "engine", ""),
-    "speed": Factor("speeds", "speed", "speed {:g} m/s"),
-    "ice": Factor("ices", "strip of ice", "ice, μ {:g}", zero="no ice"),
-    "joint_damping": Factor("joint_dampings", "damping of the joints", "joint damping {:g}"),
-    "torque_share": Factor("torque_shares", "torque limits of the motors", "torque × {:g}", zero="torque unclipped"),
-    "bandwidth": Factor("bandwidths", "bandwidth of the motors", "motors {:g} Hz", zero="motors without lag"),
+    "friction": Factor("frictions", "friction of the ground", "μ {:g}", None),
+    "push": Factor("pushes", "lateral push", "push {:g} N·s", 0.0),
+    "mass_error": Factor("mass_errors", "error of the body's mass", "mass {:+.0f} %", 0.0, 100.0),
+    "friction_error": Factor("friction_errors", "error of the assumed friction", "μ error {:+.0f} %", 0.0, 100.0),
+    "noise": Factor("noises", "measurement noise", "noise × {:g}", 0.0),
+    "delay": Factor("delays", "delay of the measurements", "delay {:g} ms", 0.0, 1e3),
+    "stiffness": Factor("stiffnesses", "stiffness of the ground", "ground {:g} kN/m", Ground.stiffness, 1e-3),
+    "damping": Factor("dampings", "damping of the ground", "damping × {:g}", 1.0),
+    "plant": Factor("plants", "engine", "", Compliant.name),
+    "speed": Factor("speeds", "speed", "speed {:g} m/s", Straight().speed),
+    "ice": Factor("ices", "strip of ice", "ice, μ {:g}", 0.0, zero="no ice"),
+    "joint_damping": Factor("joint_dampings", "damping of the joints", "joint damping {:g}", JOINT_DAMPING),
+    "torque_share": Factor(
+        "torque_shares", "torque limits of the motors", "torque × {:g}", 1.0, zero="torque unclipped"
+    ),
+    "bandwidth": Factor("bandwidths", "bandwidth of the motors", "motors {:g} Hz", 0.0, zero="motors without lag"),
 }
 """A further factor comes last: each draws from the generator of its place, so that earlier ones are drawn as before."""
 
@@ -120,68 +131,54 @@ class CampaignSettings:
         checks.number("jitter", self.jitter, low=0.0)
 
     @classmethod
-    def wide(cls, **changes: Any) -> CampaignSettings:
-        """Everything varies, ground, engine and speed as well, from a seed of its own.
+    def of(cls, kind: str, **changes: Any) -> CampaignSettings:
+        """Those of a campaign of :data:`KINDS`, with changes."""
+        return cls(**KINDS[kind] | changes)
 
-        Levels keep apart from those that settings are known to have been chosen on, but for the default ground and
-        walks without any error or push (docs/simulation.md). With 210 scenarios every level of every factor is drawn
-        equally often.
-        """
-        levels: dict[str, Any] = {
-            "walks": 1680,
-            "seed": 40427,
-            "contenders": (*CONTENDERS, *TRUSTING),
-            "frictions": (0.12, 0.17, 0.22, 0.35, 0.55, 0.8),
-            "pushes": (0.0, 2.0, 4.0, 6.0, 8.0),
-            "mass_errors": (-0.25, -0.12, 0.0, 0.12, 0.25),
-            "friction_errors": (-0.3, -0.15, 0.0, 0.15, 0.3),
-            "noises": (0.0, 0.5, 1.0),
-            "delays": (0.0, 1e-3, 2e-3),
-            "stiffnesses": (4e3, 8e3, 16e3, 40e3, 80e3),
-            "dampings": (0.5, 1.0, 2.0),
-            "plants": ("compliant", "mujoco"),
-            "speeds": (0.2, 0.35, 0.5),
-            "ices": (0.0, 0.0, 0.15),
-        }
-        return cls(**{**levels, **changes})
 
-    @classmethod
-    def harsh(cls, **changes: Any) -> CampaignSettings:
-        """What the wide campaign varies, and the motors and MuJoCo's default contact, from a seed of its own.
+_WIDE: dict[str, Any] = {
+    "walks": 1680,
+    "seed": 40427,
+    "contenders": (*CONTENDERS, *TRUSTING),
+    "frictions": (0.12, 0.17, 0.22, 0.35, 0.55, 0.8),
+    "pushes": (0.0, 2.0, 4.0, 6.0, 8.0),
+    "mass_errors": (-0.25, -0.12, 0.0, 0.12, 0.25),
+    "friction_errors": (-0.3, -0.15, 0.0, 0.15, 0.3),
+    "noises": (0.0, 0.5, 1.0),
+    "delays": (0.0, 1e-3, 2e-3),
+    "stiffnesses": (4e3, 8e3, 16e3, 40e3, 80e3),
+    "dampings": (0.5, 1.0, 2.0),
+    "plants": ("compliant", "mujoco"),
+    "speeds": (0.2, 0.35, 0.5),
+    "ices": (0.0, 0.0, 0.15),
+}
+_HARSH: dict[str, Any] = {
+    "walks": 210 * len(HARSH),
+    "seed": 71993,
+    "contenders": HARSH,
+    "plants": tuple(ENGINES),
+    "joint_dampings": (JOINT_DAMPING, JOINT_DAMPING, 0.01, 1.0, 5.0),
+    "torque_shares": (1.0, 1.0, 1.0, 0.7, 0.5, 0.3),
+    "bandwidths": (0.0, 0.0, 0.0, 200.0, 50.0, 20.0),
+}
+KINDS: dict[str, dict[str, Any]] = {
+    "plain": {},
+    "wide": _WIDE,
+    "variants": _WIDE | {"walks": 210 * len(TUNED), "contenders": TUNED},
+    "harsh": _WIDE | _HARSH,
+}
+"""Campaigns by name: settings that differ from the plain one's.
 
-        Torques are clipped to the same limits for all. What it adds is as usual in about half of the scenarios.
-        """
-        levels: dict[str, Any] = {
-            "walks": 210 * len(HARSH),
-            "seed": 71993,
-            "contenders": HARSH,
-            "plants": tuple(ENGINES),
-            "joint_dampings": (JOINT_DAMPING, JOINT_DAMPING, 0.01, 1.0, 5.0),
-            "torque_shares": (1.0, 1.0, 1.0, 0.7, 0.5, 0.3),
-            "bandwidths": (0.0, 0.0, 0.0, 200.0, 50.0, 20.0),
-        }
-        return cls.wide(**{**levels, **changes})
-
-    @classmethod
-    def variants(cls, **changes: Any) -> CampaignSettings:
-        """The scenarios of the wide campaign, walked by every tuned variant with published and with found settings."""
-        return cls.wide(**{"walks": 210 * len(TUNED), "contenders": TUNED, **changes})
-
+In the wide one everything varies, ground, engine and speed as well, from a seed of its own. Its levels keep apart from
+those that settings are known to have been chosen on, but for the default ground and walks without any error or push
+(docs/simulation.md). With 210 scenarios every level of every factor is drawn equally often. The same scenarios are
+walked by every tuned variant with published and with found settings. The harsh one varies the motors and has MuJoCo's
+default contact, too, from its own seed: torques are clipped to the same limits for all, and what it adds is as usual in
+about half of the scenarios.
+"""
 
 QUICK: dict[str, Any] = {"walks": 54, "duration": 2.5}
 """Fewer and shorter walks of any kind: to see whether it works, not to quote."""
-
-KINDS: dict[str, Callable[..., CampaignSettings]] = {
-    "plain": CampaignSettings,
-    "wide": CampaignSettings.wide,
-    "variants": CampaignSettings.variants,
-    "harsh": CampaignSettings.harsh,
-}
-"""Campaigns by name."""
-
-
-SCHEMA = 4
-"""Version of the rows' meaning; raise it when a measure or the way a walk is done changes."""
 
 _DRAWING = 2
 """Version of how scenarios are drawn; part of the generators' seed, so that raising it draws other ones."""
@@ -204,20 +201,17 @@ class Task:
     damping: float  # of the ground, in multiples of that of the paper's damping ratio
     plant: str  # the engine, of :data:`~comparison.campaign.plan.ENGINES`
     speed: float  # m/s
-    # friction coefficient of a strip in mid-walk that the controller knows nothing of; 0 where there is none
-    ice: float
+    ice: float  # friction coefficient of a strip in mid-walk that no controller knows of; 0 where there is none
     joint_damping: float = JOINT_DAMPING  # of every joint, N·m·s/rad, known to the controllers
-    # the motors' largest torque, as a share of the peak torque, known to the controllers; 0 where the plant clips
-    # nothing, and the governed controllers do not either
-    torque_share: float = 0.0
+    torque_share: float = 0.0  # of the peak torque, largest of the motors, known to the controllers; 0 clips nothing
     bandwidth: float = 0.0  # of the motors, Hz, not known; 0 where torques are there at once
     jitter: float  # standard deviation of the starting velocity, m/s
     seed: int  # draws the push's side and step, the starting velocity and the noise
     duration: float  # s
 
     def key(self, code: str) -> str:
-        """Identifies the walk: hash of its fields, the schema and the code that does it (see :func:`code_digest`)."""
-        text = json.dumps({"schema": SCHEMA, "code": code, **asdict(self)}, sort_keys=True)
+        """Identifies the walk: hash of its fields and of the code that does it (see :func:`code_digest`)."""
+        text = json.dumps({"code": code, **asdict(self)}, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:24]
 
 
@@ -228,12 +222,10 @@ def plan(settings: CampaignSettings) -> list[Task]:
     streams = np.random.default_rng([settings.seed, _DRAWING]).spawn(len(FACTORS))
     levels = [getattr(settings, factor.levels) for factor in FACTORS.values()]
     drawn = [_balanced(some, scenarios, stream) for some, stream in zip(levels, streams, strict=True)]
-    tasks = []
+    tasks, same = [], {"jitter": settings.jitter, "duration": settings.duration}
     for i, scenario in enumerate(zip(*drawn, strict=True)):
-        factors: dict[str, Any] = dict(zip(FACTORS, scenario, strict=True))
-        seed = 1000 * settings.seed + i
-        task = Task(contender="", jitter=settings.jitter, seed=seed, duration=settings.duration, **factors)
-        tasks += [replace(task, contender=name) for name in settings.contenders]
+        factors: dict[str, Any] = dict(zip(FACTORS, scenario, strict=True), seed=1000 * settings.seed + i, **same)
+        tasks += [Task(contender=name, **factors) for name in settings.contenders]
     return tasks
 
 
@@ -244,7 +236,7 @@ def _balanced(levels: Sequence[_Level], count: int, rng: np.random.Generator) ->
 
 
 def code_files() -> dict[str, Path]:
-    """The Python files that decide the outcome of a walk, by their path in the repository."""
+    """The files of source that decide the outcome of a walk, by their path in the repository."""
     found: dict[str, Path] = {}
     for folder, patterns in ((Path(harpy_pin.__file__).parent, ("**/*.py",)), (Path(__file__).parents[1], WALKING)):
         paths = [path for pattern in patterns for path in folder.glob(pattern)]

@@ -7,7 +7,6 @@ import os
 from collections.abc import Callable, Container, Mapping
 from itertools import chain
 from pathlib import Path
-from types import TracebackType
 from typing import Any, TypeVar
 
 from comparison.measure.walking import Progress, one_by_one
@@ -44,9 +43,7 @@ class Store:
     def __enter__(self) -> Store:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *ending: object) -> None:
         self._file.close()
 
     def append(self, key: str, row: dict[str, Any]) -> None:

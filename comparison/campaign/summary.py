@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from scipy.stats import binomtest, quantile_test
 
 from comparison.campaign.plan import FACTORS, Task, code_digest, level_key
 from comparison.contenders import label
-from comparison.tables import Cell, Table, number_text, with_interval
+from comparison.tables import Cell, Table, in_columns, number_text
 from harpy_pin.errors import RunFileError
 from harpy_pin.model.state import Vector
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WHOLE_BODY = ("condensed", "wbc")
 _WHOLE = {
@@ -25,6 +27,12 @@ _WHOLE = {
     "low_force": ("under 20 N", ""),
     "tracking_rms_mm": ("off target, rms", "mm"),
     "thrust_rms_n": ("thrust, rms", "N"),
+}
+_COLUMNS = {
+    **{"walks": ("walks", ""), "falls": ("falls", ""), "fall_time_s": ("time of fall", "s"), **_WHOLE},
+    "slip_mean_mm": ("slip of walks without a fall, mean", "mm"),
+    "slip_largest_mm": ("largest", "mm"),
+    "solver_failures": ("failed solves", ""),
 }
 _VALUE = float | int | None
 _MEASURES = ("fell", "fall_time_s", "solver_failures", *_WHOLE)
@@ -45,6 +53,8 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
 
     Rows of other campaigns are ignored.
     """
+    import pandas as pd
+
     code = code_digest()
     planned = {task.key(code): task for task in tasks}
     found = []
@@ -68,29 +78,30 @@ def summarise_rows(tasks: Sequence[Task], rows: Mapping[str, Mapping[str, Any]])
     return {
         "planned": len(planned),
         "done": len(found),
-        "whole": {name: _of_contender(frame[frame.contender == name]) for name in names},
+        "whole": {name: _of(frame[frame.contender == name]) for name in names},
         "factors": factors,
         "exceptions": exceptions_of(frame),
     }
 
 
 def _of_level(part: pd.DataFrame) -> dict[str, Any]:
-    slips = {"slip_mm_per_step": _median(part.slip_mm_per_step), "slip_median_mm": _slip_median(part)}
-    return {"walks": len(part), "falls": _share(part.fell), **slips}
+    return {"walks": len(part), "falls": _share(part.fell), "slip_mm_per_step": _median(part.slip_mm_per_step)}
 
 
-def _of_contender(part: pd.DataFrame) -> dict[str, Any]:
-    upright = part.slip_mm_per_step[~part.fell.astype(bool)]
+def _of(part: pd.DataFrame) -> dict[str, Any]:
+    """What all walks together came to; in the median of slip and its ends a fall is more slip than any."""
+    fell = part.fell.astype(bool)
+    slips: Vector = part.slip_mm_per_step.astype(float).where(~fell, np.inf).dropna().to_numpy(dtype=float)
+    ends = _interval(slips)
     return {
-        "walks": len(part),
+        **_of_level(part),
         "fell": int(part.fell.sum()),
-        "falls": _share(part.fell),
         "fall_time_s": _median(part.fall_time_s),
         **{key: _median(part[key]) for key in _WHOLE},
-        "slip_mean_mm": _statistic(upright.mean()),
-        "slip_largest_mm": _statistic(upright.max()),
-        "slip_median_mm": _slip_median(part),
-        "slip_interval_mm": _slip_interval(part),
+        "slip_mean_mm": _statistic(part.slip_mm_per_step[~fell].mean()),
+        "slip_largest_mm": _statistic(part.slip_mm_per_step[~fell].max()),
+        "slip_median_mm": _statistic(float(np.median(slips))) if len(slips) else None,
+        "slip_interval_mm": None if np.isnan(ends).any() else ["fell" if np.isinf(end) else end for end in ends],
         "solver_failures": int(part.solver_failures.sum()),
     }
 
@@ -125,23 +136,16 @@ def exceptions_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 def summary_tables(summary: Mapping[str, Any]) -> list[Table]:
     """The tables of a summary: all contenders, then falls and slip by the levels of each factor."""
-    whole: list[Cell] = []
-    for name, entry in summary["whole"].items():
-        row = label(name)
-        whole += [Cell(row, "walks", entry["walks"]), with_interval(row, "falls", entry["falls"])]
-        whole.append(with_interval(row, "time of fall", entry["fall_time_s"], "s"))
-        whole += [with_interval(row, text, entry[key], unit) for key, (text, unit) in _WHOLE.items()]
-        whole.append(Cell(row, "slip of walks without a fall, mean", entry["slip_mean_mm"], "mm"))
-        whole.append(Cell(row, "largest", entry["slip_largest_mm"], "mm"))
-        whole.append(Cell(row, "failed solves", entry["solver_failures"]))
+    whole = [cell for name, entry in summary["whole"].items() for cell in in_columns(label(name), entry, _COLUMNS)]
     title = f"Campaign: {summary['done']} of {summary['planned']} walks; shares and medians"
     tables = [Table("campaign", title, tuple(whole), _NOTE)]
     for factor, levels in summary["factors"].items():
         for key, what, unit in (("falls", "share of falls", ""), ("slip_mm_per_step", "median slip per step", "mm")):
             cells = [
-                with_interval(label(name), FACTORS[factor].text(level), entry[key], unit)
+                cell
                 for level, row_of in levels.items()
                 for name, entry in row_of.items()
+                for cell in in_columns(label(name), entry, {key: (FACTORS[factor].text(level), unit)})
             ]
             title = f"Campaign: {what}{', ' if unit else ''}{unit}, by {FACTORS[factor].name}"
             tables.append(Table(f"campaign_{factor}_{key}", title, tuple(cells)))
@@ -154,7 +158,7 @@ def variants_table(summary: Mapping[str, Any]) -> Table:
     for name, entry in summary["whole"].items():
         row, share, ends = label(name), entry["falls"], entry["slip_interval_mm"]
         low_high = None if share["low"] is None else f"{100.0 * share['low']:.0f} to {100.0 * share['high']:.0f} %"
-        cells += [Cell(row, "walks", entry["walks"]), Cell(row, "fell", entry["fell"])]
+        cells += in_columns(row, entry, {"walks": ("walks", ""), "fell": ("fell", "")})
         cells.append(Cell(row, "fell, 95 %", low_high))
         for factor in _SPLIT:
             for level, row_of in summary["factors"].get(factor, {}).items():
@@ -174,32 +178,12 @@ def variants_table(summary: Mapping[str, Any]) -> Table:
     return Table("variants", title, tuple(cells), _OF_VARIANTS)
 
 
-def _slip_median(part: pd.DataFrame) -> float | None:
-    """Median slip per step, mm, where a fall counts as more slip than any; None if half of the walks fell."""
-    slip = _slips(part)
-    return _statistic(float(np.median(slip))) if len(slip) else None
-
-
-def _slip_interval(part: pd.DataFrame) -> list[float | str] | None:
-    """The 95 % interval of :func:`_slip_median`, mm; ``fell`` is an end that is a fall."""
-    ends = _interval(_slips(part))
-    return None if np.isnan(ends).any() else ["fell" if np.isinf(end) else end for end in ends]
-
-
 def _interval(values: Vector) -> tuple[float, float]:
     """The 95 % interval of the median that order statistics give; NaN for fewer than six values."""
     if len(values) == 0:
         return np.nan, np.nan
     ends = quantile_test(values, p=0.5).confidence_interval(0.95)
     return float(ends.low), float(ends.high)
-
-
-def _slips(part: pd.DataFrame) -> Vector:
-    """Slip of every walk; infinite where it fell."""
-    slip: Vector = (
-        part.slip_mm_per_step.astype(float).where(~part.fell.astype(bool), np.inf).dropna().to_numpy(dtype=float)
-    )
-    return slip
 
 
 def _statistic(value: float) -> float | None:

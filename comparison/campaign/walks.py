@@ -7,11 +7,11 @@ without which it stands, too.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
-from tempfile import NamedTemporaryFile
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ from harpy_pin.errors import HarpyError, install_line
 from harpy_pin.files import finite
 from harpy_pin.gaits import StraightGait
 from harpy_pin.model.robot import harpy_urdf
-from harpy_pin.scenario import Compliant, ControllerPart, Governed, Mujoco
+from harpy_pin.scenario import ControllerPart, Governed, Mujoco
 from harpy_pin.simulation.mujoco import installed_version
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
@@ -68,12 +68,9 @@ def walk_task(task: Task) -> dict[str, Any]:
         counts as a fall at that moment.
     """
     run = walk_as_far_as_it_goes(scenario(task))
-    measures = measure(run).as_dict()
+    measures, fell = measure(run).as_dict(), run.ending != "completed"
     row: dict[str, Any] = {name: measures[name] for name in MEASURES}
-    row["fell"] = run.ending != "completed"
-    row["fall_time_s"] = measures["duration_s"] if row["fell"] else None
-    row["ending"] = run.ending
-    return row
+    return row | {"fell": fell, "fall_time_s": measures["duration_s"] if fell else None, "ending": run.ending}
 
 
 def scenario(task: Task) -> Scenario:
@@ -82,7 +79,9 @@ def scenario(task: Task) -> Scenario:
     rng = np.random.default_rng(task.seed)
     start = task.jitter * rng.standard_normal(2)
     push = draw_push(task, gait, rng)
-    ground = Ground(mu_s=task.friction, stiffness=task.stiffness, friction_strips=_ice(task))
+    begin, end = (share * task.speed * task.duration for share in ICE)
+    ice = ((begin, end, min(task.ice, task.friction)),) if task.ice else ()  # no less slippery than what is beside it
+    ground = Ground(mu_s=task.friction, stiffness=task.stiffness, friction_strips=ice)
     assert ground.damping is not None
     return Scenario(
         ground=replace(ground, damping=task.damping * ground.damping),
@@ -114,26 +113,17 @@ def _controller(task: Task) -> ControllerPart:
     return replace(part, parameters={**part.parameters, "limits": limits})
 
 
-def damped_harpy(joint_damping: float) -> str:
-    """Path of Harpy's URDF with this damping in every joint, N·m·s/rad; the file is deleted when the process ends."""
-    return str(_damped(joint_damping).name)
+_folder = cache(TemporaryDirectory)
+"""For files of robots; it ends with the process."""
 
 
 @cache
-def _damped(joint_damping: float) -> Any:
+def damped_harpy(joint_damping: float) -> str:
+    """Path of Harpy's URDF with this damping in every joint, N·m·s/rad; the file is deleted when the process ends."""
     text = re.sub(r'damping="[^"]*"', f'damping="{joint_damping:g}"', harpy_urdf().read_text(encoding="utf-8"))
-    file = NamedTemporaryFile("w", suffix=".urdf", encoding="utf-8")  # noqa: SIM115
-    file.write(text)
-    file.flush()
-    return file
-
-
-def _ice(task: Task) -> tuple[tuple[float, float, float], ...]:
-    """The strip of ice of a task, where it has one; never less slippery than the ground beside it."""
-    if task.ice == 0.0:
-        return ()
-    begin, end = (share * task.speed * task.duration for share in ICE)
-    return ((begin, end, min(task.ice, task.friction)),)
+    path = Path(_folder().name) / f"{joint_damping:g}.urdf"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
 
 
 def draw_push(task: Task, gait: StraightGait, rng: np.random.Generator) -> Push:
@@ -141,11 +131,10 @@ def draw_push(task: Task, gait: StraightGait, rng: np.random.Generator) -> Push:
 
     It is never in the first step, nor in the last two, so that the walk after the push is seen.
     """
-    step, double = gait.step_duration, gait.double_support
+    step, duration = gait.step_duration, 0.1
     last = max(int(task.duration / step) - 2, 2)
     index, side = int(rng.integers(1, last)), float(rng.choice((-1.0, 1.0)))
-    middle = step * (index + 0.5 * (1.0 + double))
-    duration = 0.1
+    middle = step * (index + 0.5 * (1.0 + gait.double_support))
     return Push(middle - 0.5 * duration, (0.0, side * task.push, 0.0), duration)
 
 
@@ -186,15 +175,7 @@ def _row(task: Task) -> dict[str, Any]:
     return {"task": asdict(task), "measures": walk_task(task)}
 
 
-USUAL: Mapping[str, Any] = {
-    **dict.fromkeys(("push", "mass_error", "friction_error", "noise", "delay", "ice", "bandwidth"), 0.0),
-    "stiffness": Ground.stiffness,
-    "damping": 1.0,
-    "plant": Compliant.name,
-    "speed": Straight().speed,
-    "joint_damping": JOINT_DAMPING,
-    "torque_share": 1.0,
-}
+USUAL: dict[str, Any] = {name: factor.usual for name, factor in FACTORS.items() if factor.usual is not None}
 """The level of each factor at which nothing is unusual; friction has none."""
 
 _NOTE = (
@@ -222,16 +203,14 @@ def with_reasons(
         def stands(task: Task) -> bool:
             return not store.rows[task.key(code)]["measures"]["fell"]
 
-        return [{**entry, "reasons": _reasons(those, stands)} for entry, those in fell]
+        def reasons(those: Sequence[Task]) -> list[str]:
+            return [
+                FACTORS[factor].text(level_key(getattr(those[0], factor)))
+                for factor in variations(those[0])
+                if all(stands(variations(task)[factor]) for task in those)
+            ]
 
-
-def _reasons(fell: Sequence[Task], stands: Callable[[Task], bool]) -> list[str]:
-    """Levels without any one of which all that fell stand."""
-    return [
-        FACTORS[factor].text(level_key(getattr(fell[0], factor)))
-        for factor in variations(fell[0])
-        if all(stands(variations(task)[factor]) for task in fell)
-    ]
+        return [{**entry, "reasons": reasons(those)} for entry, those in fell]
 
 
 def exceptions_table(summary: Mapping[str, Any]) -> Table:

@@ -9,15 +9,14 @@ from typing import Annotated, Any
 import typer
 
 from comparison.benchmark import FRICTION, Settings, compare
-from comparison.campaign.plan import KINDS, QUICK, plan
+from comparison.campaign.plan import KINDS, QUICK, CampaignSettings, plan
 from comparison.campaign.summary import variants_table
 from comparison.campaign.walks import exceptions_table, run_campaign, with_reasons
-from comparison.cli.output import NO_EVIDENCE, NumbersFile, print_tables, stages, writing
+from comparison.cli.output import NO_EVIDENCE, NumbersFile, Quick, print_tables, stages, writing
 from comparison.contenders import VARIANTS
 from comparison.peers.compare import ROBOTS, compare_peers, peer_tables
 from comparison.peers.environment import PEERS, WORLDS, default_folder
 from comparison.peers.environment import install as install_peer
-from comparison.public.study import measure_public, public_tables
 from comparison.report.answer import answer_of, passed
 from comparison.report.html import figures_of, picture_of, tables_of, write_report
 from comparison.tuning.tune import TuneSettings, tuning_tables
@@ -29,9 +28,7 @@ from harpy_pin.files import OwnFolder, check_writable, write_json
 
 def whole(
     context: typer.Context,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Shorter walks and fewer repetitions: a look in under two minutes.")
-    ] = False,
+    quick: Quick = False,
     out: Annotated[
         str, typer.Option("--out", metavar="DIR", help="Folder for report.html, results.json and .csv, campaign.jsonl.")
     ] = "out/comparison",
@@ -42,9 +39,7 @@ def whole(
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the pushes and of the order in which controllers are timed.")] = 0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the walks whose states are timed.")] = 0.25,
-    duration: Annotated[
-        float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]", show_default=False)
-    ] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]")] = None,
 ) -> None:
     """Compare reference governors, the condensed controller and a QP whole-body controller.
 
@@ -63,8 +58,7 @@ def whole(
     if json is not None:
         check_writable(json)
     given: dict[str, Any] = {"friction": friction, "seed": seed}
-    if duration is not None:
-        given["duration"] = duration
+    given |= {} if duration is None else {"duration": duration}
     settings = Settings.quick(**given) if quick else Settings(**given)
     folder = OwnFolder(out, force=force)
     plates = None if figures is None else OwnFolder(figures, force=force)
@@ -82,19 +76,13 @@ def whole(
         raise typer.Exit(1)
 
 
+_DAMPING = "Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5."
+
+
 def campaign(
     kind: Annotated[str, typer.Argument(metavar="KIND", help=f"One of {', '.join(KINDS)}.")] = "plain",
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer and shorter walks: a look in under half a minute.")
-    ] = False,
-    joint_damping: Annotated[
-        float | None,
-        typer.Option(
-            metavar="D",
-            help="Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5.  "
-            "[default: 0.1]",
-        ),
-    ] = None,
+    quick: Quick = False,
+    joint_damping: Annotated[float | None, typer.Option(metavar="D", help=f"{_DAMPING}  [default: 0.1]")] = None,
     walks: Annotated[int | None, typer.Option(metavar="N", help="Number of walks.  [default: by kind]")] = None,
     duration: Annotated[float | None, typer.Option(help="Length of a walk, s.  [default: 5]")] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the scenarios.  [default: by kind]")] = None,
@@ -118,8 +106,8 @@ def campaign(
     check_writable(out)
     damped = None if joint_damping is None else (joint_damping,)
     given: dict[str, Any] = {"walks": walks, "duration": duration, "seed": seed, "joint_dampings": damped}
-    changes = (QUICK if quick else {}) | {name: value for name, value in given.items() if value is not None}
-    settings = KINDS[kind](**changes)
+    given = {name: value for name, value in given.items() if value is not None}
+    settings = CampaignSettings.of(kind, **((QUICK if quick else {}) | given))
     with writing(json) as summary, stages() as progress:
         summary |= run_campaign(settings, out, progress=partial(progress, "campaign"))
         if kind == "harsh":
@@ -137,13 +125,7 @@ def tune(
         int, typer.Option(metavar="N", help="Walks, apart from those, of the published and of the best settings.")
     ] = TuneSettings.judge,
     duration: Annotated[float, typer.Option(help="Length of a walk, s.")] = TuneSettings.duration,
-    joint_damping: Annotated[
-        float,
-        typer.Option(
-            metavar="D",
-            help="Damping of every joint, N·m·s/rad, known to the controllers; the authors' own model has 5.",
-        ),
-    ] = TuneSettings.joint_damping,
+    joint_damping: Annotated[float, typer.Option(metavar="D", help=_DAMPING)] = TuneSettings.joint_damping,
     seed: Annotated[int, typer.Option(help="Seed of the proposed settings.")] = TuneSettings.seed,
     only: Annotated[
         list[str] | None,
@@ -152,9 +134,7 @@ def tune(
     out: Annotated[
         Path, typer.Option("--out", metavar="FILE", help="File for the tried settings, one line of JSON each.")
     ] = Path("tune.jsonl"),
-    json: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write settings and scores to this file.")
-    ] = None,
+    json: NumbersFile = None,
 ) -> None:
     """Search settings of every variant of the paper's governor.
 
@@ -167,14 +147,9 @@ def tune(
     is given again. --budget 20 --train 12 --judge 24 takes minutes, the default an hour or more. Needs MuJoCo.
     """
     check_writable(out)
+    who = tuple(only) if only else TuneSettings.variants
     settings = TuneSettings(
-        budget=budget,
-        train=train,
-        judge=judge,
-        duration=duration,
-        joint_damping=joint_damping,
-        seed=seed,
-        variants=tuple(only) if only else TuneSettings.variants,
+        budget=budget, train=train, judge=judge, duration=duration, joint_damping=joint_damping, seed=seed, variants=who
     )
     with writing(json) as document, stages() as progress:
         document |= search_settings(settings, out, partial(progress, "settings"))
@@ -185,21 +160,13 @@ def peers(
     install: Annotated[
         bool,
         typer.Option(
-            "--install",
-            help="Download and install the peers in their virtual environments, then exit: with 1 if one of them "
-            "cannot be installed.",
+            "--install", help="Install the peers in environments of their own, then exit: with 1 if one cannot be."
         ),
     ] = False,
     folder: Annotated[
-        Path | None,
-        typer.Option(
-            "--folder",
-            metavar="DIR",
-            help="Folder of these environments.  [default: in the user's cache]",
-            show_default=False,
-        ),
+        Path | None, typer.Option(metavar="DIR", help="Folder of these environments.  [default: in the user's cache]")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Shorter walks, fewer repetitions, one robot.")] = False,
+    quick: Quick = False,
     json: NumbersFile = None,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the walks.")] = FRICTION,
 ) -> None:
@@ -215,14 +182,10 @@ def peers(
         _install(folder)
         return
     settings = Settings.quick(friction=friction) if quick else Settings(friction=friction)
+    growth = tuple(ROBOTS)[: 1 if quick else None]
     with writing(json) as document, stages() as progress:
         document |= compare_peers(
-            progress,
-            friction=friction,
-            duration=settings.duration,
-            timing=settings.timing,
-            folder=folder,
-            growth=tuple(ROBOTS)[: 1 if quick else None],
+            progress, friction, settings.duration, timing=settings.timing, folder=folder, growth=growth
         )
     print_tables(peer_tables(document["peers"]), quick=quick)
 
@@ -241,7 +204,7 @@ def _install(folder: Path) -> None:
 
 def public(
     data: Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder with your clones of the repositories.")],
-    quick: Annotated[bool, typer.Option("--quick", help="A few programs: to see whether it works.")] = False,
+    quick: Quick = False,
     json: NumbersFile = None,
 ) -> None:
     """Measure on benchmarks that no one here wrote.
@@ -250,6 +213,8 @@ def public(
     dual active-set method solves the programs beside quadprog, DAQP, PIQP, ProxQP and Clarabel, to the tolerances of
     qpbenchmark. This takes some minutes.
     """
+    from comparison.public.study import measure_public, public_tables  # needs an extra
+
     how = {"problems": 6, "repetitions": 1} if quick else {}
     with writing(json) as document, stages() as progress:
         document |= measure_public(data, partial(progress, "public"), **how)

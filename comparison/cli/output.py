@@ -19,6 +19,7 @@ from harpy_pin.files import check_writable, write_json
 NumbersFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
 ]
+Quick = Annotated[bool, typer.Option("--quick", help="A few short ones: to see whether it works.")]
 NO_EVIDENCE = "--quick shows that it works; its results are no evidence. Leave it out for results."
 
 
@@ -49,7 +50,16 @@ def stages() -> Iterator[Callable[[str, int, int], None]]:
     Where the output is no terminal, a line says when a stage begins, and when it is done.
     """
     if not sys.stderr.isatty():
-        yield _line_by_line()
+        begun: dict[str, float] = {}
+
+        def line(what: str, done: int, total: int) -> None:
+            if what not in begun:
+                begun[what] = perf_counter()
+                typer.echo(f"{what}: 0 of {total}", err=True)
+            if done == total:
+                typer.echo(f"{what}: {done} of {total}, {perf_counter() - begun[what]:.1f} s", err=True)
+
+        yield line
         return
     tasks: dict[str, TaskID] = {}
     columns = TextColumn("{task.description:<8}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
@@ -62,17 +72,3 @@ def stages() -> Iterator[Callable[[str, int, int], None]]:
             bars.refresh()
 
         yield progress
-
-
-def _line_by_line() -> Callable[[str, int, int], None]:
-    """Progress as lines on stderr."""
-    begun: dict[str, float] = {}
-
-    def progress(what: str, done: int, total: int) -> None:
-        if what not in begun:
-            begun[what] = perf_counter()
-            typer.echo(f"{what}: 0 of {total}", err=True)
-        if done == total:
-            typer.echo(f"{what}: {done} of {total}, {perf_counter() - begun[what]:.1f} s", err=True)
-
-    return progress

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from functools import wraps
+from importlib.util import find_spec
+from typing import Any
 
 import typer
 
@@ -11,6 +14,7 @@ from comparison.cli.commands import campaign, peers, public, recorded, tune, who
 from comparison.cli.results import results
 from comparison.cli.studies import STUDIES, command_of
 from harpy_pin.cli.ending import one_line_errors, stopping
+from harpy_pin.errors import HarpyError, install_line
 
 app = typer.Typer(
     add_completion=False,
@@ -18,9 +22,24 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.callback(invoke_without_command=True, epilog="Example:  python -m comparison --quick --out out/quick")(
-    stopping(whole)
-)
+_MISSING = " and ".join(repr(name) for name in ("pandas", "jinja2", "qpsolvers") if find_spec(name) is None)
+_HINT = f"the comparison needs {_MISSING}: {install_line('compare')}" if _MISSING else ""
+
+
+def _complete(command: Callable[..., None]) -> Callable[..., None]:
+    """A command that says what is not installed before it does anything; its help needs nothing."""
+
+    @wraps(command)
+    def run(**options: Any) -> None:
+        if _HINT and getattr(options.get("context"), "invoked_subcommand", None) is None:
+            raise HarpyError(_HINT)
+        command(**options)
+
+    return stopping(run)
+
+
+_EXAMPLE = "Example:  python -m comparison"
+app.callback(invoke_without_command=True, epilog=_HINT or f"{_EXAMPLE} --quick --out out/quick")(_complete(whole))
 
 _COMMANDS: dict[Callable[..., None], str] = {
     campaign: "campaign --quick --out campaign.jsonl",
@@ -34,7 +53,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
 """Commands, and an example of each."""
 
 for _command, _example in _COMMANDS.items():
-    app.command(epilog=f"Example:  python -m comparison {_example}")(stopping(_command))
+    app.command(epilog=f"{_EXAMPLE} {_example}")(_complete(_command))
 
 
 def main() -> None:

@@ -29,7 +29,6 @@ from comparison.campaign.summary import summary_tables, variants_table
 from comparison.campaign.walks import exceptions_table
 from comparison.cli.studies import STUDIES
 from comparison.report.html import tables_of
-from comparison.study import Study
 from comparison.tables import Table, cell_text
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, InputError, RunFileError
@@ -125,29 +124,22 @@ def _chosen(
     return names if isinstance(names, Mapping) else {name: all_names[name] for name in names}
 
 
-Tables = Callable[[dict[str, Any]], list[Table]]
-
-
-def _campaign(summary: dict[str, Any]) -> list[Table]:
-    """Every table of a campaign."""
-    return [variants_table(summary), exceptions_table(summary), *summary_tables(summary)]
-
-
-def _study(study: Study) -> tuple[str, Tables]:
-    """Its command, which keeps what it has done, and the tables of its document."""
-    kept = "" if study.all_at_once is not None else f" --out {{folder}}/{study.name}.jsonl"
-    return f"{study.name}{kept}", lambda document: study.tables(document["walks"])
-
-
-SOURCES: Mapping[str, tuple[str, Tables]] = {
-    "comparison": ("--out {folder}/comparison", tables_of),
-    "wide": ("campaign wide --out {folder}/wide.jsonl", _campaign),
-    "variants": ("campaign variants --out {folder}/variants.jsonl", _campaign),
-    "damped": ("campaign variants --walks 960 --joint-damping 5 --out {folder}/damped.jsonl", _campaign),
-    "harsh": ("campaign harsh --out {folder}/harsh.jsonl", _campaign),
-    **{name: _study(study) for name, study in STUDIES.items()},
+SOURCES: Mapping[str, str] = {
+    "comparison": "--out {folder}/comparison",
+    **{kind: f"campaign {kind} --out {{folder}}/{kind}.jsonl" for kind in ("wide", "variants", "harsh")},
+    "damped": "campaign variants --walks 960 --joint-damping 5 --out {folder}/damped.jsonl",
+    **{name: f"{name} --out {{folder}}/{name}.jsonl" for name in STUDIES},
 }
-"""For each source of a page the command that measures it, without ``--json``, and the tables of what it writes."""
+"""For each source of a page the command that measures it, without ``--json``."""
+
+
+def tables_from(source: str, document: dict[str, Any]) -> list[Table]:
+    """The tables of what the command of a source writes."""
+    if source in STUDIES:
+        return STUDIES[source].tables(document["walks"])
+    if source == "comparison":
+        return tables_of(document)
+    return [variants_table(document), exceptions_table(document), *summary_tables(document)]
 
 
 def results(
@@ -179,7 +171,7 @@ def results(
     @cache
     def tables(source: str) -> dict[str, Table]:
         document = json.loads((data / f"{source}.json").read_text(encoding="utf-8"))
-        return {table.name: table for table in SOURCES[source][1](document)}
+        return {table.name: table for table in tables_from(source, document)}
 
     def table_of(source: str, name: str) -> Table | None:
         if source in failed:
@@ -199,7 +191,7 @@ def _measured(source: str, folder: Path) -> bool:
     path = folder / f"{source}.json"
     if path.exists():
         return True
-    words = SOURCES[source][0].format(folder=folder).split()
+    words = SOURCES[source].format(folder=folder).split()
     typer.echo(f"python -m comparison {' '.join(words)}", err=True)
     ended = subprocess.run(
         [sys.executable, "-m", "comparison", *words, "--json", str(path)], stdout=subprocess.DEVNULL, check=False

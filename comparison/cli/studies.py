@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from comparison import studies
-from comparison.cli.output import NumbersFile, print_tables, stages, writing
+from comparison.cli.output import NumbersFile, Quick, print_tables, stages, writing
 from comparison.study import Study
 from harpy_pin.files import check_writable
 
@@ -28,7 +28,7 @@ def command_of(study: Study) -> Callable[..., None]:
     """The command that runs a study."""
 
     def command(
-        quick: Annotated[bool, typer.Option("--quick", help="A few short ones: to see whether it works.")] = False,
+        quick: Quick = False,
         only: Annotated[
             list[str] | None, typer.Option("--only", metavar="NAME", help="This one; may be given several times.")
         ] = None,
@@ -49,16 +49,17 @@ def command_of(study: Study) -> Callable[..., None]:
         with writing(json) as document, stages() as progress:
             document["walks"] = rows = study.run(partial(progress, study.name), quick=quick, path=out, **chosen)
         print_tables(study.tables(rows), quick=quick)
-        if figure is not None and study.figure is not None:
+        if figure is not None:
             study.figure(rows).savefig(figure)
 
-    lacking = {"only": not study.only, "figure": study.figure is None, "out": study.all_at_once is not None}
+    lacking = {"only": not study.only, "figure": study.draw is None}
     *parameters, _ = inspect.signature(command, eval_str=True).parameters.values()
     kept = [parameter for parameter in parameters if not lacking.get(parameter.name)]
     for name, text in study.options.items():
-        kind = type(study.defaults[name])
-        within: dict[str, Any] = {"min": 0, "max": MOST} if kind is int else {}
-        option: Any = Annotated[kind | None, typer.Option(f"--{name}", help=text, **within)]
+        default = study.defaults[name]
+        within: dict[str, Any] = {"min": 0, "max": MOST} if isinstance(default, int) else {}
+        text += f"  [default: {default}]" if default else ""
+        option: Any = Annotated[type(default) | None, typer.Option(f"--{name}", help=text, **within)]
         kept.append(inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=option))
     command.__signature__ = inspect.Signature(kept)  # type: ignore[attr-defined]
     command.__annotations__ = {parameter.name: parameter.annotation for parameter in kept}

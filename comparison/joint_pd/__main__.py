@@ -22,27 +22,18 @@ from comparison.studies.walking import PD_ROBOTS, job_of, walked
 from comparison.tuning.tune import propose
 
 SPACE = {
-    "stance_p": Range(0.1, 10.0),
-    "stance_d": Range(0.07, 10.0),
-    "swing_p": Range(0.1, 10.0),
-    "swing_d": Range(0.07, 10.0),
-    "follow": Range(0.1, 2.0),
+    **{"stance_p": Range(0.1, 10.0), "stance_d": Range(0.07, 10.0)},
+    **{"swing_p": Range(0.1, 10.0), "swing_d": Range(0.07, 10.0), "follow": Range(0.1, 2.0)},
 }
 """Gains as multiples of the default ones."""
 BUDGET = 60
 """Gains that are tried for a robot."""
 SEED = 1
 """Of the walks of the search, and of what is tried."""
-WALKS = (
-    ("random", 0),
-    ("pushed", 2),
-    ("random, noise and delay", 1),
-    ("random", 2),
-    ("pushed", 5),
-    ("random, noise and delay", 3),
-)
+KINDS = ("random", "pushed", "random, noise and delay")
+WALKS = (*zip(KINDS, (0, 2, 1), strict=True), *zip(KINDS, (2, 5, 3), strict=True))
 """Of the search, by kind and number."""
-KEPT_WALKS = tuple((what, number) for what in ("random", "pushed", "random, noise and delay") for number in range(12))
+KEPT_WALKS = tuple((what, number) for what in KINDS for number in range(12))
 KEPT_SEED = 2000
 """Of walks that the search does not see: what it found is kept if it costs less there than what was found before."""
 DURATION = 5.0
@@ -77,8 +68,7 @@ def cost(
     """What gains cost: falls first, the earlier the more; then the logarithm of slip."""
     total = 0.0
     for what, number in walks:
-        job = job_of(robot, what, DURATION, seed, controller="joint_pd", number=number)
-        row = walked(job, gains)
+        row = walked(job_of(robot, what, DURATION, seed, controller="joint_pd", number=number), gains)
         total += FALL * (1.0 - 0.5 * row["stood_s"] / DURATION) if row["fell"] else log1p(row["slip_mm_per_step"])
         if total > most:
             break

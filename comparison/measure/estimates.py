@@ -18,7 +18,7 @@ def off(q: Vector, v: Vector, guess: Vector, speed: Vector) -> dict[str, float]:
     absolute trajectory error is the rms distance of the bodies' origins where the estimate's path is turned about the
     vertical and moved so that it is least.
     """
-    true, own = (_rotations(rows) for rows in (q, guess))
+    true, own = (np.array([pin.Quaternion(row[3:7]).toRotationMatrix() for row in rows]) for rows in (q, guess))
     way = float(np.linalg.norm(np.diff(q[:, :2], axis=0), axis=1).sum())
     drift = (q[-1, :2] - q[0, :2]) - (guess[-1, :2] - guess[0, :2])
     error = np.einsum("nij,nj->ni", true, v[:, :3]) - np.einsum("nij,nj->ni", own, speed[:, :3])
@@ -33,11 +33,6 @@ def off(q: Vector, v: Vector, guess: Vector, speed: Vector) -> dict[str, float]:
         "velocity_cm_s": float(1e2 * np.sqrt(np.mean(np.sum(error**2, axis=1)))),
         "tilt_deg": float(np.rad2deg(np.sqrt(np.mean(tilt**2)))),
     }
-
-
-def _rotations(q: Vector) -> Vector:
-    """(ticks, 3, 3) of the bodies."""
-    return np.array([pin.Quaternion(row[3:7]).toRotationMatrix() for row in q])
 
 
 def contacts(force: Vector, probability: Vector) -> dict[str, float]:

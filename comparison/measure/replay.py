@@ -220,9 +220,5 @@ def time_ticks(walk: Walk, other: Controller | None = None) -> tuple[Run, Vector
         torque. Times and shares are without the first ten.
     """
     timed = _Timed(walk.controller, other)
-    run = replace(walk, controller=timed).run(on_tick=_nothing)  # or the loop would be compiled as a whole
+    run = replace(walk, controller=timed).run(on_tick=lambda state: None)  # or the loop would be compiled as a whole
     return run, 1e-3 * np.array(timed.ticks[FIRST:]), np.array(timed.apart[FIRST:])
-
-
-def _nothing(state: State) -> None:
-    """Called before a tick."""

@@ -165,9 +165,11 @@ def ratio_of_medians(slow: Sequence[Laps], fast: Sequence[Laps], overhead_ns: fl
 
 def describe_machine() -> dict[str, Any]:
     """Processor, cores, operating system, and how busy the machine is already."""
-    affinity = getattr(os, "sched_getaffinity", None)
+    affinity, file = getattr(os, "sched_getaffinity", None), Path("/proc/cpuinfo")
+    lines = file.read_text(encoding="utf-8", errors="replace").splitlines() if file.exists() else []
+    models = [line.partition(":")[2].strip() for line in lines if line.lower().startswith("model name")]
     return {
-        "cpu": _cpu_model(),
+        "cpu": models[0] if models else platform.processor() or "unknown",
         "cores": os.cpu_count(),
         "usable_cores": len(affinity(0)) if affinity is not None else os.cpu_count(),
         "os": f"{platform.system()} {platform.release()}",
@@ -185,10 +187,3 @@ def describe_all_versions() -> dict[str, str]:
         except PackageNotFoundError:
             versions[name] = "not installed"
     return versions
-
-
-def _cpu_model() -> str:
-    file = Path("/proc/cpuinfo")
-    lines = file.read_text(encoding="utf-8", errors="replace").splitlines() if file.exists() else []
-    models = [line.partition(":")[2].strip() for line in lines if line.lower().startswith("model name")]
-    return models[0] if models else platform.processor() or "unknown"

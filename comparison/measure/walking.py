@@ -6,7 +6,7 @@ import hashlib
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -15,13 +15,15 @@ from itertools import count
 from typing import Any, TypeVar
 
 import numpy as np
+import pinocchio as pin
 
 from comparison.contenders import controller_part
-from harpy_pin import Disturbances, Ground, Robot, checks, make_controller, make_gait
+from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import without_interrupts
 from harpy_pin.log.run import Run
-from harpy_pin.model.state import State
+from harpy_pin.model.dynamics import Dynamics
+from harpy_pin.model.state import State, Vector
 from harpy_pin.scenario import Scenario, walk
 from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.push import Push
@@ -40,13 +42,6 @@ _Job = TypeVar("_Job")
 
 def silent(done: int, total: int) -> None:
     """Progress that nobody is told of."""
-
-
-def tracked(jobs: Sequence[_Job], progress: Progress) -> Iterator[_Job]:
-    """The jobs one by one; progress is called when the next one is asked for."""
-    for done, job in enumerate(jobs, start=1):
-        yield job
-        progress(done, len(jobs))
 
 
 def stage(progress: Callable[[str, int, int], None], what: str, total: int) -> Callable[[], None]:
@@ -77,7 +72,7 @@ def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> 
             pool.shutdown(cancel_futures=True)
 
 
-def grouped(rows: Sequence[dict[str, Any]], *names: str) -> dict[tuple[Any, ...], Rows]:
+def grouped(rows: Iterable[dict[str, Any]], *names: str) -> dict[tuple[Any, ...], Rows]:
     """Rows with the same values of these entries together, by the values, in the order of the rows."""
     groups: dict[tuple[Any, ...], Rows] = {}
     for row in rows:
@@ -108,8 +103,8 @@ def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
         return run
 
 
-CONTENDERS = {"ungoverned": "governed/none", "governed": "governed/paper", "condensed": "condensed", "wbc": "wbc"}
-"""The paper's controller without a governor and with the paper's, the condensed controller, and the whole-body QP."""
+TIMED = {"ungoverned": "governed/none", "governed": "governed/paper", "condensed": "condensed", "wbc": "wbc"}
+"""Contenders whose ticks are taken apart, by the names of their rows."""
 
 
 def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
@@ -122,10 +117,9 @@ def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:
 
 
 def make_contender(name: str, robot: Robot, friction: float) -> Any:
-    """A new controller with a gait of its own, by its name in :data:`CONTENDERS`."""
-    checks.one_of("contender", name, CONTENDERS)
-    controller, _, governor = CONTENDERS[name].partition("/")
-    return make_controller(controller, make_gait(robot), mu=friction, governor=governor or "none")
+    """A new controller with a gait of its own, by its name in :data:`TIMED`."""
+    checks.one_of("contender", name, TIMED)
+    return controller_part(TIMED[name]).make(make_gait(robot), mu=friction, period=1e-3)
 
 
 @dataclass(frozen=True)
@@ -147,23 +141,19 @@ class StateSequence:
         return total.hexdigest()
 
 
-def recorded_walk(name: str, *, friction: float, duration: float) -> Run:
+def recorded_walk(name: str, *, friction: float, duration: float, impulse: float = 0.0) -> Run:
     """Walk in closed loop; the log ends early if the robot falls.
 
-    The controller knows the ground's static friction coefficient; the duration is in s.
+    Args:
+        name: of :data:`TIMED`, or of :func:`scenario_of`.
+        friction: of the ground, which the controller knows.
+        duration: s.
+        impulse: of a lateral push to alternating sides in every second, N·s: many touchdowns and recoveries.
     """
-    return walk(scenario_of(CONTENDERS[name], friction, duration=duration))
-
-
-def pushed_walk(name: str, *, friction: float, duration: float, impulse: float) -> Run:
-    """Walk with a lateral push to alternating sides in every second of time: many touchdowns and recoveries.
-
-    The name is that of :func:`~comparison.measure.walking.scenario_of`. The duration is in s, the impulse of each
-    push in N·s.
-    """
-    times = np.arange(0.6, duration - 0.1, 1.0)
+    times = np.arange(0.6, duration - 0.1, 1.0) if impulse else ()
     pushes = tuple(Push(float(t), (0.0, impulse if k % 2 == 0 else -impulse, 0.0)) for k, t in enumerate(times))
-    return walk(scenario_of(name, friction, duration=duration, disturbances=Disturbances(pushes=pushes)))
+    disturbances = Disturbances(pushes=pushes)
+    return walk(scenario_of(TIMED.get(name, name), friction, duration=duration, disturbances=disturbances))
 
 
 def record_states(name: str, run: Run, *, least: int) -> StateSequence:
@@ -177,3 +167,24 @@ def record_states(name: str, run: Run, *, least: int) -> StateSequence:
     return StateSequence(
         name, tuple(State(float(t), *(array[i].copy() for array in arrays)) for i, t in enumerate(run["t"]))
     )
+
+
+def sway(
+    robot: Robot, posture: Vector, amplitude: Vector, phases: Vector, rate: float, force: Vector
+) -> Iterator[State]:
+    """A state every millisecond of a robot that sways about a posture, with these forces on its feet.
+
+    Args:
+        robot: which.
+        posture: (nq,) configuration in the middle.
+        amplitude: (nv,) of each direction, m and rad.
+        phases: (ticks,) of the sway, rad.
+        rate: with which the phase grows, rad/s.
+        force: (feet, 3) world axes, N.
+    """
+    dynamics = Dynamics(robot)
+    for k, phase in enumerate(phases):
+        q = pin.integrate(robot.model, posture, amplitude * np.sin(phase))
+        v = rate * np.cos(phase) * amplitude
+        dynamics.update(q, v)
+        yield State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force)

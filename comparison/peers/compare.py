@@ -15,10 +15,9 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from comparison.measure.timing import TimingSettings, describe_all_versions, describe_machine
-from comparison.measure.walking import StateSequence, make_contender, record_states, recorded_walk, stage
+from comparison.measure.walking import StateSequence, make_contender, record_states, recorded_walk, stage, sway
 from comparison.peers.environment import PEERS
 from comparison.peers.measure_peer import (
     OURS,
@@ -33,13 +32,11 @@ from comparison.peers.measure_peer import (
 )
 from comparison.peers.peer_problem import PeerProblem, make_problem
 from comparison.tables import Cell, Table, percentiles
-from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
+from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.files import finite
 from harpy_pin.gaits import Gait, Standing
-from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.robot import Robot, load_harpy, load_robot
-from harpy_pin.model.state import State
+from harpy_pin.model.robot import load_harpy, load_robot
 from harpy_pin.wbc import WholeBodyWeights
 
 RECORDED = ("governed", "wbc")
@@ -48,9 +45,9 @@ RECORDED = ("governed", "wbc")
 
 def compare_peers(
     progress: Callable[[str, int, int], None],
-    *,
     friction: float,
     duration: float,
+    *,
     timing: TimingSettings,
     folder: Path,
     growth: Sequence[str],
@@ -93,12 +90,10 @@ def compare_peers(
         controller.replay(repetitions - before)
     step()
     ours = mine.pop(OURS)
+    inside_c, times = time_inside_c(friction, duration), summarise_times(problem, ours.times(), ours.overhead)
     contenders: dict[str, Any] = {
-        f"{OURS}, condensed WBC inside C, a walk of its own": {
-            "reason": "",
-            "times": time_inside_c(friction, duration),
-        },
-        OURS: {"reason": "", "times": summarise_times(problem, ours.times(), ours.overhead)},
+        f"{OURS}, condensed WBC inside C, a walk of its own": {"reason": "", "times": inside_c},
+        OURS: {"reason": "", "times": times},
         **{name: controller.entry(problem) for name, controller in mine.items()},
         **others,
     }
@@ -161,41 +156,21 @@ def standing_problem(
     if feet:
         posture = Standing(robot).initial_state()[0][7:]
         robot = load_robot(robot.urdf, feet=feet)
-    sequence = _sway(name, robot, Standing(robot, posture), most)
-    problem = make_problem(
-        robot,
-        [sequence],
-        friction=_FRICTION,
-        warm_up=warm_up,
-        most=most,
-        gait=Standing(robot, posture),
-        weights=weights,
+    rest, force = Standing(robot, posture).initial_state()[0], np.zeros((len(robot.feet), 3))
+    force[:, 2] = robot.mass * 9.81 / len(robot.feet)
+    amplitude, rate = _AMPLITUDE * np.random.default_rng(0).standard_normal(robot.model.nv), 2.0 * np.pi / _PERIOD
+    sequence = StateSequence(
+        name, tuple(sway(robot, rest, amplitude, 0.001 * rate * np.arange(most, dtype=np.float64), rate, force))
     )
+    how: dict[str, Any] = {"friction": _FRICTION, "warm_up": warm_up, "most": most, "weights": weights}
+    problem = make_problem(robot, [sequence], gait=Standing(robot, posture), **how)
     tree, urdf = ElementTree.parse(robot.urdf), folder / f"{name}.urdf"
     for link in tree.getroot().iter("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
             link.remove(shape)
     tree.write(urdf)
-    return (
-        replace(problem, settings={**problem.settings, "urdf": str(urdf)}),
-        partial(Standing, robot, posture),
-        sequence,
-    )
-
-
-def _sway(name: str, robot: Robot, gait: Gait, most: int) -> StateSequence:
-    model, dynamics = robot.model, Dynamics(robot)
-    rest, _ = gait.initial_state()
-    amplitude = _AMPLITUDE * np.random.default_rng(0).standard_normal(model.nv)
-    rate = 2.0 * np.pi / _PERIOD
-    force = np.zeros((len(robot.feet), 3))
-    force[:, 2] = robot.mass * 9.81 / len(robot.feet)
-    states = []
-    for t in 0.001 * np.arange(most):
-        q, v = pin.integrate(model, rest, amplitude * np.sin(rate * t)), rate * np.cos(rate * t) * amplitude
-        dynamics.update(q, v)
-        states.append(State(t, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force))
-    return StateSequence(name, tuple(states))
+    problem = replace(problem, settings={**problem.settings, "urdf": str(urdf)})
+    return problem, partial(Standing, robot, posture), sequence
 
 
 def _growth_of(robot: str, folder: Path, *, warm_up: int, most: int, repetitions: int) -> dict[str, Any]:
@@ -208,8 +183,12 @@ def _growth_of(robot: str, folder: Path, *, warm_up: int, most: int, repetitions
         entries: dict[str, Any] = {}
         parameters = peers_parameters(_FRICTION, ROBOTS[robot][0])
         for name, kind in (("WBC QP", WholeBodyController), ("condensed WBC", CondensedController)):
+
+            def make(kind: type[WholeBody] = kind) -> WholeBody:
+                return kind(gait(), parameters)
+
             try:
-                ours = Ours(partial(_made, kind, gait, parameters), [sequence], len(sequence))
+                ours = Ours(make, [sequence], len(sequence))
                 ours.replay(repetitions)
                 entries[f"{OURS}, {name}"] = ours.entry(problem)
             except InputError as error:
@@ -224,11 +203,6 @@ def _growth_of(robot: str, folder: Path, *, warm_up: int, most: int, repetitions
         "unsolved_by_us": int(np.count_nonzero(~problem.expected["decided"].solved)),
         "contenders": {name: _summary(entry) for name, entry in entries.items()},
     }
-
-
-def _made(kind: type[WholeBody], gait: Callable[[], Gait], parameters: WholeBodyParameters) -> WholeBody:
-    """A controller with a gait of its own."""
-    return kind(gait(), parameters)
 
 
 def _summary(entry: Mapping[str, Any]) -> dict[str, Any]:
@@ -269,11 +243,6 @@ def peer_tables(peers: Mapping[str, Any]) -> list[Table]:
     return [table for table in tables if table.cells]
 
 
-def _p50(row: str, column: str, times: Mapping[str, Any]) -> Cell:
-    """A median between those of the repetitions."""
-    return Cell(row, column, times["p50_us"], "µs", times["low_us"], times["high_us"])
-
-
 def _times(peers: Mapping[str, Any], what: str) -> Table:
     text, note = _TIMES[what]
     cells: list[Cell] = []
@@ -281,9 +250,7 @@ def _times(peers: Mapping[str, Any], what: str) -> Table:
         if "times" not in entry:
             cells.append(Cell(name, "no times", entry["reason"]))
         for support, times in entry.get("times", {}).items():
-            if what in times:
-                row = f"{name}: {support}"
-                cells += [_p50(row, "p50", times[what]), *percentiles(row, times[what], first="p95_us")]
+            cells += percentiles(f"{name}: {support}", times[what]) if what in times else []
     title = f"Peers: {text} in single and double support, µs, friction {peers['friction']:g}"
     note = f"In brackets: least and largest median of a repetition. {note}"
     return Table(f"peers_{what}", title, tuple(cells), note)

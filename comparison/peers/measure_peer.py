@@ -116,9 +116,8 @@ def check(quantities: dict[str, Vector], expected: Expected) -> dict[str, Any]:
         if value.size == 0:
             continue  # a robot without thrusters
         each = np.abs(value - getattr(expected, name))[ticks].reshape(compared, -1).max(axis=1)
-        finite = each[np.isfinite(each)]
-        largest[name] = float(finite.max()) if len(finite) else float("nan")
-        median[name] = float(np.median(finite)) if len(finite) else float("nan")
+        finite = each[np.isfinite(each)] if np.isfinite(each).any() else np.array([np.nan])
+        largest[name], median[name] = float(finite.max()), float(np.median(finite))
         unsolved |= ~np.isfinite(each)
         wrong |= ~(each <= TOLERANCE[name])
     differing, lost = int(np.count_nonzero(wrong)), int(np.count_nonzero(unsolved))
@@ -129,14 +128,12 @@ def check(quantities: dict[str, Vector], expected: Expected) -> dict[str, Any]:
 
 def summarise_times(problem: PeerProblem, laps: dict[str, Laps], overhead: float) -> dict[str, Any]:
     """Summaries by support and by what was timed, with the least and largest median of a repetition."""
-    result: dict[str, Any] = {}
-    for support, mask in problem.supports.items():
-        chosen = mask & (problem.counted > 0.0)
-        if chosen.any():
-            result[support] = {
-                what: summarise_repetitions([row[chosen] for row in rows], overhead) for what, rows in laps.items()
-            }
-    return result
+    chosen = {support: mask & (problem.counted > 0.0) for support, mask in problem.supports.items()}
+    return {
+        support: {what: summarise_repetitions([row[mask] for row in rows], overhead) for what, rows in laps.items()}
+        for support, mask in chosen.items()
+        if mask.any()
+    }
 
 
 OURS = "harpy_pin"
@@ -179,15 +176,11 @@ class Ours:
         for _ in range(repetitions):
             with without_gc():
                 for what, timer in self.timers.items():
-                    column = WBC_PHASES.index("solve") if what == "solve" else 0
-                    laps, commands = [], []
-                    for states in self.states:
-                        done = replay(timer, states)
-                        laps.append(done.laps[:, column])
-                        commands.append(done.commands)
-                    self.laps[what].append(np.concatenate(laps))
+                    found = [(done.laps, done.commands) for done in (replay(timer, states) for states in self.states)]
+                    laps, commands = (np.concatenate(parts) for parts in zip(*found, strict=True))
+                    self.laps[what].append(laps[:, WBC_PHASES.index("solve") if what == "solve" else 0])
                     if what == "tick":
-                        self.commands = np.concatenate(commands)
+                        self.commands = commands
 
     def times(self) -> dict[str, Laps]:
         """(repetitions, ticks) of the tick, and of the solver's call."""
@@ -207,9 +200,8 @@ def time_inside_c(friction: float, duration: float) -> dict[str, Any]:
     runs = [build(scenario).run() for _ in range(3)]
     held = runs[0]["held"][_SETTLED:].sum(axis=1)
     laps = [run["tick_ns"][_SETTLED:] for run in runs]
-    masks = {"single": held == 1.0, "double": held == 2.0}
     return {
-        name: {"tick": summarise_repetitions([row[mask] for row in laps], 0.0)}
-        for name, mask in masks.items()
-        if mask.any()
+        name: {"tick": summarise_repetitions([row[held == feet] for row in laps], 0.0)}
+        for name, feet in (("single", 1.0), ("double", 2.0))
+        if (held == feet).any()
     }

@@ -100,11 +100,8 @@ def dual_kept(p: Problem, eps: float) -> tuple[Callable[[], Any], Callable[[Any]
 
 def solve_with_dual(p: Problem) -> Solution:
     """Our dual method on a program, its memory made for it."""
-    program, solver = _make(p)
-    _fill(p, program)
-    return (
-        _solution(p, program, solver) if solver.solve(program).status is QPStatus.SOLVED else Solution(p, found=False)
-    )
+    solve, read = dual_kept(p, 0.0)
+    return read(solve())
 
 
 def _make(p: Problem) -> tuple[QuadraticProgram, DualActiveSet]:
@@ -145,7 +142,7 @@ def _solution(p: Problem, program: QuadraticProgram, solver: DualActiveSet) -> S
     return Solution(p, found=True, x=x, y=y, z=rows[bounded:], z_box=rows[:bounded] if bounded else None)
 
 
-CONTENDERS: dict[str, Contender] = {
+SOLVERS: dict[str, Contender] = {
     "dual (ours)": dual_made,
     "dual (ours), memory kept": dual_kept,
     **{name: through_qpsolvers(name) for name in ("daqp", "quadprog", "piqp", "proxqp", "clarabel")},
@@ -163,11 +160,6 @@ class _Row(NamedTuple):
     residuals: tuple[float, float, float]
 
 
-def _shifted_mean(times: Sequence[float]) -> float:
-    """Shifted geometric mean, s: http://plato.asu.edu/ftp/shgeom.html."""
-    return float(np.exp(np.mean(np.log(np.array(times) + SHIFT))) - SHIFT)
-
-
 def time_solvers(
     problems: Sequence[tuple[str, Problem]], repetitions: int, progress: Progress = silent
 ) -> dict[str, dict[str, Any]]:
@@ -178,15 +170,15 @@ def time_solvers(
         below the tolerance, the names of the others, the largest residuals and gap among those it says it solved, the
         median time of a program and the shifted geometric mean of the times, µs.
     """
-    kept: dict[tuple[str, str], list[_Row]] = {(name, level): [] for name in CONTENDERS for level in LEVELS}
+    kept: dict[tuple[str, str], list[_Row]] = {(name, level): [] for name in SOLVERS for level in LEVELS}
     with warnings.catch_warnings(), without_gc():
         warnings.simplefilter("ignore")
         for done, (name, p) in enumerate(problems, start=1):
             for level, eps in LEVELS.items():
-                for solver, contender in CONTENDERS.items():
+                for solver, contender in SOLVERS.items():
                     kept[solver, level].append(_solved(name, *contender(p, eps), repetitions))
             progress(done, len(problems))
-    return {name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()} for name in CONTENDERS}
+    return {name: {level: _summary(kept[name, level], eps) for level, eps in LEVELS.items()} for name in SOLVERS}
 
 
 def _solved(name: str, solve: Callable[[], Any], read: Callable[[Any], Solution], repetitions: int) -> _Row:
@@ -206,6 +198,8 @@ def _solved(name: str, solve: Callable[[], Any], read: Callable[[Any], Solution]
 def _summary(rows: Sequence[_Row], eps: float) -> dict[str, Any]:
     found = [row for row in rows if row.claimed]
     unsolved = [row.name for row in rows if not (row.claimed and max(row.residuals) < eps)]
+    # http://plato.asu.edu/ftp/shgeom.html
+    shifted = float(np.exp(np.mean(np.log([row.time + SHIFT for row in rows]))) - SHIFT)
     worst = np.array([row.residuals for row in found]).max(axis=0) if found else np.full(3, np.nan)
     return {
         "solved_percent": 100.0 * (1.0 - len(unsolved) / len(rows)),
@@ -213,5 +207,5 @@ def _summary(rows: Sequence[_Row], eps: float) -> dict[str, Any]:
         "unsolved": unsolved,
         **dict(zip(("primal_max", "dual_max", "gap_max"), worst.tolist(), strict=True)),
         "median_us": 1e6 * float(np.median([row.time for row in found])) if found else None,
-        "shifted_mean_us": 1e6 * _shifted_mean([row.time for row in rows]),
+        "shifted_mean_us": 1e6 * shifted,
     }

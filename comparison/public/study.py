@@ -74,10 +74,11 @@ def mat_problems(folder: Path) -> Iterator[tuple[str, Problem]]:
         with _reading(path):
             file = loadmat(path, variable_names=["P", "q", "A", "l", "u", "n", "m"])
             n, m = int(file["n"].flat[0]), int(file["m"].flat[0])
-            small = n <= LARGEST and m <= 3 * LARGEST
-            problem = _one_sided(file, n) if small else None
-        if problem is not None and _count(problem) <= LARGEST:
-            yield path.stem, problem
+            problem = _one_sided(file, n) if n <= LARGEST and m <= 3 * LARGEST else None
+        if problem is not None:
+            rows = (problem.h, problem.b, problem.lb)  # constraints as that subset counts them: bounds once
+            if sum(len(value) for value in rows if value is not None) <= LARGEST:
+                yield path.stem, problem
 
 
 def _one_sided(file: dict[str, Vector], n: int) -> Problem:
@@ -92,11 +93,6 @@ def _one_sided(file: dict[str, Vector], n: int) -> Problem:
     equalities: dict[str, Any] = {"A": constraint[equal], "b": high[equal]} if equal.any() else {}
     q = np.asarray(file["q"], dtype=np.float64).ravel()
     return Problem(hessian, q, **inequalities, **equalities, lb=lower[-n:], ub=upper[-n:])
-
-
-def _count(p: Problem) -> int:
-    """Constraints as that subset counts them: bounds once."""
-    return sum(len(value) for value in (p.h, p.b, p.lb) if value is not None)
 
 
 SOURCES = {"mpc": "qpsolvers/mpc_qpbenchmark", "maros": "qpsolvers/maros_meszaros_qpbenchmark"}
@@ -127,11 +123,8 @@ def measure_public(
     """
     clones = {name: folder / Path(repository).name for name, repository in SOURCES.items()}
     found = [name for name, clone in clones.items() if (clone / "data").is_dir()]
-    missing = [
-        f"git clone https://github.com/{repository} '{clones[name]}'"
-        for name, repository in SOURCES.items()
-        if name not in found
-    ]
+    absent = [name for name in SOURCES if name not in found]
+    missing = [f"git clone https://github.com/{SOURCES[name]} '{clones[name]}'" for name in absent]
     if not found:
         message = f"'{folder}' has no clone of {', '.join(SOURCES.values())}; to get them: {' && '.join(missing)}"
         raise InputError(message, name="data", value=folder)

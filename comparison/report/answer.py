@@ -112,11 +112,9 @@ def _slip(slips: Mapping[str, Any]) -> str:
     if len(order) < 2:
         return ""
     best, second = (slips[name] for name in order[:2])
-    text = (
-        f"The feet slip least with: {label(order[0])}, {number_text(best['value'])} mm per step; "
-        f"next {label(order[1])}, {number_text(second['value'])}{_times(second['value'], best['value'])}"
-    )
-    return text + (", and their 95 % intervals overlap." if _overlap(best, second) else ".")
+    least, next_one = best["value"], f"{number_text(second['value'])}{_times(second['value'], best['value'])}"
+    text = f"The feet slip least with: {label(order[0])}, {number_text(least)} mm per step; next {label(order[1])}, "
+    return text + next_one + (", and their 95 % intervals overlap." if _overlap(best, second) else ".")
 
 
 def _paper(slips: Mapping[str, Any]) -> str:

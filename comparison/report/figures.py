@@ -76,10 +76,8 @@ def pareto_figure(table: Table) -> Figure:
     axes.set_xlabel("time per complete tick, µs: median, line to the 99th percentile")
     axes.set_ylabel("slip per step, mm: median over the campaign, 95 % interval")
     axes.text(0.012, 0.02, "↙ cheaper, less slip", transform=axes.transAxes, color="#7b8794", fontsize=8.5)
-    falls = {row: table.number(row, "falls") for row in points}
-    texts = {
-        row: f"falls in {100.0 * fell:.0f} % of walks" if fell > 0.0 else "no falls" for row, fell in falls.items()
-    }
+    shares = {row: 100.0 * table.number(row, "falls") for row in points}
+    texts = {row: f"falls in {share:.0f} % of walks" if share > 0.0 else "no falls" for row, share in shares.items()}
     _write_labels(axes, points, ends, texts, colours)
     return figure
 
@@ -125,12 +123,8 @@ def _write_labels(
         place["path_effects"] = [withStroke(linewidth=2.5, foreground="white")]  # where a line passes behind
         line = {"arrowstyle": "-", "color": colours[row], "alpha": 0.4, "linewidth": 0.7, "shrinkB": 5.0}
         right, up = box[0] - x, box[1] + 0.5 * height - y
-        name: dict[str, Any] = {
-            "color": colours[row],
-            "fontweight": "bold",
-            "arrowprops": line if abs(up) > 30.0 else None,
-        }
-        axes.annotate(row, points[row], (right, up + 5.5), **name, **place)
+        how: dict[str, Any] = {"fontweight": "bold", "arrowprops": line if abs(up) > 30.0 else None, **place}
+        axes.annotate(row, points[row], (right, up + 5.5), color=colours[row], **how)
         axes.annotate(texts[row], points[row], (right, up - 5.5), color="#2b3440", fontsize=8.0, **place)
 
 
@@ -148,12 +142,9 @@ def growth_figure(tables: Mapping[str, Table]) -> Figure:
         robots = [row.partition(",")[0] if kind == "contacts" else "all" for row in rows]  # a line for each of them
         for colour, text in zip(_GROWTH, PARTS.values(), strict=True):
             for robot in dict.fromkeys(robots):
-                line = [
-                    (table.number(r, "size"), table.number(r, text))
-                    for r, of in zip(rows, robots, strict=True)
-                    if of == robot
-                ]
-                panel.plot(*np.array(line).T, marker="o", markersize=4, color=colour, label=text)
+                own = [row for row, of in zip(rows, robots, strict=True) if of == robot]
+                x, y = ([table.number(row, column) for row in own] for column in ("size", text))
+                panel.plot(x, y, marker="o", markersize=4, color=colour, label=text)
         panel.set_xscale("log", base=2)
         panel.set_yscale("log")
         panel.set_xticks(sorted({table.number(row, "size") for row in rows}))

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import base64
 import io
+from base64 import b64encode
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 from comparison.campaign.summary import summary_tables
 from comparison.contenders import label
-from comparison.measure.walking import CONTENDERS
+from comparison.measure.walking import TIMED
 from comparison.report.answer import COLUMNS, answer_of, passed
 from comparison.report.figures import growth_figure, pareto_figure
 from comparison.sections.growth import growth_tables
 from comparison.sections.ticks import formulations_table, simulator_table, ticks_tables
 from comparison.sections.timing import timing_tables
-from comparison.tables import Cell, Table, to_csv, with_interval
+from comparison.tables import Cell, Table, in_columns, to_csv
 from harpy_pin.files import OwnFolder, json_text
 
 if TYPE_CHECKING:
@@ -45,7 +43,7 @@ MEASURES = {
 def tables_of(document: Mapping[str, Any]) -> list[Table]:
     """Every table of the report, in its order."""
     friction, walk = document["settings"]["friction"], document["walk"]
-    cells = (Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in CONTENDERS)
+    cells = (Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in TIMED)
     return [
         pareto_table(document),
         *timing_tables(document["timing"], friction),
@@ -88,8 +86,7 @@ def pareto_table(document: Mapping[str, Any]) -> Table:
         if tick is not None:
             cells.append(Cell(row, "tick, median", tick["p50_us"], "µs", tick["low_us"], tick["high_us"]))
             cells.append(Cell(row, "tick, p99", tick["p99_us"], "µs"))
-        cells.append(with_interval(row, "slip per step", entry["slip_mm_per_step"], "mm"))
-        cells.append(with_interval(row, "falls", entry["falls"]))
+        cells += in_columns(row, entry, {"slip_mm_per_step": ("slip per step", "mm"), "falls": ("falls", "")})
     where = f"complete tick on recorded states (friction {document['ticks']['friction']:g})"
     title = f"Cost and quality: {where}, slip and falls of the campaign"
     note = "In brackets: of the times, least and largest median of a repetition; else 95 % intervals."
@@ -128,21 +125,24 @@ def write_report(folder: OwnFolder, document: Mapping[str, Any]) -> None:
 
 def render(document: Mapping[str, Any]) -> str:
     """The page."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    how: dict[str, Any] = {"autoescape": True, "undefined": StrictUndefined, "keep_trailing_newline": True}
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
+        loader=FileSystemLoader(Path(__file__).parent), trim_blocks=True, lstrip_blocks=True, **how
     )
     tables = {table.name: table for table in tables_of(document)}
     drawn = zip(_CAPTIONS.items(), figures_of(tables).values(), strict=True)
-    figures = {anchor: _image(figure, caption) for (anchor, caption), figure in drawn}
+    figures = {
+        anchor: {"caption": caption, "source": f"data:image/png;base64,{b64encode(picture_of(figure)).decode()}"}
+        for (anchor, caption), figure in drawn
+    }
     sections = [
         {"anchor": anchor, "title": title, "tables": found, "figure": figures.get(anchor)}
         for anchor, (title, prefixes) in _SECTIONS.items()
-        if (found := [table for name, table in tables.items() if _belongs(name, prefixes)])
+        if (
+            found := [table for table in tables.values() if any(f"{table.name}_".startswith(f"{p}_") for p in prefixes)]
+        )
     ]
     machine = document["machine"]
     return environment.get_template("report.html.j2").render(
@@ -155,17 +155,8 @@ def render(document: Mapping[str, Any]) -> str:
     )
 
 
-def _belongs(name: str, prefixes: tuple[str, ...]) -> bool:
-    """Whether a table is in a section: its name is one of the section's, or goes on after it."""
-    return any(name == prefix or name.startswith(f"{prefix}_") for prefix in prefixes)
-
-
 def picture_of(figure: Figure) -> bytes:
     """A figure as PNG."""
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=160)
     return out.getvalue()
-
-
-def _image(figure: Figure, caption: str) -> dict[str, str]:
-    return {"caption": caption, "source": f"data:image/png;base64,{base64.b64encode(picture_of(figure)).decode()}"}

@@ -7,7 +7,9 @@ posture, smooth from tick to tick, with every foot that is counted held on the g
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 from time import perf_counter_ns
 from typing import Any
 
@@ -15,7 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from comparison.measure.timing import Laps, summarise, timer_overhead, without_gc
-from comparison.tables import Cell, Table
+from comparison.measure.walking import sway
+from comparison.tables import Cell, Table, in_columns
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
 from harpy_pin.model.catalogue import CATALOGUE
@@ -48,6 +51,7 @@ PARTS = {
 }
 """What is timed, as readers see it; a program is built and solved."""
 
+_COUNTS = {"unsolved": ("programs not solved", ""), "acting": ("governor acts, share", "")}
 KINDS = {
     "faces": (
         "faces of the friction pyramid",
@@ -94,9 +98,9 @@ def growth_cases(robot: Robot, faces: Sequence[int]) -> tuple[dict[str, dict[str
 
 def time_growth(
     robot: Robot,
-    *,
     repetitions: int,
     seed: int,
+    *,
     faces: Sequence[int] = FACES,
     stage: Callable[[int], Callable[[], None]] = lambda count: lambda: None,
 ) -> dict[str, Any]:
@@ -125,29 +129,18 @@ def time_growth(
 
 def _motion(case: Case, rng: np.random.Generator) -> list[tuple[State, WholeBodyTargets]]:
     """A smooth sway, with the targets of each state."""
-    robot, model = case.robot, case.robot.model
-    dynamics = Dynamics(robot)
-    posture = pin.neutral(model)
-    middle = rng.uniform(0.2, 0.6, len(robot.joints))
+    robot, model, weight = case.robot, case.robot.model, case.robot.mass * 9.81
+    posture, middle = pin.neutral(model), rng.uniform(0.2, 0.6, len(robot.joints))
     posture[7:] = np.clip(middle, np.maximum(robot.joint_lower, -1.5), np.minimum(robot.joint_upper, 1.5))
-    amplitude = 0.05 * rng.standard_normal(model.nv)
-    desired = rng.standard_normal(6)
-    weight = robot.mass * 9.81
-    motion = []
-    for k in range(STATES):
-        phase = 2.0 * np.pi * k / STATES
-        q = pin.integrate(model, posture, amplitude * np.sin(phase))
-        v = amplitude * np.cos(phase)
-        dynamics.update(q, v)
-        force = np.zeros((len(robot.feet), 3))
-        force[: case.held, 2] = weight / case.held
-        state = State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force)
-        target = WholeBodyTargets(robot)
-        target.body[:], target.orientation[:] = desired[:3], desired[3:]
-        target.held[case.held :] = 0.0
-        target.force_range[:] = (0.0, 10.0 * weight)
-        motion.append((state, target))
-    return motion
+    amplitude, desired = 0.05 * rng.standard_normal(model.nv), rng.standard_normal(6)
+    force = np.zeros((len(robot.feet), 3))
+    force[: case.held, 2] = weight / case.held
+    target = WholeBodyTargets(robot)
+    target.body[:], target.orientation[:] = desired[:3], desired[3:]
+    target.held[case.held :] = 0.0
+    target.force_range[:] = (0.0, 10.0 * weight)
+    phases = 2.0 * np.pi * np.arange(STATES) / STATES
+    return [(state, target) for state in sway(robot, posture, amplitude, phases, 1.0, force)]
 
 
 def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[str, float]:
@@ -161,41 +154,40 @@ def time_case(case: Case, repetitions: int, rng: np.random.Generator) -> dict[st
         problems["scratch"] = make_problem("input_space", robot, limits=limits)
         solvers["scratch"] = make_solver("daqp", problems["scratch"].program)
     governor = ContactForceFilter(robot, ContactForceFilterParameters(mu=MU))
-    try:
-        law: CondensedSolver | None = CondensedSolver(robot, limits=limits)
-    except InputError:  # limbs that it does not take
-        law = None
+    law: CondensedSolver | None = None
+    with suppress(InputError):  # limbs that it does not take
+        law = CondensedSolver(robot, limits=limits)
     command = Command(np.zeros(len(robot.joints)), np.zeros((len(robot.thrusters), 3)))
-    laps: dict[str, Laps] = {part: np.zeros((repetitions, STATES), dtype=np.int64) for part in PARTS}
+    parts = [part for part in PARTS if (part != "scratch" or part in solvers) and (part != "condensed" or law)]
+    laps: dict[str, Laps] = {part: np.zeros((repetitions, STATES), dtype=np.int64) for part in parts}
     rotation = np.zeros((3, 3))
-    unsolved, acting = 0, 0
+    unsolved, acting, clock = 0, 0, perf_counter_ns
+
     with without_gc():
         overhead = timer_overhead()
-        for repetition in range(repetitions):
-            for k, (state, target) in enumerate(motion):
-                t0 = perf_counter_ns()
-                dynamics.update(state.q, state.v)
-                laps["terms"][repetition, k] = perf_counter_ns() - t0
-                rotation[:] = pin.Quaternion(state.q[3:7]).matrix()
-                for name, problem in problems.items():
-                    t0 = perf_counter_ns()
-                    problem.build(dynamics, state.v, rotation, target)
-                    solution = solvers[name].solve(problem.program)
-                    laps[name][repetition, k] = perf_counter_ns() - t0
-                    unsolved += solution.status is not QPStatus.SOLVED
-                if law is not None:
-                    t0 = perf_counter_ns()
-                    law.solve(dynamics, state.v, rotation, target)
-                    laps["condensed"][repetition, k] = perf_counter_ns() - t0
-                command.torque[:], command.thrust[:] = dynamics.bias[6:], 0.0  # loads the feet: the filter has work
-                t0 = perf_counter_ns()
-                governor.update(state, command)
-                laps["filter"][repetition, k] = perf_counter_ns() - t0
-                acting += bool((governor.status.h_r < 0.0).any())
-    medians = {part: float(summarise(list(laps[part][:, WARM_UP:]), overhead)["p50_us"]) for part in PARTS}
-    for part, there in (("scratch", "scratch" in solvers), ("condensed", law is not None)):
-        if not there:
-            medians[part] = float("nan")
+        for place in product(range(repetitions), range(STATES)):
+            state, target = motion[place[1]]
+            t0 = clock()
+            dynamics.update(state.q, state.v)
+            laps["terms"][place] = clock() - t0
+            rotation[:] = pin.Quaternion(state.q[3:7]).matrix()
+            for name, problem in problems.items():
+                t0 = clock()
+                problem.build(dynamics, state.v, rotation, target)
+                solution = solvers[name].solve(problem.program)
+                laps[name][place] = clock() - t0
+                unsolved += solution.status is not QPStatus.SOLVED
+            if law is not None:
+                t0 = clock()
+                law.solve(dynamics, state.v, rotation, target)
+                laps["condensed"][place] = clock() - t0
+            command.torque[:], command.thrust[:] = dynamics.bias[6:], 0.0  # loads the feet: the filter has work
+            t0 = clock()
+            governor.update(state, command)
+            laps["filter"][place] = clock() - t0
+            acting += bool((governor.status.h_r < 0.0).any())
+    medians = dict.fromkeys(PARTS, float("nan"))
+    medians |= {part: float(summarise(list(rows[:, WARM_UP:]), overhead)["p50_us"]) for part, rows in laps.items()}
     return {**medians, "unsolved": float(unsolved), "acting": acting / (repetitions * STATES)}
 
 
@@ -216,10 +208,9 @@ def growth_tables(entry: Mapping[str, Any]) -> list[Table]:
         for name, row in entry[kind]["cases"].items():
             cells.append(Cell(name, "size", row["size"]))
             cells += [Cell(name, text, row[part], "µs") for part, text in PARTS.items()]
-            cells.append(Cell(name, "programs not solved", row["unsolved"]))
-            cells.append(Cell(name, "governor acts, share", row["acting"]))
-        for part, text in PARTS.items():
-            cells.append(Cell("exponent of growth", text, entry[kind]["exponents"][part]))
+            cells += in_columns(name, row, _COUNTS)
+        exponents = entry[kind]["exponents"]
+        cells += [Cell("exponent of growth", text, exponents[part]) for part, text in PARTS.items()]
         note = (
             f"Medians; a QP is built and solved. Expected: {expected}. The motion is slow and smooth: the reused "
             "active set is at its best here, and the governor acts wherever stated. Cases are timed one after the "

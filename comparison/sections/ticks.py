@@ -13,7 +13,7 @@ from comparison.contenders import CONTENDERS, FORCES, controller_part, label
 from comparison.measure.inside_c import ReplayInsideC, overhead_inside_c
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
-from comparison.measure.walking import StateSequence, pushed_walk, scenario_of
+from comparison.measure.walking import StateSequence, recorded_walk, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits import make_gait
@@ -67,10 +67,8 @@ def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, An
     result: dict[str, Any] = {}
     for name, timer in timed.items():
         cold = summarise([_first_ticks(timer.controller, sequences[0].states)], overhead)
-        result[name] = {
-            **summarise_repetitions(laps[name], overhead),
-            "cold_p50_us": cold["p50_us"],
-            "cold_p99_us": cold["p99_us"],
+        result[name] = summarise_repetitions(laps[name], overhead) | {
+            f"cold_{p}_us": cold[f"{p}_us"] for p in ("p50", "p99")
         }
     for name in inside:
         summary = summarise_repetitions([part[:, 0] for part in laps[f"{name}{_INSIDE}"]], overhead_c)
@@ -81,7 +79,7 @@ def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, An
 _INSIDE = ", inside C"
 
 
-def time_own_walks(bench: Bench, *, impulse: float, duration: float) -> dict[str, Any]:
+def time_own_walks(bench: Bench, impulse: float, duration: float) -> dict[str, Any]:
     """Ticks of each controller inside C on a pushed walk of its own, in the closed loop; impulse in N·s, duration in s.
 
     Returns:
@@ -91,7 +89,7 @@ def time_own_walks(bench: Bench, *, impulse: float, duration: float) -> dict[str
     for _ in range(bench.settings.repetitions):
         for k in bench.rng.permutation(len(CONTENDERS)):
             name = CONTENDERS[int(k)]
-            found[name].append(pushed_walk(name, friction=bench.friction, duration=duration, impulse=impulse))
+            found[name].append(recorded_walk(name, friction=bench.friction, duration=duration, impulse=impulse))
         bench.on_pass()
     first, overhead = bench.settings.warm_up, overhead_inside_c()
     return {
@@ -118,12 +116,12 @@ def ticks_tables(ticks: Mapping[str, Any]) -> list[Table]:
     cold: list[Cell] = []
     for name, entry in ticks["contenders"].items():
         row = label(name)
-        times.append(Cell(row, "p50", entry["p50_us"], "µs", entry["low_us"], entry["high_us"]))
-        times += percentiles(row, entry, first="p95_us")
+        times += percentiles(row, entry)
         for where, found in (("inside C", entry.get("inside_c")), ("own walk", ticks.get("own_walks", {}).get(name))):
-            if found:
-                times.append(Cell(row, f"{where}, p50", found["p50_us"], "µs", found["low_us"], found["high_us"]))
-                times.append(Cell(row, f"{where}, p99", found["p99_us"], "µs"))
+            cells = percentiles(row, found) if found else []
+            times += [
+                cell._replace(column=f"{where}, {cell.column}") for cell in cells if cell.column in ("p50", "p99")
+            ]
         cold += in_columns(row, entry, {f"cold_{p}_us": (f"after a reset, {p}", "µs") for p in ("p50", "p99")})
     friction = ticks["friction"]
     title = f"Complete tick of every controller, µs, friction {friction:g}, pushes of {ticks['impulse']:g} N·s"
@@ -195,13 +193,10 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     robot, settings = bench.robot, bench.settings
     begin = max((len(sequence) - STATES) // 2, 0)
     states = sequence.states[begin : begin + STATES]
-    timed = {
-        name: _CheckedChain(WholeBodyController(make_gait(robot), parameters))
-        for name, parameters in _configurations(bench.friction).items()
-    }
+    made = {name: WholeBodyController(make_gait(robot), how) for name, how in _configurations(bench.friction).items()}
     plain = WholeBodyParameters(limits=WholeBodyLimits(mu=bench.friction))
-    loose = partial(ProxQPSolver, tolerance=1e-6, gap=None)
-    timed[LOOSE] = _CheckedChain(WholeBodyController(make_gait(robot), plain, solver=loose))
+    made[LOOSE] = WholeBodyController(make_gait(robot), plain, solver=partial(ProxQPSolver, tolerance=1e-6, gap=None))
+    timed = {name: _CheckedChain(controller) for name, controller in made.items()}
 
     def start(_: int) -> dict[str, _CheckedChain]:
         for timer in timed.values():
@@ -213,10 +208,8 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     result: dict[str, Any] = {}
     for name, timer in timed.items():
         tick = summarise([part.sum(axis=1) for part in laps[name]], len(WBC_PHASES) * overhead)
-        build, solve = (
-            summarise([part[:, WBC_PHASES.index(phase)] for part in laps[name]], overhead)
-            for phase in ("build", "solve")
-        )
+        phases = dict(zip(WBC_PHASES, np.moveaxis(np.array(laps[name]), 2, 0), strict=True))
+        build, solve = (summarise(list(phases[phase]), overhead) for phase in ("build", "solve"))
         result[name] = {
             "tick_p50_us": tick["p50_us"],
             "build_p50_us": build["p50_us"],
@@ -243,9 +236,6 @@ def formulations_table(entry: dict[str, Any], friction: float) -> Table:
     return Table("formulations", f"Formulations and solvers of the program, friction {friction:g}", tuple(cells), note)
 
 
-WALKERS = CONTENDERS
-"""Controllers whose walks are timed as a whole."""
-
 WALKS = 3
 """Walks of each controller beside the wall clock."""
 
@@ -257,12 +247,12 @@ def time_simulator(bench: Bench, *, duration: float) -> dict[str, Any]:
         By ``walk`` of each controller how many times faster than real time it was (median, least and largest of three;
         and by processor time, which other processes disturb less), and how it ended.
     """
-    found: dict[str, list[tuple[float, float, str]]] = {name: [] for name in WALKERS}
-    for name in WALKERS:
+    found: dict[str, list[tuple[float, float, str]]] = {name: [] for name in CONTENDERS}
+    for name in CONTENDERS:
         build(scenario_of(name, bench.friction, duration=0.02)).run()  # loads what is compiled
     for _ in range(WALKS):
-        for k in bench.rng.permutation(len(WALKERS)):
-            name = WALKERS[int(k)]
+        for k in bench.rng.permutation(len(CONTENDERS)):
+            name = CONTENDERS[int(k)]
             walk = build(scenario_of(name, bench.friction, duration=duration))
             begin, begin_busy = perf_counter_ns(), process_time_ns()
             run = walk.run()
@@ -283,8 +273,7 @@ def simulator_table(entry: Mapping[str, Any]) -> Table:
     cells: list[Cell] = []
     for name, row in entry["walk"].items():
         cells.append(Cell(label(name), "times real time", row["real_time"], "", row["low"], row["high"]))
-        cells.append(Cell(label(name), "by processor time", row["processor_time"]))
-        cells.append(Cell(label(name), "ending", row["ending"]))
+        cells += in_columns(label(name), row, {"processor_time": ("by processor time", ""), "ending": ("ending", "")})
     title = "Closed-loop walks: simulated time over wall clock, log included"
     note = "Median of three; in brackets the slowest and the fastest."
     return Table("simulator_walk", title, tuple(cells), note)

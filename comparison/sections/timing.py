@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from comparison.measure.replay import (
@@ -26,13 +25,12 @@ from comparison.measure.replay import (
     replay,
 )
 from comparison.measure.timing import Bench, Laps, Timed, ratio_of_medians, summarise
-from comparison.measure.walking import CONTENDERS, StateSequence, make_contender
+from comparison.measure.walking import TIMED, StateSequence, make_contender
 from comparison.tables import Cell, Table, percentiles
 from harpy_pin.errors import InputError
 from harpy_pin.governors import Governor
-from harpy_pin.model.record import Record
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.wbc import QuadraticProgram, installed_solvers
 
 ACTIVE = 1e-3
@@ -43,11 +41,11 @@ class RecordingGovernor:
     """Passes everything on to a governor, and keeps what went in and came out."""
 
     def __init__(self, inner: Governor) -> None:
-        self.inner = inner
-        self.applied: Vector = inner.applied
-        self.status = inner.status
-        self.start = inner.applied
+        self.inner, self.start = inner, inner.applied
         self.kept: list[tuple[Any, ...]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.inner, name)
 
     def reset(self, x_r: Vector) -> None:
         """See :class:`harpy_pin.governors.Governor`."""
@@ -58,11 +56,10 @@ class RecordingGovernor:
     def update(self, x: Vector, x_r: Vector, dt: float) -> Vector:
         """See :class:`harpy_pin.governors.Governor`."""
         inputs = x.copy(), x_r.copy()
-        self.applied = self.inner.update(x, x_r, dt)
-        self.status = self.inner.status
-        active = bool(np.any(self.status.h_r < 0.0) or np.any(self.status.h_w < 0.0))
-        self.kept.append((*inputs, self.applied.copy(), active, bool(self.status.infeasible)))
-        return self.applied
+        applied, status = self.inner.update(x, x_r, dt), self.inner.status
+        active = bool(np.any(status.h_r < 0.0) or np.any(status.h_w < 0.0))
+        self.kept.append((*inputs, applied.copy(), active, bool(status.infeasible)))
+        return applied
 
     def trace(self) -> GovernorTrace:
         """What was kept, of one sequence."""
@@ -70,17 +67,42 @@ class RecordingGovernor:
         return GovernorTrace(self.start, measured, references, results, float(active.mean()), float(infeasible.mean()))
 
 
-@dataclass(frozen=True)
-class ProgramTrace:
-    """Quadratic programs over a sequence, and the results of solving them."""
+class RecordedPrograms(TickReplay):
+    """The QP controller's ticks, not timed, with its programs, their solutions, and what its solver says.
 
-    programs: Record  # records of the first of them
-    solutions: Vector  # (kept, n) theirs; NaN where there was none to be used
-    iterations: Vector  # (ticks,) of the solver
-    statuses: Vector  # (ticks,) of the solver
-    usable: NDArray[np.bool_]  # (ticks,) whether the solution was used
-    violation: float  # largest violation of a constraint by a usable solution, in the constraint's unit
-    stationarity: Vector  # (samples,) violation of stationarity by sampled solutions, in the unit of the gradient
+    Attributes:
+        programs: records of the first of them.
+        solutions: (kept, n) theirs; NaN where there was none to be used.
+        reports: of each tick the solver's iterations and status, and whether the solution was used.
+        violation: largest violation of a constraint by a usable solution, in the constraint's unit.
+        stationarity: violation of stationarity by sampled solutions, in the unit of the gradient.
+    """
+
+    def __init__(self, controller: Any, *, keep: int, samples: int) -> None:
+        self._most, self._samples = keep, samples
+        super().__init__(controller)
+
+    def start(self, states: Sequence[State]) -> None:
+        """See :meth:`TickReplay.start`."""
+        super().start(states)
+        program, kept = self.controller.problem.program, min(self._most, len(states))
+        self.programs, self.solutions = np.zeros(kept, program.record.dtype), np.full((kept, program.shape[0]), np.nan)
+        self.reports: list[tuple[int, int, bool]] = []
+        self.violation, self.stationarity = 0.0, list[float]()
+
+    def _keep(self, i: int, command: Command) -> None:
+        super()._keep(i, command)
+        program, solution = self.controller.problem.program, self.controller.solution
+        self.reports.append((solution.iterations, int(solution.status), solution.usable))
+        kept = i < len(self.programs)
+        if kept:
+            self.programs[i] = program.record[0]
+        if kept and solution.usable:
+            self.solutions[i] = solution.z
+        if solution.usable:
+            self.violation = max(self.violation, program.violation(solution.z))
+            if i % max(len(self.states) // self._samples, 1) == 0:
+                self.stationarity.append(stationarity(program, solution.z))
 
 
 @dataclass(frozen=True)
@@ -90,7 +112,7 @@ class ExpectedReplay:
     governor: GovernorTrace  # inputs and outputs of the governor
     # the same inputs and what a governor makes of them that assumes no friction, so that rows are violated throughout
     strained: GovernorTrace
-    program: ProgramTrace  # the quadratic programs
+    program: RecordedPrograms  # the quadratic programs
     commands: dict[str, Vector]  # (ticks, size) of each contender
 
 
@@ -101,53 +123,17 @@ def record_expected(
 
     Programs are kept from the first on; at most so many samples of solutions are checked for stationarity.
     """
-    governed = make_contender("governed", robot, friction)
-    governed.governor = recorder = RecordingGovernor(governed.governor)
-    controllers = {name: make_contender(name, robot, friction) for name in ("ungoverned", "condensed")}
-    commands = {
-        name: replay(TickReplay(controller), sequence.states).commands
-        for name, controller in {**controllers, "governed": governed}.items()
-    }
+    controllers = {name: make_contender(name, robot, friction) for name in TIMED}
+    controllers["governed"].governor = recorder = RecordingGovernor(controllers["governed"].governor)
+    replays = {name: TickReplay(controllers[name]) for name in ("ungoverned", "governed", "condensed")}
+    replays["wbc"] = program = RecordedPrograms(controllers["wbc"], keep=keep, samples=samples)
+    commands = {name: replay(timer, sequence.states).commands for name, timer in replays.items()}
     trace = recorder.trace()
     strained = RecordingGovernor(make_contender("governed", robot, 0.0).governor)
     strained.reset(trace.start)
     for x, x_r in zip(trace.measured, trace.references, strict=True):
-        strained.update(x, x_r, governed.period)
-    program, wbc = record_programs(robot, friction, sequence, keep=keep, samples=samples)
-    return ExpectedReplay(trace, strained.trace(), program, commands | {"wbc": wbc})
-
-
-def record_programs(
-    robot: Robot, friction: float, sequence: StateSequence, *, keep: int, samples: int
-) -> tuple[ProgramTrace, Vector]:
-    """The QP controller's programs of an untimed replay, its solutions, and its commands.
-
-    For arguments see :func:`record_expected`.
-    """
-    controller = make_contender("wbc", robot, friction)
-    controller.reset()
-    p, ticks = controller.problem.program, len(sequence)
-    keep = min(keep, ticks)
-    programs, solutions = np.zeros(keep, p.record.dtype), np.full((keep, p.shape[0]), np.nan)
-    commands, reports, residuals = [], [], []
-    every = max(ticks // samples, 1)
-    violation = 0.0
-    for i, state in enumerate(sequence.states):
-        command = controller.step(state)
-        commands.append(np.concatenate((command.torque, command.thrust.ravel())))
-        solution = controller.solution
-        reports.append((solution.iterations, int(solution.status), solution.usable))
-        if i < keep:
-            programs[i] = p.record[0]
-            if solution.usable:
-                solutions[i] = solution.z
-        if solution.usable:
-            violation = max(violation, p.violation(solution.z))
-            if i % every == 0:
-                residuals.append(stationarity(p, solution.z))
-    iterations, statuses, usable = np.array(reports, dtype=float).T
-    trace = ProgramTrace(programs, solutions, iterations, statuses, usable > 0.0, violation, np.array(residuals))
-    return trace, np.array(commands)
+        strained.update(x, x_r, controllers["governed"].period)
+    return ExpectedReplay(trace, strained.trace(), program, commands)
 
 
 def stationarity(program: QuadraticProgram, z: Vector) -> float:
@@ -207,13 +193,12 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
         whether it held (``passed``); ``activity``: share of ticks with violated rows, and the solver's iterations.
     """
     robot, friction, settings = bench.robot, bench.friction, bench.settings
-    digests = [sequence.digest() for sequence in sequences]
-    expectations: list[ExpectedReplay] = []
+    digests, expectations = [sequence.digest() for sequence in sequences], []
     for sequence in sequences:
         if len(sequence) <= settings.warm_up:
             raise InputError(f"{len(sequence)} states are too few for a warm-up of {settings.warm_up}", name="states")
-        expected = record_expected(robot, friction, sequence, keep=settings.programs, samples=settings.samples)
-        expectations.append(expected)
+        kept = {"keep": settings.programs, "samples": settings.samples}
+        expectations.append(record_expected(robot, friction, sequence, **kept))
         bench.on_pass()
     run = _TimingRun(robot, friction)
 
@@ -234,8 +219,8 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
             "governor_rows_violated": expected.governor.active,
             "governor_infeasible": expected.governor.infeasible,
             "strained_rows_violated": expected.strained.active,
-            "qp_iterations_mean": float(expected.program.iterations.mean()),
-            "qp_iterations_max": int(expected.program.iterations.max()),
+            "qp_iterations_mean": float(np.mean([report[0] for report in expected.program.reports])),
+            "qp_iterations_max": max(report[0] for report in expected.program.reports),
         }
         for sequence, expected in zip(sequences, expectations, strict=True)
     }
@@ -247,12 +232,12 @@ class _TimingRun:
     """The controllers that are timed, and their results so far."""
 
     def __init__(self, robot: Robot, friction: float) -> None:
-        self.compared = dict.fromkeys(CONTENDERS, 0)
-        self.differing = dict.fromkeys(CONTENDERS, 0)
+        self.compared = dict.fromkeys(TIMED, 0)
+        self.differing = dict.fromkeys(TIMED, 0)
         self.command_difference = 0.0
         governed = make_contender("governed", robot, friction)
         self.replays: dict[str, TickReplay] = {
-            **{f"{name}/tick": TickReplay(make_contender(name, robot, friction)) for name in CONTENDERS},
+            **{f"{name}/tick": TickReplay(make_contender(name, robot, friction)) for name in TIMED},
             "wbc/chain": WholeBodyChain(make_contender("wbc", robot, friction)),
         }
         self.governor, self.strained = (
@@ -298,7 +283,8 @@ class _TimingRun:
         """What was compared, what differed, and how good the solutions are."""
         programs = [expected.program for expected in expectations]
         residuals = np.concatenate([p.stationarity for p in programs])
-        failures = {name: int(np.count_nonzero(~p.usable)) for name, p in zip(names, programs, strict=True)}
+        reports = {name: p.reports for name, p in zip(names, programs, strict=True)}
+        failures = {name: sum(not usable for *_, usable in found) for name, found in reports.items()}
         governor_difference = max(self.governor.difference, self.strained.difference)
         checks: dict[str, Any] = {
             "states_unchanged": unchanged,
@@ -307,10 +293,10 @@ class _TimingRun:
             "commands_differing_by_controller": dict(self.differing),
             "command_difference_max": self.command_difference,
             "governor_difference_max": governor_difference,
-            "qp_solves": int(sum(len(p.usable) for p in programs)),
+            "qp_solves": sum(map(len, reports.values())),
             "qp_failures": sum(failures.values()),
             "qp_failures_by_states": failures,
-            "qp_inaccurate": int(sum(np.count_nonzero(p.statuses == 1) for p in programs)),
+            "qp_inaccurate": sum(status == 1 for found in reports.values() for _, status, _ in found),
             "qp_violation_max": max(p.violation for p in programs),
             "qp_sampled": len(residuals),
             "qp_stationarity_max": float(residuals.max()) if len(residuals) else None,
@@ -328,13 +314,13 @@ class _TimingRun:
             and self.differing["ungoverned"] == self.differing["governed"] == 0
             and self.differing["wbc"] <= WBC_SHARE * self.compared["wbc"]
             and governor_difference <= COMMAND_TOLERANCE
-            and all(np.isfinite(expected.commands[name]).all() for expected in expectations for name in CONTENDERS)
+            and all(np.isfinite(expected.commands[name]).all() for expected in expectations for name in TIMED)
         )
         return checks
 
 
 def _summary(laps: Mapping[str, list[Laps]], overhead: float) -> dict[str, Any]:
-    timing: dict[str, Any] = {name: {} for name in CONTENDERS}
+    timing: dict[str, Any] = {name: {} for name in TIMED}
     for key, parts in laps.items():
         name, what = key.split("/")
         phases = _CHAINS.get(key, ("tick",))
@@ -356,7 +342,7 @@ def timing_tables(timing: Mapping[str, Any], friction: float) -> list[Table]:
     """Times of ticks and phases, and their ratios."""
     cells = [
         cell
-        for contender in CONTENDERS
+        for contender in TIMED
         for phase in PHASES
         if phase in timing[contender]
         for cell in percentiles(f"{contender}: {PHASES[phase]}", timing[contender][phase])

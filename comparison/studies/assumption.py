@@ -1,42 +1,42 @@
-"""Walks whose controllers are wrong about the friction of the ground, with and without an estimate of it."""
+"""Walk with a wrong friction coefficient.
+
+Every controller assumes from half to two and a half times the friction of the ground, without and with the friction
+estimated. In the figure a vertical line is where the margin of the WBCs ends.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from comparison.contenders import CONTENDERS, controller_part, label
-from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
-from comparison.study import STARTS, Job, Study, View, grid, kept, start_velocity
+from comparison.measure.walking import Rows, grouped
+from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts, walking
 from comparison.tables import number_text
 from harpy_pin import Disturbances, Ground, Push, Scenario
-from harpy_pin.view.figures import styled
 from harpy_pin.wbc import WholeBodyLimits
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 PUSH = Push(2.0, (0.0, 3.0, 0.0))
 _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b")
 
 
-def _jobs(s: Any) -> Iterable[Job]:
-    same = {"duration": [s.duration], "jitter": [s.jitter], "seed": [s.seed], "start": range(s.starts)}
-    for job in grid(friction=s.frictions, walker=s.walkers, estimate=(False, True), error=s.errors, **same):
-        if job["walker"] != CONTENDERS[0] or not job["estimate"]:  # the ungoverned one assumes nothing
-            yield job
+def _jobs(s: Any) -> Iterator[Job]:
+    every = grid(friction=s.frictions, walker=s.walkers, estimate=(False, True), error=s.errors, **starts(s))
+    # The ungoverned one assumes nothing.
+    return (job for job in every if job["walker"] != CONTENDERS[0] or not job["estimate"])
 
 
-def _measured(job: Job) -> dict[str, Any]:
+def _scenario(job: Job) -> Scenario:
     part = controller_part(job["walker"], (1.0 + job["error"]) * job["friction"])
-    part = replace(part, parameters={**part.parameters, "estimate_friction": job["estimate"]})
-    disturbances = Disturbances(pushes=(PUSH,), start_velocity=start_velocity(job))
-    ground = Ground(mu_s=job["friction"])
-    scenario = Scenario(controller=part, ground=ground, disturbances=disturbances, duration=job["duration"])
-    return kept(walk_as_far_as_it_goes(scenario), "slip_mm_per_step")
+    return Scenario(
+        controller=replace(part, parameters={**part.parameters, "estimate_friction": job["estimate"]}),
+        ground=Ground(mu_s=job["friction"]),
+        disturbances=Disturbances(pushes=(PUSH,), start_velocity=start_velocity(job)),
+        duration=job["duration"],
+    )
 
 
 def _slip(rows: Rows) -> str:
@@ -44,22 +44,9 @@ def _slip(rows: Rows) -> str:
     return number_text(slip) + (f" ({falls} fell)" if falls else "")
 
 
-VIEW = View(
-    name="assumption_{friction:g}",
-    title="Slip by the error of the assumed friction, ground of {friction:g}, mm per step",
-    row=lambda row: label(row["walker"]) + (", friction estimated" if row["estimate"] else ""),
-    across=lambda row: f"{row['error']:+.0%}" if row["error"] else "right",
-    columns=_slip,
-    note="Medians over the starts, with a push of 3 N·s; a walk that falls counts up to its fall.",
-)
-
-
-@styled
-def _figure(rows: Rows) -> Figure:
-    from matplotlib.figure import Figure
-
+def _draw(figure: Any, rows: Rows) -> None:
     frictions = grouped(rows, "friction")
-    figure = Figure(figsize=(8.0, 3.6), layout="constrained")
+    figure.set_size_inches(8.0, 3.6)
     panels = figure.subplots(1, len(frictions), sharey=True, squeeze=False)[0]
     for panel, ((friction,), here) in zip(panels, frictions.items(), strict=True):
         for colour, (walker, mine) in zip(_COLOURS, grouped(here, "walker").items(), strict=True):
@@ -78,16 +65,11 @@ def _figure(rows: Rows) -> Figure:
         panel.set(yscale="log", title=f"ground of {friction:g}", xlabel="error of the assumed friction, %")
     panels[0].set_ylabel("slip, mm per step")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
-    return figure
 
 
 STUDY = Study(
     name="assumption",
-    help="""Walk with a wrong friction coefficient.
-
-    Every controller assumes from half to two and a half times the friction of the ground, without and with the friction
-    estimated. In the figure a vertical line is where the margin of the WBCs ends.
-    """,
+    help=__doc__,
     defaults={
         **STARTS,
         "starts": 3,
@@ -98,7 +80,16 @@ STUDY = Study(
     },
     quick={"starts": 1, "frictions": (0.25,), "errors": (0.0, 1.0), "duration": 3.0},
     jobs=_jobs,
-    measure=_measured,
-    views=(VIEW,),
-    figure=_figure,
+    measure=walking(_scenario, "slip_mm_per_step"),
+    views=[
+        View(
+            "assumption_{friction:g}",
+            "Slip by the error of the assumed friction, ground of {friction:g}, mm per step",
+            row=lambda row: label(row["walker"]) + (", friction estimated" if row["estimate"] else ""),
+            across=lambda row: f"{row['error']:+.0%}" if row["error"] else "right",
+            columns=_slip,
+            note="Medians over the starts, with a push of 3 N·s; a walk that falls counts up to its fall.",
+        )
+    ],
+    draw=_draw,
 )

@@ -1,10 +1,14 @@
-"""What fells the condensed WBC in other people's models, and what helps: properties and remedies one by one."""
+"""Find what fells the condensed WBC in other people's models.
+
+Torques alone, in models that have one of dry friction, damping and armature in the joints, round feet, their own steps
+and pyramids as friction cones; then in the whole model, with what the controller may know or the motors may do. Random
+commands at friction 0.8 and 0.3. "peers --install" installs the models. This takes many minutes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +17,7 @@ from comparison.studies.worlds import SPEED, random_walk
 from comparison.study import Job, Study, View
 from comparison.worlds.models import FEET, JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, world
 from comparison.worlds.walk import LAW, LAW_CONTACT_DAMPING, walked
-from harpy_pin.view.figures import styled
 from harpy_pin.view.palette import SLIDING
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 UNTOLD: dict[str, Any] = {"round": False}
 _LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
@@ -60,35 +60,24 @@ def _cell(rows: Rows) -> str:
     return f"{slip}, {fallen} of {len(rows)}" if fallen else slip
 
 
-def _is_one_of(cases: list[str], row: dict[str, Any]) -> bool:
-    return row["case"] in cases
-
-
-VIEWS = tuple(
-    View(
+def _view(name: str, title: str, cases: list[str]) -> View:
+    return View(
         name,
         title,
         row="{case}",
         across="{world}",
         columns=_cell,
         note="Slip, mm/s, median over the walks that stand, and how many fall.",
-        only=partial(_is_one_of, chosen),
+        only=lambda row: row["case"] in cases,
     )
-    for name, title, chosen in (
-        ("causes", "Torque alone, with one property of the model at a time", list(CASES)[:CAUSES]),
-        ("remedies", "All properties, with what the condensed WBC is given", list(CASES)[CAUSES - 1 :]),
-    )
-)
 
 
-@styled
-def causes_figure(rows: Rows) -> Figure:
+def _draw(figure: Any, rows: Rows) -> None:
     """A row for each cause and remedy, a column for each world: slip, and which share of the walks falls."""
     from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.figure import Figure
 
     cells, worlds = grouped(rows, "case", "world"), list(dict.fromkeys(row["world"] for row in rows))
-    figure = Figure(figsize=(8.4, 7.0), layout="constrained")
+    figure.set_size_inches(8.4, 7.0)
     parts = list(CASES)[:CAUSES], list(CASES)[CAUSES:]
     panels = figure.subplots(2, 1, sharex=True, height_ratios=[len(part) for part in parts])
     colours = LinearSegmentedColormap.from_list("falls", ["#ffffff", SLIDING])
@@ -103,17 +92,11 @@ def causes_figure(rows: Rows) -> Figure:
         panel.set_title(title, fontsize=9, loc="left")
         panel.tick_params(length=0)
         panel.invert_yaxis()
-    return figure
 
 
 STUDY = Study(
     name="causes",
-    help="""Find what fells the condensed WBC in other people's models.
-
-    Torques alone, in models that have one of dry friction, damping and armature in the joints, round feet, their own
-    steps and pyramids as friction cones; then in the whole model, with what the controller may know or the motors may
-    do. Random commands at friction 0.8 and 0.3. "peers --install" installs the models. This takes many minutes.
-    """,
+    help=__doc__,
     example="--out causes.jsonl --figure causes.png",
     defaults={
         "worlds": (*ROBOTS, PLAYGROUND),
@@ -122,10 +105,13 @@ STUDY = Study(
         "seed": 2000,
     },
     quick={"worlds": ("Mini Cheetah",), "sequences": 1, "duration": 2.0},
-    options={"sequences": "Sequences of random commands at each friction.  [default: 4]"},
+    options={"sequences": "Sequences of random commands at each friction."},
     jobs=_jobs,
     measure=walked,
-    views=VIEWS,
+    views=[
+        _view("causes", "Torque alone, with one property of the model at a time", list(CASES)[:CAUSES]),
+        _view("remedies", "All properties, with what the condensed WBC is given", list(CASES)[CAUSES - 1 :]),
+    ],
     only="worlds",
-    figure=causes_figure,
+    draw=_draw,
 )

@@ -1,21 +1,23 @@
-"""Contact models that are not ours: who falls, how far feet slip on each, and how much of it the model itself makes.
+"""Walk on contact models that are not ours.
 
-MuJoCo's friction creeps: a foot inside the cone moves with a velocity that its force sets. This part of
-the slip is known in closed form, and taken apart from the rest. Friction, and the stiffness that the weight finds, are
-known to controllers and gait.
+MuJoCo's own contact and what is advised against its slip, and spheres as feet, beside ours. MuJoCo's friction creeps: a
+foot inside the cone moves with a velocity that its force sets. This part of the slip is known in closed form, and the
+tables take it from the rest. Friction, and the stiffness that the weight finds, are known to controllers and gait.
+MuJoCo is left out where it is not installed. With it this takes many minutes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import BEST, controller_part, label
 from comparison.measure.walking import Rows, as_far_as_it_goes
-from comparison.study import STARTS, Job, Study, Value, View, grid, start_velocity
+from comparison.studies.grounds import ending_and_slip
+from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts
 from comparison.tables import Cell, cell_text
 from harpy_pin import Disturbances, Ground, Mujoco, Run, Scenario, Straight, build
 from harpy_pin.gaits import GaitParameters
@@ -49,13 +51,10 @@ def _jobs(s: Any) -> Iterator[Job]:
     """Every controller on every contact that is installed."""
     missing = installed_version() is None
     contacts = [name for name in s.contacts if not (missing and isinstance(CONTACTS[name], Mujoco))]
-    for case in grid(contact=contacts, friction=s.frictions, walker=s.walkers, start=range(s.starts)):
-        yield {**case, "duration": s.duration, "jitter": s.jitter, "seed": s.seed}
+    return grid(contact=contacts, friction=s.frictions, walker=s.walkers, **starts(s))
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """How a walk ended and when, per step of the walk ``path_mm``, ``creep_mm`` and ``net_mm``, and ``sliding``, the
-    share of the time on the ground."""
     friction, walker = job["friction"], job["walker"]
     scenario = Scenario(
         gait=Straight(stiffness=_stiffness(job["contact"], friction)),
@@ -76,19 +75,15 @@ def _stiffness(contact: str, friction: float) -> float:
 
 
 def _kept(run: Run, plant: Plant) -> dict[str, Any]:
-    """What is kept of a walk."""
+    """Beside ending and slip, creep in the same unit and the share of the time on the ground in which feet slide."""
     end, period = float(run.metadata["end_time"]), float(run.metadata["control_period"])
     steps = max(end / GaitParameters().step_duration, 1.0)
     touching = run["foot_force"][1:, :, 2] > HELD
     creep = _creep_speed(run, plant) * touching
     way = np.diff(run["slip_path"], axis=0)
     sliding = (way / period - creep > SLIDING) & touching
-    return {
-        "ending": run.ending,
-        "end_time_s": end,
-        "path_mm": 1e3 * float(run["slip_path"][-1].sum()) / steps,
+    return ending_and_slip(run) | {
         "creep_mm": 1e3 * period * float(creep.sum()) / steps,
-        "net_mm": 1e3 * float(run["slip_net"][-1].sum()) / steps,
         "sliding": float(sliding.sum()) / max(int(touching.sum()), 1),
     }
 
@@ -103,75 +98,58 @@ def _creep_speed(run: Run, plant: Plant) -> Vector:
     return speed
 
 
-def _name(walker: str) -> str:
-    return "gentle" if walker == GENTLE else label(walker)
+def _name(row: dict[str, Any]) -> str:
+    return "gentle" if row["walker"] == GENTLE else label(row["walker"])
 
 
-def _spread(name: str, scale: float = 1.0) -> Value:
+def _spread(name: str, rows: Rows, scale: float = 1.0) -> Cell:
     """Median, least and largest of the walks, in which a fall counts as more than any."""
-
-    def value(rows: Rows) -> Cell:
-        values = sorted(scale * row[name] if row["ending"] == "completed" else np.inf for row in rows)
-        middle = float(np.median(values))
-        if not np.isfinite(middle):
-            return Cell("", "", "fell")
-        return Cell("", "", middle, "", values[0], max(value for value in values if np.isfinite(value)))
-
-    return value
+    values = sorted(scale * row[name] if row["ending"] == "completed" else np.inf for row in rows)
+    middle = float(np.median(values))
+    if not np.isfinite(middle):
+        return Cell("", "", "fell")
+    return Cell("", "", middle, "", values[0], max(value for value in values if np.isfinite(value)))
 
 
 def _pair(rows: Rows) -> str:
-    medians = (_spread(name)(rows).value for name in ("path_mm", "net_mm"))
+    medians = (_spread(name, rows).value for name in ("path_mm", "net_mm"))
     return " / ".join(cell_text(Cell("", "", value)) for value in medians)
 
 
-VIEWS = (
-    View(
-        "contacts_{friction:g}",
-        "Contact models, friction {friction:g}",
-        row=lambda row: f"{row['contact']}: {_name(row['walker'])}",
-        columns={
-            "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
-            "path": (_spread("path_mm"), "mm"),
-            "creep": (_spread("creep_mm"), "mm"),
-            "net": (_spread("net_mm"), "mm"),
-            "sliding": (_spread("sliding", 1e2), "%"),
-        },
-        note="Median over the walks, with the least and the largest; a fall counts as more than any. Per step of the "
-        "walk, both feet: path; what of it is creep by the contact's own law, from the forces; net displacement. "
-        "Sliding: share of the feet's time on the ground in which they move faster than they creep by 5 mm/s. Gentle: "
-        "the condensed WBC, which assumes 0.4 of the friction.",
-    ),
-    View(
-        "contacts_{friction:g}_brief",
-        "Median path / net displacement, mm, friction {friction:g}",
-        row="{contact}",
-        across=lambda row: _name(row["walker"]),
-        columns=_pair,
-    ),
-)
-
 STUDY = Study(
     name="contacts",
-    help="""Walk on contact models that are not ours.
-
-    MuJoCo's own contact and what is advised against its slip, and spheres as feet, beside ours. The tables
-    take the creep that a contact has by itself from the rest of the slip. It is left out where MuJoCo is not
-    installed. With it this takes many minutes.
-    """,
+    help=__doc__,
     example="--out contacts.jsonl",
-    defaults=STARTS
-    | {
-        "contacts": tuple(CONTACTS),
-        "walkers": WALKERS,
-        "frictions": (0.25, 0.15),
-        "starts": 3,
-        "duration": 4.0,
-        "seed": 700,
+    defaults={
+        **STARTS,
+        **{"starts": 3, "duration": 4.0, "seed": 700},
+        **{"contacts": tuple(CONTACTS), "walkers": WALKERS, "frictions": (0.25, 0.15)},
     },
     quick={"contacts": ("ours", "MuJoCo default"), "frictions": (0.25,), "starts": 1, "duration": 1.5},
     jobs=_jobs,
     measure=_measured,
-    views=VIEWS,
+    views=[
+        View(
+            "contacts_{friction:g}",
+            "Contact models, friction {friction:g}",
+            row=lambda row: f"{row['contact']}: {_name(row)}",
+            columns={
+                "fell": lambda rows: f"{sum(row['ending'] != 'completed' for row in rows)} of {len(rows)}",
+                **{name: (partial(_spread, f"{name}_mm"), "mm") for name in ("path", "creep", "net")},
+                "sliding": (partial(_spread, "sliding", scale=1e2), "%"),
+            },
+            note="Median over the walks, with the least and the largest; a fall counts as more than any. Per step of "
+            "the walk, both feet: path; what of it is creep by the contact's own law, from the forces; net "
+            "displacement. Sliding: share of the feet's time on the ground in which they move faster than they creep "
+            "by 5 mm/s. Gentle: the condensed WBC, which assumes 0.4 of the friction.",
+        ),
+        View(
+            "contacts_{friction:g}_brief",
+            "Median path / net displacement, mm, friction {friction:g}",
+            row="{contact}",
+            across=_name,
+            columns=_pair,
+        ),
+    ],
     only="contacts",
 )

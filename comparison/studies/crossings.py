@@ -1,7 +1,9 @@
-"""What robots cross: stairs, rough ground that they know or do not know, and slopes whose normal is told wrong.
+"""Let robots cross stairs, rough ground and ramps.
 
-Rough ground that is not known is walked *blind*: by the gait of flat ground, or, on four feet, by one that feels the
-plane below its feet. The robot begins with its feet on the ground.
+Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the gait knows
+or does not know, ramps, and normals that are told wrong by 5 degrees. Ground that is not known is walked blind: by the
+gait of flat ground, or, on four feet, by one that feels the plane below its feet. The robot begins with its feet on the
+ground. Needs the extra "robots". This takes some minutes.
 """
 
 from __future__ import annotations
@@ -15,11 +17,11 @@ import numpy as np
 
 from comparison.measure.walking import as_far_as_it_goes
 from comparison.study import Job, Study, View, grid, kept, median, share, where
-from harpy_pin import Disturbances, Gait, Ground, Run, Scenario, Walking, WalkingGait, load_harpy, load_robot, make_gait
+from harpy_pin import Disturbances, Gait, Ground, Run, Scenario, Walking, WalkingGait, build, make_gait
 from harpy_pin.gaits import OnFeltGround, OnTerrain
 from harpy_pin.ground import Plane, Rough, Stairs, Terrain
 from harpy_pin.ground.ground import walking_stiffness
-from harpy_pin.scenario import build
+from harpy_pin.model.source import loaded_robot
 
 FRICTION = 0.6
 BLIND_CLEARANCE = 0.06
@@ -83,7 +85,6 @@ def _jobs(s: Any) -> Iterator[Job]:
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """Whether the robot came through, and its slip."""
     one = CROSSINGS[job["crossing"]]
     run = as_far_as_it_goes(partial(_run, one, job["plant"], job["seed"]))
     found = kept(run, "slip_mm_per_step")
@@ -93,22 +94,20 @@ def _measured(job: Job) -> dict[str, Any]:
 
 def _run(one: Crossing, plant: str, seed: int) -> Run:
     """Walk a try."""
-    robot = load_harpy() if one.robot == "harpy" else load_robot(one.robot)
-    terrain = one.ground(seed)
-    stiffness = Ground.stiffness if one.robot == "harpy" else walking_stiffness(robot)
-    ground = Ground(mu_s=FRICTION, terrain=terrain, stiffness=stiffness)
-    parts: dict[str, Any] = {} if one.robot == "harpy" else {"gait": Walking(velocity=(one.speed, 0.0, 0.0))}
+    robot, terrain, velocity = loaded_robot(one.robot), one.ground(seed), (one.speed, 0.0, 0.0)
+    harpy = one.robot == "harpy"
+    ground = Ground(mu_s=FRICTION, terrain=terrain, stiffness=Ground.stiffness if harpy else walking_stiffness(robot))
     settings: dict[str, Any] = {"robot": one.robot, "ground": ground, "duration": one.duration, "plant": plant}
     if not one.blind:
+        parts: dict[str, Any] = {} if harpy else {"gait": Walking(velocity=velocity)}
         return build(Scenario(**settings, **parts, disturbances=Disturbances(normal_error=one.wrong))).run()
     gait: Gait
-    if one.robot == "harpy":
+    if harpy:
         gait = OnTerrain(make_gait(robot), Plane(slope=0.0))
     else:
-        walking = WalkingGait(robot, velocity=(one.speed, 0.0, 0.0), clearance=BLIND_CLEARANCE)
-        gait = OnFeltGround(walking)
+        gait = OnFeltGround(WalkingGait(robot, velocity=velocity, clearance=BLIND_CLEARANCE))
     made = build(Scenario(**settings), gait=gait)
-    known = OnTerrain(make_gait(robot) if one.robot == "harpy" else WalkingGait(robot), terrain)
+    known = OnTerrain(make_gait(robot) if harpy else WalkingGait(robot), terrain)
     made.simulator.reset(*known.initial_state(penetration=made.simulator.static_penetration))
     return made.run()
 
@@ -118,31 +117,23 @@ COLUMNS: dict[str, Any] = {}
 for _plant in PLANTS:
     COLUMNS[_plant] = where(share("through"), plant=_plant)
     COLUMNS[f"slip, {_plant}"] = where(median("slip_mm_per_step"), plant=_plant, through=True), "mm"
-VIEW = View(
-    name="crossings",
-    title="What robots cross",
-    row="{crossing}",
-    columns=COLUMNS,
-    note=f"Condensed controller, friction {FRICTION:g}. Slip is the median of those that came through, per step.",
-)
-
 STUDY = Study(
     name="crossings",
-    help="""Let robots cross stairs, rough ground and ramps.
-
-    Harpy, Go2 and G1 under the condensed controller, in both engines: steps up and down, rough ground that the
-    gait knows or does not know, ramps, and normals that are told wrong by 5 degrees. Needs the extra "robots". This
-    takes some minutes.
-    """,
+    help=__doc__,
     example="--out crossings.jsonl",
-    defaults={
-        "names": tuple(CROSSINGS),
-        "plants": PLANTS,
-        "most_tries": 20,  # of one kind of ground
-    },
+    defaults={"names": tuple(CROSSINGS), "plants": PLANTS, "most_tries": 20},  # of one kind of ground
     quick={"names": ("Harpy, ±2 cm, blind", "Go2, 20° up"), "plants": ("compliant",), "most_tries": 1},
     jobs=_jobs,
     measure=_measured,
-    views=(VIEW,),
+    views=[
+        View(
+            "crossings",
+            "What robots cross",
+            row="{crossing}",
+            columns=COLUMNS,
+            note=f"Condensed controller, friction {FRICTION:g}. Slip is the median of those that came through, "
+            "per step.",
+        )
+    ],
     only="names",
 )

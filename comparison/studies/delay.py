@@ -1,7 +1,8 @@
-"""How much delay and noise each kind of leg law bears: what a linear argument predicts, beside walks.
+"""Walk with late and noisy measurements.
 
-The gains of the leg law with feedforward were chosen on walks at friction 0.5 and 0.3; what is walked here is at other
-friction, and with noise.
+The paper's joint PID, legs with feedforward, the condensed controller and the whole-body QP, beside the delays that a
+linear argument allows. The gains of the legs with feedforward were chosen on walks at friction 0.5 and 0.3; what is
+walked here is at other friction, and with noise.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from harpy_pin.scenario import ControllerPart
 
 JOINTS = ("hip, frontal", "hip, sagittal", "knee")
 WALKERS: dict[str, ControllerPart] = {
-    **{f"PID, {name}": Governed(governor=name) for name in ("none", "paper", "filter")},
     **{
-        f"feedforward, {name}": Governed(governor=name, parameters={"legs": "feedforward"})
+        f"{legs}, {name}": Governed(governor=name, parameters={"legs": legs.lower()})
+        for legs in ("PID", "feedforward")
         for name in ("none", "paper", "filter")
     },
     "condensed WBC": Condensed(),
@@ -32,13 +33,12 @@ WALKERS: dict[str, ControllerPart] = {
 
 def _jobs(s: Any) -> Iterator[Job]:
     """Every walker with every delay, then with every noise."""
-    cases = [*grid(delay_ms=s.delays, noise=[0.0]), *grid(delay_ms=[0], noise=s.noises)]
-    for one in grid(friction=s.frictions, walker=WALKERS, case=cases):
-        yield {**one.pop("case"), **one, "duration": s.duration}
+    cases = [*grid(delay_ms=s.delays, noise=0.0), *grid(delay_ms=0, noise=s.noises)]
+    for one in grid(friction=s.frictions, walker=WALKERS, case=cases, duration=s.duration):
+        yield one.pop("case") | one
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    """When it fell, and its slip."""
     scenario = Scenario(
         ground=Ground(mu_s=job["friction"]),
         disturbances=Disturbances(delay=job["delay_ms"] * 1e-3, noise=Noise.typical(job["noise"])),
@@ -48,10 +48,6 @@ def _measured(job: Job) -> dict[str, Any]:
     run = walk_as_far_as_it_goes(scenario)
     found = kept(run, "slip_mm_per_step")
     return found | {"fell_s": float(run.metadata["end_time"]) if found.pop("fell") else None}
-
-
-def _place(row: dict[str, Any]) -> str:
-    return f"{row['noise']:g} × noise" if row["noise"] else f"{row['delay_ms']} ms"
 
 
 def _slip_or_fall(rows: Rows) -> Cell:
@@ -98,30 +94,16 @@ def _of_tasks(rows: Rows) -> Iterator[Table]:
     }
     cells = []
     for name, (k_p, k_d) in gains.items():
-        cells.append(Cell(name, "k_p", k_p, "1/s²"))
-        cells.append(Cell(name, "k_d", k_d, "1/s"))
-        cells.append(Cell(name, "margin", 1e3 * pd_delay_margin(k_p, k_d, period=p.period), "ms"))
-    note = (
-        "In closed form. A held foot is at rest whatever is commanded; its row is for a foot that the ground lets move."
-    )
+        margin = 1e3 * pd_delay_margin(k_p, k_d, period=p.period)
+        cells += [Cell(name, "k_p", k_p, "1/s²"), Cell(name, "k_d", k_d, "1/s"), Cell(name, "margin", margin, "ms")]
+    note = "In closed form. A held foot is at rest whatever is commanded; "
+    note += "its row is for a foot that the ground lets move."
     yield Table("delay_tasks", "Delay margins of the tasks of condensed WBC and QP", tuple(cells), note)
 
 
-WALKS = View(
-    "delay_walks_{friction:g}",
-    "Walks at friction {friction:g}: slip per step, mm, or when the robot fell",
-    row="{walker}",
-    across=_place,
-    columns=_slip_or_fall,
-)
-
 STUDY = Study(
     name="delay",
-    help="""Walk with late and noisy measurements.
-
-    The paper's joint PID, legs with feedforward, the condensed controller and the whole-body QP, beside the delays that
-    a linear argument allows.
-    """,
+    help=__doc__,
     defaults={
         "frictions": (0.8, 0.25),
         "delays": (0, 1, 2, 3, 4, 5, 8, 30, 40),  # of the measurements, ms
@@ -131,5 +113,15 @@ STUDY = Study(
     quick={"frictions": (0.8,), "delays": (0, 2), "noises": (1.0,), "duration": 1.0},
     jobs=_jobs,
     measure=_measured,
-    views=(_of_joints, _of_tasks, WALKS),
+    views=[
+        _of_joints,
+        _of_tasks,
+        View(
+            "delay_walks_{friction:g}",
+            "Walks at friction {friction:g}: slip per step, mm, or when the robot fell",
+            row="{walker}",
+            across=lambda row: f"{row['noise']:g} × noise" if row["noise"] else f"{row['delay_ms']} ms",
+            columns=_slip_or_fall,
+        ),
+    ],
 )

@@ -1,27 +1,26 @@
-"""What a tick costs on a microcontroller: instructions counted in QEMU, flash, memory and stack.
+"""Count what a tick costs on a microcontroller.
 
-Controllers are exported as C (:mod:`harpy_pin.export`). Each is counted on the states of its own walk, and once more
-on those of the condensed controller's walk, which are the same for all; the pushes are the same in every walk. Beside
-our own QP, which begins with the last tick's active set, DAQP solves the same program from nothing, in its own C.
+Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU, for Harpy, Solo12 and Bolt: the paper's
+governor, the contact-force filter, the condensed controller, and the whole-body QP by its last active set and, from
+nothing, by DAQP's own C. Each is exported as C and counted on the states of its own walk, and once more on those of the
+condensed controller's, which are the same for all; the pushes are the same in every walk. Needs gcc-arm-none-eabi,
+libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
 """
 
 from __future__ import annotations
 
-import os
-import tempfile
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory, mkdtemp
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from comparison.measure.walking import Progress, Rows, tracked
-from comparison.peers.daqp_c import daqp_count, daqp_source
-from comparison.studies.exchange_bound import search_bound
-from comparison.study import Study, View, shown
+from comparison.measure.daqp_c import daqp_count, daqp_source
+from comparison.measure.exchange_bound import search_bound
+from comparison.study import Job, Study, View, grid, shown
 from harpy_pin import HarpyError, Push, Robot
 from harpy_pin.compiled import kernel
 from harpy_pin.controllers.tasks import task_terms
@@ -33,6 +32,7 @@ from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.entry import GOOD
+from harpy_pin.model.record import Record
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import Vector
 from harpy_pin.wbc.condensed.active_set import EXCHANGES
@@ -49,7 +49,6 @@ FRICTION = {"harpy": 0.25}
 OTHERS_FRICTION = 0.5
 WEAK = 0.2
 """Share of the motors' torque that the condensed controller has where the dearest tick is looked for."""
-Bound = Callable[[str, str], int]
 SAME = "condensed"
 """Whose walk gives the states that are the same for all controllers."""
 WALK = 10.0
@@ -66,131 +65,135 @@ def _build(r: ProgramTickRecord, target: GaitTargetRecord, q: Vector, v: Vector,
     return 0
 
 
-def _counted(settings: Any, progress: Progress) -> Rows:
-    """Count every controller on every chip.
+class Case(NamedTuple):
+    """What is exported once, for every chip and every level of optimisation."""
 
-    Returns:
-        A row for each robot, controller, precision, chip and level; and one with ``chip`` None for the difference
-        between the precisions.
-    """
+    robot: str  # its name
+    controller: str  # by its name for export, or daqp
+    precision: str  # float or double
+    duration: float  # of the recorded motion, s
+    seed: int  # of its pushes
+
+    @property
+    def kind(self) -> str:
+        """The controller whose program is solved."""
+        return "wbc" if self.controller == "daqp" else self.controller
+
+    def write(self, what: Exportable, walk: str, name: str) -> tuple[Path, int]:
+        """A new folder with its C for the walk of a controller, and the memory that it takes, B."""
+        folder = Path(mkdtemp(dir=_place().name)) / name
+        states = _walk(self.robot, walk, self.duration, self.seed)
+        written = write_folder(what, states, folder, name=name, single=self.precision == "float", readme=False)
+        return folder, written.code.ram
+
+
+_place = cache(TemporaryDirectory)
+"""The folder of all that is written; it ends with the process."""
+
+
+@cache
+def _daqp() -> Path | None:
+    return daqp_source(Path(_place().name))
+
+
+def _jobs(s: Any) -> Iterator[Job]:
+    """Every controller on every chip; and, with ``chip`` None, the difference between the precisions."""
     missing = missing_tools()
     if missing is not None:
         raise HarpyError(f"the compiler for ARM, or QEMU, is missing: {missing}")
-    with tempfile.TemporaryDirectory() as place:
-        daqp = daqp_source(Path(place))
-        jobs: list[Callable[[], dict[str, Any]]] = []
-        for name in settings.robots:
-            jobs += _jobs(name, settings, Path(place), daqp)
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            found = pool.map(lambda job: job(), jobs)
-            return [next(found) for _ in tracked(jobs, progress)]
+    doubles = [chip for chip in s.chips if CHIPS[chip].double]
+    for robot in s.robots:
+        for kind in CONTROLLERS if robot == "harpy" else ("condensed", "wbc"):
+            solvers = (kind, "daqp") if kind == "wbc" and doubles and _daqp() else (kind,)  # in floats it does not end
+            cases = [*grid(controller=kind, precision="float", chip=s.chips, level=s.levels)]
+            cases.append({"controller": kind, "precision": "float", "chip": None})
+            cases += grid(controller=solvers, precision="double", chip=doubles, level=s.levels)
+            same = {"robot": robot, "duration": s.duration, "seed": s.seed, "states": s.states}
+            yield from (same | one for one in cases)
 
 
-def _jobs(name: str, settings: Any, place: Path, daqp: Path | None) -> list[Callable[[], dict[str, Any]]]:
-    """What there is to do for a robot."""
-    robot = loaded_robot(name)
-    kinds = CONTROLLERS if name == "harpy" else ("condensed", "wbc")
-    walks = {kind: _record(robot, settings.duration, np.random.default_rng(settings.seed), kind) for kind in kinds}
-    many = _many(robot, settings)
-    jobs: list[Callable[[], dict[str, Any]]] = []
-
-    def exported(what: Exportable, kind: str, walker: str, *, single: bool) -> tuple[tuple[Path, Path], int]:
-        """Folders with its C, named as the controller in it, for its own walk and for all's, and its memory, B."""
-        precision, folders = "float" if single else "double", []
-        for walk in dict.fromkeys((walker, SAME)):
-            folders.append(place / f"{name}_{kind}_{precision}_{walk}")
-            written = write_folder(what, walks[walk], folders[-1], name=folders[-1].name, single=single, readme=False)
-        return (folders[0], folders[-1]), written.code.ram
-
-    for kind in kinds:
-        for single in (True, False):
-            what = exportable(ready(robot, kind, duration=0.1, friction=_friction(robot), single=single).controller)
-            precision, chips = "float" if single else "double", [c for c in settings.chips if single or CHIPS[c].double]
-            limited = place / f"{name}_{kind}_{single}_limited"
-            bound = _bound(kind, what, (walks[kind], walks[SAME]), limited, single=single)
-            rows = [
-                {"robot": name, "controller": kind, "precision": precision, "chip": chip, "level": level}
-                for chip in chips
-                for level in settings.levels
-            ]
-            if rows:
-                program = exported(what, kind, kind, single=single)
-                jobs += [partial(_count, row, *program, bound) for row in rows]
-            if kind == "wbc" and daqp is not None and rows and not single:  # in floats it does not end
-                folders, ram = exported(replace(what, step=_build, kind="daqp"), "daqp", kind, single=False)
-                for folder in folders:
-                    daqp_count(folder, folder.name, what)
-                jobs += [partial(_count, row | {"controller": "daqp"}, folders, ram, None, daqp) for row in rows]
-            if single:
-                jobs.append(partial(_difference, name, kind, what, many))
-    return jobs
-
-
-def _count(
-    row: dict[str, Any], folders: tuple[Path, Path], ram: int, bound: Bound | None, daqp: Path | None = None
-) -> dict[str, Any]:
-    """The row with what was counted on its chip at its level of optimisation; DAQP's source if that solves it."""
-    flags, sources = [row["level"]], ["count.c"]
-    if daqp is not None:
+def _measured(job: Job) -> dict[str, Any]:
+    """What was counted on a chip at a level of optimisation, on its own walk and on the same for all."""
+    case = Case(*(job[name] for name in Case._fields))
+    if job["chip"] is None:
+        return _difference(case, job["states"])
+    flags, sources, (folders, ram), ours = [job["level"]], ["count.c"], _exported(case), case.controller != "daqp"
+    if not ours and (daqp := _daqp()) is not None:
         flags += ["-I", str(daqp / "include")]
         sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
-    every = {f: measure(f, f.name, CHIPS[row["chip"]], flags=flags, sources=sources) for f in dict.fromkeys(folders)}
-    own, same = (every[folder] for folder in folders)
-    return row | {
+    every = [measure(f, f.name, CHIPS[job["chip"]], flags=flags, sources=sources) for f in folders]
+    own, same = every[0], every[-1]
+    return {
         "ticks": len(own.instructions),
         "median": float(np.median(own.instructions)),
         "worst": int(own.instructions.max()),
         "same_ticks": len(same.instructions),
         "same_median": float(np.median(same.instructions)),
         "same_worst": int(same.instructions.max()),
-        "flash": None if daqp is not None else own.flash,
-        "ram": None if daqp is not None else ram,
-        "stack": max(found.stack for found in every.values()),
-        "equal": None if daqp is not None else not any(found.different for found in every.values()),
-        "bound": None if bound is None else bound(row["chip"], row["level"]),
+        "flash": own.flash if ours else None,
+        "ram": ram if ours else None,
+        "stack": max(found.stack for found in every),
+        "equal": not any(found.different for found in every) if ours else None,
+        "bound": _bound(case, job["chip"], job["level"]) if case.controller in ("condensed", "wbc") else None,
     }
 
 
-def _bound(kind: str, what: Exportable, walks: tuple[Recording, ...], folder: Path, *, single: bool) -> Bound | None:
-    """An upper end of a tick beside its searches' own: see :mod:`comparison.studies.exchange_bound`.
+@cache
+def _what(case: Case) -> Exportable:
+    robot = loaded_robot(case.robot)
+    single, friction = case.precision == "float", _friction(robot)
+    return exportable(ready(robot, case.kind, duration=0.1, friction=friction, single=single).controller)
+
+
+@cache
+def _exported(case: Case) -> tuple[list[Path], int]:
+    """Folders with its C for its own walk and, if that is another one, for all's; and its memory, B."""
+    what, daqp, folders, ram = _what(case), case.controller == "daqp", [], 0
+    for walk in dict.fromkeys((case.kind, SAME)):
+        given = replace(what, step=_build, kind="daqp") if daqp else what
+        folder, ram = case.write(given, walk, f"{case.robot}_{case.controller}_{case.precision}_{walk}")
+        folders.append(folder)
+        if daqp:
+            daqp_count(folder, folder.name, what)
+    return folders, ram
+
+
+@cache
+def _weak(case: Case) -> tuple[list[Path], list[tuple[Record, ...]]]:
+    """Folders with its C for both walks, of motors so weak that its larger program is solved; and what it searches."""
+    what, condensed = _what(case), case.controller == "condensed"
+    record = what.record.copy()
+    if condensed:
+        for name in ("torque_limit", "input_lower", "input_upper"):
+            record["condensed"][name][..., -len(what.robot.joints) :] *= WEAK
+    weak = replace(what, record=record)
+    folders = [case.write(weak, walk, "weak")[0] for walk in dict.fromkeys((case.kind, SAME))]
+    places = [record["condensed"][0][name] for name in ("free", "limited")] if condensed else [record[0]]
+    parts = ("program", "exchange" if condensed else "search", "dual")
+    return folders, [tuple(np.array([place[name]], place[name].dtype) for name in parts) for place in places]
+
+
+def _bound(case: Case, chip: str, level: str) -> int:
+    """An upper end of a tick: its searches' own (:mod:`comparison.measure.exchange_bound`), and the rest.
 
     The rest is at most the worst tick that was counted, of the condensed controller with motors so weak that it always
     enters the larger program, with thrusts and torques as unknowns, too.
     """
-    if kind not in ("condensed", "wbc"):
-        return None
-    record = what.record.copy()
-    if kind == "condensed":
-        for name in ("torque_limit", "input_lower", "input_upper"):
-            record["condensed"][name][..., -len(what.robot.joints) :] *= WEAK
-    places = [record["condensed"][0][name] for name in ("free", "limited")] if kind == "condensed" else [record[0]]
-    systems = EXCHANGES if kind == "condensed" else 2 * EXCHANGES
-    search = "exchange" if kind == "condensed" else "search"
-    folders = [folder] if kind == SAME else [folder, folder.with_name(f"{folder.name}_same")]
-    for place, states in zip(folders, walks, strict=False):
-        write_folder(replace(what, record=record), states, place, name="weak", single=single, readme=False)
-
-    def bound(chip: str, level: str) -> int:
-        rest = max(int(measure(f, "weak", CHIPS[chip], flags=[level]).instructions.max()) for f in folders)
-        for part in places:
-            records = [np.array([part[name]], part[name].dtype) for name in ("program", search, "dual")]
-            rest += search_bound(tuple(records), folder, chip, single=single, level=level, systems=systems)
-        return rest
-
-    return bound
+    folders, searches = _weak(case)
+    rest = max(int(measure(f, "weak", CHIPS[chip], flags=[level]).instructions.max()) for f in folders)
+    systems = EXCHANGES if case.controller == "condensed" else 2 * EXCHANGES
+    how: dict[str, Any] = {"single": case.precision == "float", "level": level, "systems": systems}
+    return rest + sum(search_bound(records, folders[0], chip, **how) for records in searches)
 
 
-def _difference(robot: str, kind: str, what: Exportable, many: Recording) -> dict[str, Any]:
-    """The row that compares single with double precision on this machine."""
+def _difference(case: Case, states: int) -> dict[str, Any]:
+    """Single beside double precision on this machine, on states of as many motions as it takes, pushed differently."""
+    what, many = _what(case), _many(case.robot, states, case.seed)
     single, double = (controller_code(what, "controller", single=s) for s in (True, False))
     ours, status = answers(what, single, many)
     theirs, expected = answers(what, double, many)
     gap = np.abs(ours - theirs).max(axis=1)
     return {
-        "robot": robot,
-        "controller": kind,
-        "chip": None,
-        "states": len(many),
         "median": float(np.median(gap)),
         "p99": float(np.quantile(gap, 0.99)),
         "p999": float(np.quantile(gap, 0.999)),
@@ -214,16 +217,20 @@ def _record(robot: Robot, duration: float, rng: np.random.Generator, kind: str =
     return record(motion, exportable(motion.controller))
 
 
-def _many(robot: Robot, settings: Any) -> Recording:
-    """States of as many motions as it takes, each with other pushes."""
-    rng = np.random.default_rng([settings.seed, 1])
+@cache
+def _walk(robot: str, kind: str, duration: float, seed: int) -> Recording:
+    return _record(loaded_robot(robot), duration, np.random.default_rng(seed), kind)
+
+
+@cache
+def _many(name: str, states: int, seed: int) -> Recording:
+    rng, robot = np.random.default_rng([seed, 1]), loaded_robot(name)
     parts: list[Recording] = []
-    while (missing := settings.states - sum(map(len, parts))) > 0:
+    while (missing := states - sum(map(len, parts))) > 0:
         part = _record(robot, min(WALK, max(1e-3 * missing, 0.5)), rng)
         parts.append(Recording(part.target[:missing], {n: rows[:missing] for n, rows in part.inputs.items()}))
     target = np.concatenate([part.target for part in parts])
-    inputs = {name: np.concatenate([part.inputs[name] for part in parts]) for name in parts[0].inputs}
-    return Recording(target, inputs)
+    return Recording(target, {n: np.concatenate([part.inputs[n] for part in parts]) for n in parts[0].inputs})
 
 
 def _robot(row: dict[str, Any]) -> str:
@@ -239,52 +246,9 @@ _COUNT: dict[str, Any] = {
 }
 _STATES = "On the walk of each controller, and on the same states for all: those of the condensed controller's walk. "
 _MEMORY = {"flash": (shown("flash"), "B"), "RAM": (shown("ram"), "B")}
-VIEWS = (
-    View(
-        "embedded",
-        "Instructions of a tick on a Cortex-M4F, float, -O2",
-        row=_robot,
-        columns=_COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
-        note=_STATES + "Milliseconds are of its own walk, for one instruction in each cycle, the least there is.",
-        only=lambda row: (row["chip"], row.get("level"), row.get("precision")) == ("m4", "-O2", "float"),
-    ),
-    View(
-        "embedded_{robot}_{precision}",
-        "Instructions of a tick of {robot}, {precision}, {ticks} states",
-        row=lambda row: f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}",
-        columns=_COUNT | _MEMORY | {"stack": (shown("stack"), "B"), "equal": shown("equal")},
-        note=_STATES
-        + "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
-        "exchanges allowed times the dearest exchange, and the rest of the dearest tick. Equal: every command is that "
-        "of this machine, in every bit.",
-        only=lambda row: row["chip"] is not None,
-    ),
-    View(
-        "embedded_precision",
-        "Float against double, {states} states",
-        row=_robot,
-        columns={
-            "median": (shown("median"), "N"),
-            "p99": (shown("p99"), "N"),
-            "p99.9": (shown("p999"), "N"),
-            "largest": (shown("worst"), "N"),
-            "of": (shown("largest_command"), "N"),
-            "other status": shown("other_status"),
-        },
-        note="Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same settings.",
-        only=lambda row: row["chip"] is None,
-    ),
-)
-
 STUDY = Study(
     name="embedded",
-    help="""Count what a tick costs on a microcontroller.
-
-    Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU: the paper's governor, the contact-force
-    filter, the condensed controller, and the whole-body QP by its last active set and by DAQP's own C, for Harpy,
-    Solo12 and Bolt, on a walk of each controller and on the same recorded states for all. Needs gcc-arm-none-eabi,
-    libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
-    """,
+    help=__doc__,
     defaults={
         "robots": ("harpy", "solo12", "bolt"),
         "chips": tuple(CHIPS),
@@ -294,7 +258,44 @@ STUDY = Study(
         "seed": 0,  # of the pushes in those states
     },
     quick={"robots": ("harpy",), "chips": ("m4",), "levels": ("-O2",), "duration": 0.4, "states": 1000},
-    all_at_once=_counted,
-    views=VIEWS,
+    jobs=_jobs,
+    measure=_measured,
+    views=[
+        View(
+            "embedded",
+            "Instructions of a tick on a Cortex-M4F, float, -O2",
+            row=_robot,
+            columns=_COUNT | {"ms at 168 MHz": lambda rows: rows[0]["median"] / 168e3} | _MEMORY,
+            note=_STATES + "Milliseconds are of its own walk, for one instruction in each cycle, the least there is.",
+            only=lambda row: (row["chip"], row.get("level"), row.get("precision")) == ("m4", "-O2", "float"),
+        ),
+        View(
+            "embedded_{robot}_{precision}",
+            "Instructions of a tick of {robot}, {precision}, {ticks} states",
+            row=lambda row: f"{LABELS[row['controller']]}, {CHIPS[row['chip']].title} {row['level']}",
+            columns=_COUNT | _MEMORY | {"stack": (shown("stack"), "B"), "equal": shown("equal")},
+            note=_STATES
+            + "Counted in QEMU; an instruction takes a cycle or more. The bound is the most that a tick can take: "
+            "exchanges allowed times the dearest exchange, and the rest of the dearest tick. Equal: every command is "
+            "that of this machine, in every bit.",
+            only=lambda row: row["chip"] is not None,
+        ),
+        View(
+            "embedded_precision",
+            "Float against double, {states} states",
+            row=_robot,
+            columns={
+                "median": (shown("median"), "N"),
+                "p99": (shown("p99"), "N"),
+                "p99.9": (shown("p999"), "N"),
+                "largest": (shown("worst"), "N"),
+                "of": (shown("largest_command"), "N"),
+                "other status": shown("other_status"),
+            },
+            note="Largest difference of a torque (N m) or thrust (N) in a tick; both precisions have the same "
+            "settings.",
+            only=lambda row: row["chip"] is None,
+        ),
+    ],
     only="robots",
 )

@@ -1,7 +1,9 @@
-"""Flights of Harpy: hop, jump, hover, a way through the air, a landing on a slope, fans that lag or lose power.
+"""Let Harpy jump, hover and fly.
 
-Walks stand beside them, to compare what they cost. All measurements are noisy. A try stands if the robot is upright
-over its feet at the end, or walked on where it should. The controller knows of the fan only where a row says so.
+Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering for
+10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, fans that lag, and
+what walks, jumps and flights cost on slopes. A try stands if the robot is upright over its feet at the end, or walked
+on where it should. The controller knows of the fan only where a row says so. This takes many minutes.
 """
 
 from __future__ import annotations
@@ -127,11 +129,8 @@ def _measured(job: Job) -> dict[str, Any]:
             return ThrustWatch(hp.make_controller(job["controller"], gait, mu=FRICTION), gait.robot)
 
     run = walk_as_far_as_it_goes(one.scenario(job["controller"], job["plant"], job["seed"]), make)
-    return walk_measures(run) if one.flight is None else flight_measures(run, one.flight, one.walks)
-
-
-def walk_measures(run: hp.Run) -> dict[str, Any]:
-    """What a walk costs; nothing of one that fell."""
+    if one.flight is not None:
+        return flight_measures(run, one.flight, one.walks)
     if run.ending != "completed":
         return {"stands": False, "fell_s": float(run["t"][-1])}
     way = float(run["q"][-1, 0] - run["q"][0, 0])
@@ -197,50 +196,42 @@ def _of_all(name: str, together: Callable[[list[Any]], Any], digits: int) -> Val
     return lambda rows: "" if (found := value(rows)) is None else number_text(float(found), digits)
 
 
-COLUMNS: dict[str, Any] = {
-    "stands": share("stands"),
-    "height, m": _of_all("height_m", min, 3),
-    "distance, m": _of_all("distance_m", min, 3),
-    "place, mm": _of_all("place_mm", max, 2),
-    "hover, mm": _of_all("hover_mm", max, 2),
-    "push-off / weight": _of_all("push_off", max, 2),
-    "peak / weight": _of_all("peak", max, 2),
-    "slip, mm": _of_all("slip_mm", max, 2),
-    "energy, J": _of_all("energy_j", np.median, 3),
-    "power, W": _of_all("power_w", np.median, 3),
-    "J/(N·m)": _of_all("cost", np.median, 2),
-}
-VIEW = View(
-    "flights",
-    "Flights of Harpy",
-    row=lambda row: f"{row['flight']}, {CONTROLLERS[row['controller']]}, {PLANTS[row['plant']]}",
-    columns=COLUMNS,
-    note=f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and least "
-    "distance of the feet, greatest error of the landing and of the hovering body, greatest force of both feet in "
-    "pushing off, and in landing or walking, greatest slip in landing; medians of the energy. Fans of 18 N from 1 kW, "
-    "motors of 0.6 N·m/√W, both assumed.",
-)
-
 STUDY = Study(
     name="flights",
-    help="""Let Harpy jump, hover and fly.
-
-    Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering
-    for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, fans that
-    lag, and what walks, jumps and flights cost on slopes. This takes many minutes.
-    """,
+    help=__doc__,
     defaults={
-        "names": tuple(FLIGHTS),
-        "controllers": tuple(CONTROLLERS),
-        "plants": tuple(PLANTS),
+        **{"names": tuple(FLIGHTS), "controllers": tuple(CONTROLLERS), "plants": tuple(PLANTS)},
         "most_tries": 20,  # of one manoeuvre
     },
     quick={
         **{"names": ("walk", "hop", "jump 0.4 m"), "controllers": ("condensed",), "plants": ("compliant",)},
-        **{"most_tries": 1},
+        "most_tries": 1,
     },
     jobs=_jobs,
     measure=_measured,
-    views=(VIEW,),
+    views=[
+        View(
+            "flights",
+            "Flights of Harpy",
+            row=lambda row: f"{row['flight']}, {CONTROLLERS[row['controller']]}, {PLANTS[row['plant']]}",
+            columns={
+                "stands": share("stands"),
+                "height, m": _of_all("height_m", min, 3),
+                "distance, m": _of_all("distance_m", min, 3),
+                "place, mm": _of_all("place_mm", max, 2),
+                "hover, mm": _of_all("hover_mm", max, 2),
+                "push-off / weight": _of_all("push_off", max, 2),
+                "peak / weight": _of_all("peak", max, 2),
+                "slip, mm": _of_all("slip_mm", max, 2),
+                "energy, J": _of_all("energy_j", np.median, 3),
+                "power, W": _of_all("power_w", np.median, 3),
+                "J/(N·m)": _of_all("cost", np.median, 2),
+            },
+            note=f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and "
+            "least distance of the feet, greatest error of the landing and of the hovering body, greatest force of "
+            "both feet in pushing off, and in landing or walking, greatest slip in landing; medians of the energy. "
+            "Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed.",
+        )
+    ],
     only="names",
 )

@@ -1,15 +1,20 @@
-"""The same walks on grounds from soft to stiff, in this library's plant and in MuJoCo."""
+"""Walk every controller on soft and stiff ground.
+
+Stiffness is 4 to 80 kN/m, in this library's plant, or MuJoCo's. Friction is 0.25 and 0.15. The tables show how far the
+feet slip, or when the robot fell. This takes some minutes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from comparison.contenders import label
 from comparison.measure.walking import Rows, scenario_of
-from comparison.study import Job, Study, Value, View, grid, shown, where
-from harpy_pin import Ground, Mujoco, Scenario, walk
+from comparison.study import Job, Study, View, grid, shown, where
+from harpy_pin import Ground, Mujoco, Run, Scenario, walk
 from harpy_pin.gaits import GaitParameters
 from harpy_pin.simulation.mujoco import PRESETS, installed_version
 
@@ -18,11 +23,6 @@ STIFFNESSES = (4e3, 8e3, 16e3, 40e3, 80e3)
 STEPS = ("governed/paper", "condensed")
 """Walkers that also walk with half the physics step, on the highest friction."""
 DT = Scenario().dt
-NOTE = (
-    "Per step of the walk, both feet together, mm. Friction and stiffness are known to controllers and gait. Where the "
-    "path is much longer than the net displacement the feet go to and fro; where it is shorter they hop. Do not rank "
-    "what differs by less than the effect of the physics step."
-)
 
 
 def _grounds() -> dict[str, dict[str, Any]]:
@@ -34,8 +34,8 @@ def _grounds() -> dict[str, dict[str, Any]]:
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    cases = [*grid(friction=s.frictions, walker=s.walkers, dt_s=[DT])]
-    cases += grid(friction=s.frictions[:1], walker=[who for who in STEPS if who in s.walkers], dt_s=[0.5 * DT])
+    cases = [*grid(friction=s.frictions, walker=s.walkers, dt_s=DT)]
+    cases += grid(friction=s.frictions[:1], walker=[who for who in STEPS if who in s.walkers], dt_s=0.5 * DT)
     for one in grid(ground=_grounds(), case=cases):
         yield {"ground": one["ground"], **one["case"], "duration": s.duration}
 
@@ -45,60 +45,28 @@ def _measured(job: Job) -> dict[str, Any]:
     felt = Ground(stiffness=changes.pop("stiffness", Ground().stiffness), mu_s=job["friction"])
     scenario = scenario_of(job["walker"], job["friction"], duration=job["duration"], **changes)
     run = walk(replace(scenario, ground=felt))
-    end = float(run.metadata["end_time"])
-    steps = max(end / GaitParameters().step_duration, 1.0)
-    return {
-        "ending": run.ending,
-        "end_time_s": end,
+    return ending_and_slip(run) | {
         "distance_m": float(run["q"][-1, 0] - run["q"][0, 0]),
         "normal_n": float(run["foot_force"][:, :, 2].sum(axis=1).mean()),
-        "path_mm": 1e3 * float(run["slip_path"][-1].sum()) / steps,
-        "net_mm": 1e3 * float(run["slip_net"][-1].sum()) / steps,
     }
 
 
-def _slip(name: str) -> Value:
-    """Of a walk that came to its end."""
-
-    def value(rows: Rows) -> Any:
-        (row,) = rows
-        return row[name] if row["ending"] == "completed" else f"{row['ending']} at {row['end_time_s']:.2f} s"
-
-    return value
+def ending_and_slip(run: Run) -> dict[str, Any]:
+    """How a walk ended and when, and path and net displacement of both feet per step of the gait."""
+    end = float(run.metadata["end_time"])
+    steps = max(end / GaitParameters().step_duration, 1.0)
+    slips = {name: 1e3 * float(run[f"slip_{name}"][-1].sum()) / steps for name in ("path", "net")}
+    return {"ending": run.ending, "end_time_s": end, "path_mm": slips["path"], "net_mm": slips["net"]}
 
 
-def _slips(name: str, what: str) -> View:
-    return View(
-        name=f"grounds_{{friction:g}}_{what.split()[0]}",
-        title=f"Slip, {what}, mm per step, friction {{friction:g}}",
-        row=lambda row: label(row["walker"]),
-        across="{ground}",
-        columns=_slip(name),
-        only=lambda row: row["dt_s"] == DT,
-    )
+def _slip(name: str, rows: Rows) -> Any:
+    (row,) = rows
+    return row[name] if row["ending"] == "completed" else f"{row['ending']} at {row['end_time_s']:.2f} s"
 
-
-ENGINES = View(
-    name="grounds_engines",
-    title="The same walks in both engines, and with half the physics step",
-    row=lambda row: f"{label(row['walker'])}, {row['friction']:g}, {row['ground']}",
-    columns={
-        "distance": (where(shown("distance_m"), dt_s=DT), "m"),
-        "mean normal force": (where(shown("normal_n"), dt_s=DT), "N"),
-        "path": (where(shown("path_mm"), dt_s=DT), "mm"),
-        "half the step": (where(shown("path_mm"), dt_s=0.5 * DT), "mm"),
-    },
-    note=NOTE,
-    only=lambda row: row["walker"] in STEPS,
-)
 
 STUDY = Study(
     name="grounds",
-    help="""Walk every controller on soft and stiff ground.
-
-    Stiffness is 4 to 80 kN/m, or MuJoCo's. Friction is 0.25 and 0.15. The tables show how far the feet slip, or when
-    the robot fell. This takes some minutes.
-    """,
+    help=__doc__,
     defaults={
         "walkers": ("governed/none", "governed/paper", "governed/filter", "condensed", "wbc"),
         "frictions": (0.25, 0.15),  # the highest first
@@ -107,5 +75,32 @@ STUDY = Study(
     quick={"duration": 1.5},
     jobs=_jobs,
     measure=_measured,
-    views=(_slips("path_mm", "path"), _slips("net_mm", "net displacement"), ENGINES),
+    views=[
+        *(
+            View(
+                f"grounds_{{friction:g}}_{name}",
+                f"Slip, {what}, mm per step, friction {{friction:g}}",
+                row=lambda row: label(row["walker"]),
+                across="{ground}",
+                columns=partial(_slip, f"{name}_mm"),
+                only=lambda row: row["dt_s"] == DT,
+            )
+            for name, what in (("path", "path"), ("net", "net displacement"))
+        ),
+        View(
+            "grounds_engines",
+            "The same walks in both engines, and with half the physics step",
+            row=lambda row: f"{label(row['walker'])}, {row['friction']:g}, {row['ground']}",
+            columns={
+                "distance": (where(shown("distance_m"), dt_s=DT), "m"),
+                "mean normal force": (where(shown("normal_n"), dt_s=DT), "N"),
+                "path": (where(shown("path_mm"), dt_s=DT), "mm"),
+                "half the step": (where(shown("path_mm"), dt_s=0.5 * DT), "mm"),
+            },
+            note="Per step of the walk, both feet together, mm. Friction and stiffness are known to controllers and "
+            "gait. Where the path is much longer than the net displacement the feet go to and fro; where it is "
+            "shorter they hop. Do not rank what differs by less than the effect of the physics step.",
+            only=lambda row: row["walker"] in STEPS,
+        ),
+    ],
 )

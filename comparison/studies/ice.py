@@ -1,19 +1,23 @@
-"""Walks over a strip of ice that the controller knows nothing of, with and without an estimate of the friction.
+"""Walk over ice with and without estimated friction.
 
-The estimate's settings were chosen on strips of 0.2 and 0.1 on ground of 0.6, at 0.2 and 0.4 m/s, with seeds 100 and
-101. What is walked here is at other friction, at another speed, on strips at other places and with other seeds.
+The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, none of which knows of
+the strip, in both engines, with exact measurements and with noise and delay. The estimate's settings were chosen on
+strips of 0.2 and 0.1 on ground of 0.6, at 0.2 and 0.4 m/s, with seeds 100 and 101. What is walked here is at other
+friction, at another speed, on strips at other places and with other seeds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from comparison.contenders import label
-from comparison.study import Job, Study, Value, View, fell, grid, shown
+from comparison.measure.walking import Rows
+from comparison.study import Job, Study, View, fell, grid, shown
 from harpy_pin import Disturbances, Ground, Noise, Scenario, walk
 from harpy_pin.log.run import Run
 
@@ -56,52 +60,28 @@ def slips(run: Run, begin: float, end: float) -> dict[str, Any]:
     on_ice = np.any((x >= begin) & (x < end) & (load > LOADED), axis=1)
     path = 1e3 * run["slip_path"].sum(axis=1)
     step = np.floor(run["t"] / STEP + 1e-9).astype(int)
-    ice: list[float] = []
-    after: list[float] = []
-    for n in range(int(step[-1]) + 1):
-        rows = np.flatnonzero(step == n)
-        slip = float(path[rows[-1]] - path[max(rows[0] - 1, 0)])
-        if on_ice[rows].any():
-            ice.append(slip)
-        elif ice:
-            after.append(slip)
+    first = np.flatnonzero(np.diff(step, prepend=-1))
+    slip = np.diff(path[np.append(np.maximum(first - 1, 0), -1)])  # in each step
+    icy = np.logical_or.reduceat(on_ice, first)
+    after = ~icy & np.logical_or.accumulate(icy)
     estimate = float(run["friction_estimate"].min()) if "friction_estimate" in run else None
-    return {"fell": run.ending != "completed", "ice_mm": ice, "after_mm": after, "lowest_estimate": estimate}
+    slips_mm = {"ice_mm": slip[icy].tolist(), "after_mm": slip[after].tolist()}
+    return {"fell": run.ending != "completed", **slips_mm, "lowest_estimate": estimate}
 
 
 def _place(row: dict[str, Any]) -> str:
-    walker = row["walker"]
-    name = label(walker) if walker in ("condensed", "wbc") else f"{walker} governor"
-    return f"{name}, {row['sensors']}, estimate {'on' if row['estimate'] else 'off'}"
+    return f"{label(row['walker'])}, {row['sensors']}, estimate {'on' if row['estimate'] else 'off'}"
 
 
-def _of_all(name: str, put: Callable[[list[float]], float]) -> tuple[Value, str]:
+def _of_all(name: str, put: Callable[[list[float]], float], rows: Rows) -> float | None:
     """Of the steps of all walks."""
-    value = shown(name, lambda lists: [slip for found in lists for slip in found])
-    return lambda rows: put(found) if (found := value(rows)) else None, "mm"
+    found = [slip for row in rows for slip in row[name]]
+    return float(put(found)) if found else None
 
-
-VIEW = View(
-    name="ice_{plant}_{ice:g}",
-    title="A strip of {ice:g}, {plant} plant",
-    row=_place,
-    columns={
-        "fell": fell,
-        "median on ice": _of_all("ice_mm", lambda found: float(np.median(found))),
-        "worst on ice": _of_all("ice_mm", max),
-        "worst after": _of_all("after_mm", max),
-        "lowest estimate": shown("lowest_estimate", min),
-    },
-    note="Slip per step: path of both feet along the ground, over all steps of all walks, up to a fall.",
-)
 
 STUDY = Study(
     name="ice",
-    help="""Walk over ice with and without estimated friction.
-
-    The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, in both engines,
-    with exact measurements and with noise and delay.
-    """,
+    help=__doc__,
     defaults={
         "friction": 0.8,  # of the ground, which the controllers assume
         "ice": (0.15,),  # static friction coefficients of the strip
@@ -115,5 +95,19 @@ STUDY = Study(
     quick={"plants": ("compliant",), "walks": 1, "place": 0.3, "length": 0.3, "duration": 3.0},
     jobs=_jobs,
     measure=_measured,
-    views=(VIEW,),
+    views=[
+        View(
+            "ice_{plant}_{ice:g}",
+            "A strip of {ice:g}, {plant} plant",
+            row=_place,
+            columns={
+                "fell": fell,
+                "median on ice": (partial(_of_all, "ice_mm", np.median), "mm"),
+                "worst on ice": (partial(_of_all, "ice_mm", max), "mm"),
+                "worst after": (partial(_of_all, "after_mm", max), "mm"),
+                "lowest estimate": shown("lowest_estimate", min),
+            },
+            note="Slip per step: path of both feet along the ground, over all steps of all walks, up to a fall.",
+        )
+    ],
 )

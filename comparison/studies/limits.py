@@ -1,9 +1,10 @@
-"""Walks at the limits of the motors: strong damping, weak and slow motors, and joint friction that no model has.
+"""Walk with damped joints, weak motors and joint friction.
 
-Two things are known to the controllers: the joint damping and the motors' peak torques. Two are not: how slow the
-motors are, and friction in the joints. Every controller has the same torque limits, and the plant clips what is beyond.
-What gives way at these limits (:mod:`harpy_pin.wbc.condensed.limits`) was chosen on walks from exact starts; the walks
-here begin with other velocities.
+The ungoverned and the paper's controller, the contact-force filter, the condensed controller with and without tasks
+that give way, and the whole-body QP. They know the joint damping and the motors' peak torques, but neither how slow the
+motors are nor the friction in the joints, which is in no model. All have the same torque limits, and the plant clips
+what is beyond. What gives way was chosen on walks from exact starts; the walks here begin with other velocities. This
+takes many minutes.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ import numpy as np
 from comparison.campaign.plan import JOINT_DAMPING
 from comparison.campaign.walks import damped_harpy
 from comparison.contenders import LIMITED
-from comparison.measure.walking import Rows, walk_as_far_as_it_goes
-from comparison.study import STARTS, Job, Study, Value, View, fell, grid, kept, most, start_velocity, where
+from comparison.measure.walking import Rows
+from comparison.study import STARTS, Job, Study, Value, View, fell, grid, most, start_velocity, starts, walking, where
 from comparison.tables import number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario
 
@@ -42,13 +43,13 @@ ACTUATORS = {"bandwidth": "bandwidth", "viscous": "viscous_friction", "coulomb":
 
 def _jobs(s: Any) -> Iterator[Job]:
     cases = [{"kind": kind, "value": value} for kind in (*KNOWN, *UNKNOWN) for value in getattr(s, kind)]
-    for one in grid(start=range(s.starts), gait=s.gaits, friction=s.frictions, case=cases, walker=WALKERS):
+    for one in grid(**starts(s), gait=s.gaits, friction=s.frictions, case=cases, walker=WALKERS):
         case, governed = one.pop("case"), WALKERS[one["walker"]]["name"] == "governed"
         if one["gait"] == "straight" or not governed:  # which cannot turn
-            yield {**one, **case, "seed": s.seed, "duration": s.duration, "jitter": s.jitter}
+            yield one | case
 
 
-def scenario_of(job: Job) -> Scenario:
+def scenario(job: Job) -> Scenario:
     """What is walked; the controller knows its torque limits."""
     kind, value, controller = job["kind"], job["value"], dict(WALKERS[job["walker"]])
     share = value if kind == "torque" else 1.0
@@ -56,19 +57,16 @@ def scenario_of(job: Job) -> Scenario:
         parameters = controller.get("parameters", {})
         controller["parameters"] = {**parameters, "limits": {**parameters.get("limits", {}), "torque_scale": share}}
     unknown = {ACTUATORS[kind]: value} if kind in ACTUATORS else {}
-    actuators = Actuators(torque_share=share, **unknown)
     return Scenario(
         gait=GAITS[job["gait"]],
         controller=controller,
         ground=Ground(mu_s=job["friction"]),
-        disturbances=Disturbances(actuators=actuators, start_velocity=start_velocity(job)),
+        disturbances=Disturbances(
+            actuators=Actuators(torque_share=share, **unknown), start_velocity=start_velocity(job)
+        ),
         duration=job["duration"],
         urdf=damped_harpy(value * JOINT_DAMPING) if kind == "damping" else None,
     )
-
-
-def _measured(job: Job) -> dict[str, Any]:
-    return kept(walk_as_far_as_it_goes(scenario_of(job)), "slip_mm_per_step", "tracking_rms_mm", "distance_m")
 
 
 def _place(row: dict[str, Any]) -> str:
@@ -78,8 +76,7 @@ def _place(row: dict[str, Any]) -> str:
 
 def slip_or_falls(rows: Rows) -> str:
     """Falls, or the median slip."""
-    count = sum(row["fell"] for row in rows)
-    if count:
+    if count := sum(row["fell"] for row in rows):
         return f"fell {count}/{len(rows)}"
     return number_text(float(np.median([row["slip_mm_per_step"] for row in rows])), 2)
 
@@ -89,38 +86,9 @@ def _of(kinds: dict[str, str], what: Value) -> Value:
 
 
 _WORST = where(most("slip_mm_per_step"), fell=False)
-VIEWS = (
-    View(
-        name="limits",
-        title="Falls, and the worst slip of the walks that did not fall",
-        row="{walker}",
-        columns={
-            "limits: fell": _of(KNOWN, fell),
-            "limits: worst slip": (_of(KNOWN, _WORST), "mm"),
-            "joint friction: fell": _of(UNKNOWN, fell),
-            "joint friction: worst slip": (_of(UNKNOWN, _WORST), "mm"),
-        },
-        note="Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model.",
-    ),
-    View(
-        name="limits_{gait}_{friction:g}",
-        title="Slip per step, mm, or falls: {gait} gait, friction {friction:g}",
-        row=_place,
-        across="{walker}",
-        columns=slip_or_falls,
-        note="Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing gives "
-        "way; est.: joint friction estimated; law: with joint targets for the motors. All have the same torque limits.",
-    ),
-)
-
 STUDY = Study(
     name="limits",
-    help="""Walk with damped joints, weak motors and joint friction.
-
-    Damping is strong, motors are also slow, and no model has the joint friction. The ungoverned and the paper's
-    controller, the contact-force filter, the condensed controller with and without tasks that give way, and the
-    whole-body QP. This takes many minutes.
-    """,
+    help=__doc__,
     example="--out limits.jsonl",
     defaults=STARTS
     | {
@@ -138,6 +106,29 @@ STUDY = Study(
         **{"frictions": (0.25,), "gaits": ("straight",), "duration": 1.5},
     },
     jobs=_jobs,
-    measure=_measured,
-    views=VIEWS,
+    measure=walking(scenario, "slip_mm_per_step", "tracking_rms_mm", "distance_m"),
+    views=[
+        View(
+            "limits",
+            "Falls, and the worst slip of the walks that did not fall",
+            row="{walker}",
+            columns={
+                "limits: fell": _of(KNOWN, fell),
+                "limits: worst slip": (_of(KNOWN, _WORST), "mm"),
+                "joint friction: fell": _of(UNKNOWN, fell),
+                "joint friction: worst slip": (_of(UNKNOWN, _WORST), "mm"),
+            },
+            note="Limits: damping, torque limits and slow motors. Joint friction: viscous and Coulomb, in no model.",
+        ),
+        View(
+            name="limits_{gait}_{friction:g}",
+            title="Slip per step, mm, or falls: {gait} gait, friction {friction:g}",
+            row=_place,
+            across="{walker}",
+            columns=slip_or_falls,
+            note="Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing "
+            "gives way; est.: joint friction estimated; law: with joint targets for the motors. All have the same "
+            "torque limits.",
+        ),
+    ],
 )

@@ -1,24 +1,21 @@
-"""Robots are pushed from eight sides at four instants of a step, in place and at half of their speed.
+"""Push robots from eight sides.
 
-The gait on two feet was tuned on as many pushes of the same sizes, with directions and instants half-way between these.
+At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. The gait on
+two feet was tuned on as many pushes of the same sizes from directions and at instants half-way between these. Needs the
+extra "robots".
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import harpy_pin as hp
 from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.studies.crossings import PLANTS
-from comparison.studies.walking import BIPEDS, GRAVITY, QUADRUPEDS, SINK
-from comparison.study import Job, Study, Value, View, grid, where
-from harpy_pin.view.figures import styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from comparison.studies.walking import BIPEDS, QUADRUPEDS, ground_of, push_from
+from comparison.study import Job, Study, View, grid, share, where
 
 SIDES, INSTANTS = 8, 4
 """Directions of a push, and instants of a step at which it begins."""
@@ -35,48 +32,33 @@ _STOOD = ("#c8553d", "#e9c46a", "#2c6e9b")
 """Colours: no push is stood, the smaller, both."""
 
 
-def _jobs(s: Any) -> Iterator[Job]:
-    axes = {"side": range(s.sides), "instant": range(s.instants)}
-    return grid(robot=s.robots, plant=s.plants, speed=SPEEDS, size=s.sizes, **axes)
-
-
 def measured(job: Job) -> dict[str, Any]:
     """Whether it still stands at the end."""
     robot = hp.load_robot(job["robot"])
     gait = hp.WalkingGait(robot)
     time = round(WALKED + gait.step_duration * (job["instant"] + 0.5) / INSTANTS, 3)
-    angle, impulse = 2.0 * np.pi * (job["side"] + 0.5) / SIDES, robot.mass * job["size"]
+    push = push_from((job["side"] + 0.5) / SIDES, robot.mass * job["size"], time)
     schedule = "step" if job["robot"] in BIPEDS else "trot"
     scenario = hp.Scenario(
         robot=job["robot"],
         plant=job["plant"],
         gait=hp.Walking(schedule=schedule, velocity=((0.3, SPEEDS[job["speed"]] * gait.max_speed, 0.0, 0.0),)),
         controller=hp.Condensed(),
-        ground=hp.Ground(mu_s=FRICTION, stiffness=robot.mass * GRAVITY / SINK),
-        disturbances=hp.Disturbances(pushes=(hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)),
+        ground=ground_of(robot, FRICTION),
+        disturbances=hp.Disturbances(pushes=(push,)),
         duration=time + STANDS,
     )
     return {"stands": walk_as_far_as_it_goes(scenario).ending == "completed"}
 
 
-def _stand(rows: Rows) -> str:
-    return f"{sum(row['stands'] for row in rows)} of {len(rows)}"
-
-
-def _of(speed: str, size: float) -> Value:
-    return where(_stand, speed=speed, size=size)
-
-
-@styled
-def _figure(rows: Rows) -> Figure:
+def _draw(figure: Any, rows: Rows) -> None:
     """A disc for each robot and plant: the side of a push is the angle, its instant and the speed are the ring."""
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     discs, sizes = grouped(rows, "plant", "robot"), sorted({row["size"] for row in rows})
     plants, robots = ([*dict.fromkeys(names)] for names in zip(*discs, strict=True))
     lines, columns = -(-len(robots) // MOST), min(len(robots), MOST)
-    figure = Figure(figsize=(1.75 * columns, 1.95 * lines * len(plants) + 0.5), layout="constrained")
+    figure.set_size_inches(1.75 * columns, 1.95 * lines * len(plants) + 0.5)
     panels = figure.subplots(lines * len(plants), columns, squeeze=False, subplot_kw={"projection": "polar"})
     for panel in panels.flat:
         panel.set_axis_off()
@@ -93,29 +75,28 @@ def _figure(rows: Rows) -> Figure:
     words = ("falls", *(f"stands {size:g}" for size in sizes))
     patches = [Patch(color=_STOOD[n * len(_STOOD) // len(words)], label=word) for n, word in enumerate(words)]
     figure.legend(handles=patches, loc="outside lower center", ncols=len(words), frameon=False)
-    return figure
 
 
 STUDY = Study(
     name="pushes",
-    help="""Push robots from eight sides.
-
-    At four instants of a step, in place and at half of the largest speed, by 0.4 and 0.6 m/s times the mass. Needs the
-    extra "robots".
-    """,
+    help=__doc__,
     defaults={"robots": (*QUADRUPEDS, *BIPEDS), "plants": PLANTS, "sizes": SIZES, "sides": SIDES, "instants": INSTANTS},
     quick={"robots": ("bolt",), "sizes": SIZES[:1], "sides": 1, "instants": 1},
-    jobs=_jobs,
+    jobs=lambda s: grid(
+        robot=s.robots, plant=s.plants, speed=SPEEDS, size=s.sizes, side=range(s.sides), instant=range(s.instants)
+    ),
     measure=measured,
-    views=(
+    views=[
         View(
             "pushes_{plant}",
             "Pushed, {plant}: pushes after which it stands",
             row="{robot}",
-            columns={f"{speed}, {size}": _of(speed, size) for size in SIZES for speed in SPEEDS},
+            columns={
+                f"{speed}, {size}": where(share("stands"), speed=speed, size=size) for size in SIZES for speed in SPEEDS
+            },
             note="Impulse over mass, m/s.",
-        ),
-    ),
+        )
+    ],
     only="robots",
-    figure=_figure,
+    draw=_draw,
 )

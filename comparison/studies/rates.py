@@ -1,8 +1,11 @@
-"""How much one machine does in a second: walks, environment steps, whole-body optima, and a tick inside C."""
+"""Measure how much this machine does in a second.
+
+Walks, environment steps and whole-body optima, and the condensed controller's tick inside C.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from time import perf_counter
 from typing import Any
@@ -10,13 +13,14 @@ from typing import Any
 import numpy as np
 
 from comparison.study import Job, Study, View, grid, shown
-from harpy_pin import Ground, load_robot, make_gait
+from harpy_pin import Ground, make_gait
 from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.gaits import Standing
 from harpy_pin.ground import Stairs
 from harpy_pin.log.run import Run
-from harpy_pin.model.robot import Robot, load_harpy
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.source import loaded_robot
 from harpy_pin.scenario import Scenario, build
 
 GROUNDS = {
@@ -32,16 +36,21 @@ def _walk(seconds: float) -> Run:
     return build(Scenario(controller="condensed", ground=Ground(mu_s=0.25), duration=seconds)).run()
 
 
-def _real_time(settings: Job) -> list[float]:
-    """Simulated seconds in a second of the clock."""
+def _rates(count: float, rounds: int, work: Callable[[], Any]) -> list[float]:
+    """How many are done in a second of the clock, in each round."""
     rates = []
+    for _ in range(rounds):
+        begin = perf_counter()
+        work()
+        rates.append(count / (perf_counter() - begin))
+    return rates
+
+
+def _real_time(settings: Job) -> list[float]:
+    """Simulated seconds."""
     _walk(1.0)
     wait_for_all()
-    for _ in range(settings["rounds"]):
-        begin = perf_counter()
-        _walk(settings["seconds"])
-        rates.append(settings["seconds"] / (perf_counter() - begin))
-    return rates
+    return _rates(settings["seconds"], settings["rounds"], lambda: _walk(settings["seconds"]))
 
 
 def _ticks(walk: Run) -> list[float]:
@@ -60,25 +69,23 @@ def _ticks_on_terrain(rounds: int, seconds: float) -> dict[str, list[float]]:
 
 
 def _environments(settings: Job) -> list[float]:
-    """Steps a second of many environments under small random actions."""
-    from harpy_pin.contrib.gym.batched_env import (  # Gymnasium is an extra that only this figure needs
-        ACTIONS,
-        BatchedEnv,
-    )
+    """Steps of many environments under small random actions."""
+    from harpy_pin.contrib.gym import batched_env  # Gymnasium is an extra that only this figure needs
 
-    worlds, random = BatchedEnv(settings["size"]), np.random.default_rng(settings["seed"])
-    idle, rates = np.zeros(settings["size"], dtype=np.bool_), []
-    for _ in range(settings["rounds"] + 1):
-        action = random.uniform(-0.2, 0.2, (settings["size"], ACTIONS))
-        begin = perf_counter()
-        worlds.step(action, idle)
-        rates.append(settings["size"] / (perf_counter() - begin))
+    size, rounds = settings["size"], settings["rounds"] + 1
+    worlds, random, idle = (
+        batched_env.BatchedEnv(size),
+        np.random.default_rng(settings["seed"]),
+        np.zeros(size, np.bool_),
+    )
+    actions = iter([random.uniform(-0.2, 0.2, (size, batched_env.ACTIONS)) for _ in range(rounds)])
+    rates = _rates(size, rounds, lambda: worlds.step(next(actions), idle))
     worlds.close()
     return rates[1:]  # the first compiles
 
 
 def _optima(robot: Robot, dtype: Any, settings: Job) -> list[float]:
-    """Optima a second, at states of a walk or, of another robot, of standing with its weight shifted."""
+    """Optima at states of a walk or, of another robot, of standing with its weight shifted."""
     random, n = np.random.default_rng(settings["seed"]), settings["size"]
     batch = CondensedBatch(robot, n, dtype=dtype)
     if robot.name == "harpy":
@@ -94,19 +101,15 @@ def _optima(robot: Robot, dtype: Any, settings: Job) -> list[float]:
         v = 0.05 * random.standard_normal((n, robot.model.nv)).astype(dtype)
         force = np.zeros((n, len(robot.feet), 3), dtype)
         force[:, :, 2] = robot.mass * 9.81 / len(robot.feet)
-    rates = []
-    for _ in range(settings["rounds"] + 1):
-        begin = perf_counter()
-        batch.step(q, v, force)
-        rates.append(n / (perf_counter() - begin))
+    rates = _rates(n, settings["rounds"] + 1, lambda: batch.step(q, v, force))
     batch.close()
     return rates[1:]
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    kinds = [*grid(kind=("walk", "tick")), *grid(kind=["terrain"], on=GROUNDS), {"kind": "environments"}]
-    kinds += grid(kind=["optima"], on=s.robots, dtype=("float64", "float32"))
-    yield from (kind | {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed} for kind in kinds)
+    kinds = [*grid(kind=("walk", "tick")), *grid(kind="terrain", on=GROUNDS), {"kind": "environments"}]
+    kinds += grid(kind="optima", on=s.robots, dtype=("float64", "float32"))
+    return (kind | {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed} for kind in kinds)
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -117,34 +120,20 @@ def _measured(job: Job) -> dict[str, Any]:
     elif kind == "tick":
         what, values = "condensed controller's tick inside C, gait included", _ticks(_walk(job["seconds"]))
     elif kind == "terrain":
-        what, values = (
-            f"the same at friction 0.6, {job['on']}",
-            _ticks_on_terrain(job["rounds"], min(job["seconds"], SHORTER))[job["on"]],
-        )
+        what = f"the same at friction 0.6, {job['on']}"
+        values = _ticks_on_terrain(job["rounds"], min(job["seconds"], SHORTER))[job["on"]]
     elif kind == "environments":
         what, unit, values = "Gymnasium environments, all cores", "steps/s", _environments(job)
     else:
-        robot = load_harpy() if job["on"] == "harpy" else load_robot(job["on"])
-        values = _optima(robot, np.dtype(job["dtype"]).type, job)
+        values = _optima(loaded_robot(job["on"]), np.dtype(job["dtype"]).type, job)
         what, unit = f"whole-body optima, {job['on']}, {job['dtype']}, all cores", "per second"
     best = min if unit == "µs" else max
     return {"what": what, "unit": unit, "median": float(np.median(values)), "best": best(values)}
 
 
-VIEW = View(
-    "rates, {unit}",
-    "Rates, {unit}",
-    row="{what}",
-    columns={name: shown(name) for name in ("median", "best")},
-    note="Of several rounds; other work on the machine lowers the medians.",
-)
-
 STUDY = Study(
     name="rates",
-    help="""Measure how much this machine does in a second.
-
-    Walks, environment steps and whole-body optima, and the condensed controller's tick inside C.
-    """,
+    help=__doc__,
     defaults={
         "seconds": 60.0,  # of each walk
         "robots": ("harpy", "solo12", "g1"),  # of the batches of optima
@@ -155,6 +144,14 @@ STUDY = Study(
     quick={"seconds": 10.0, "robots": ("harpy",), "size": 1024, "rounds": 3},
     timed=_jobs,
     measure=_measured,
-    views=(VIEW,),
+    views=[
+        View(
+            "rates, {unit}",
+            "Rates, {unit}",
+            row="{what}",
+            columns={name: shown(name) for name in ("median", "best")},
+            note="Of several rounds; other work on the machine lowers the medians.",
+        )
+    ],
     only="robots",
 )

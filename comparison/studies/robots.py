@@ -1,15 +1,14 @@
-"""Well-known robots stand, shift their weight and are pushed, under the whole-body QP and the condensed controller.
+"""Stand the robots that are known by name, and push them.
 
-A biped on point feet cannot stand: it steps in place.
-
-Gains and weights are the library's; ranges of force and the weight on forces follow from the mass
-(:attr:`harpy_pin.Standing.parameters`), and so do the ground's stiffness and the pushes. One setting was chosen here:
-the damping of held soles, on G1 at rest on this ground, without a push.
+They also shift their weight; a biped on point feet steps in place. Under the whole-body QP and the condensed
+controller, on compliant ground. Gains and weights are the library's; ranges of force and the weight on forces follow
+from the mass, and so do the ground's stiffness and the pushes. One setting was chosen here: the damping of held soles,
+on G1 at rest on this ground, without a push. Needs the extra "robots".
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,24 +33,15 @@ LOADED = 0.05
 """Normal force of a foot, as a share of the weight, from which on its friction counts."""
 
 
-def _jobs(s: Any) -> Iterator[Job]:
-    same = {"friction": s.friction, "duration": s.duration, "pushes": list(s.pushes), "seed": s.seed}
-    return (one | same for one in grid(robot=s.robots, controller=CONTROLLERS))
-
-
 def _measured(job: Job) -> dict[str, Any]:
     """What a robot is, and what happened under the controller; with a reason where something did not."""
     try:
         robot = hp.load_robot(job["robot"])
     except hp.HarpyError as error:
         return {"loads": False, "reason": str(error).splitlines()[0]}
-    row: dict[str, Any] = {
-        "loads": True,
-        "mass_kg": robot.mass,
-        "dof": int(robot.model.nv),
-        "feet": f"{len(robot.corners)} {'flat_feet' if robot.flat_feet else 'points'}",
-        "terms_error": terms_error(robot, np.random.default_rng(job["seed"])),
-    }
+    feet = f"{len(robot.corners)} {'flat_feet' if robot.flat_feet else 'points'}"
+    row: dict[str, Any] = {"loads": True, "mass_kg": robot.mass, "dof": int(robot.model.nv), "feet": feet}
+    row["terms_error"] = terms_error(robot, np.random.default_rng(job["seed"]))
     try:
         return row | _stand(robot, CONTROLLERS[job["controller"]], job)
     except hp.HarpyError as error:
@@ -91,12 +81,11 @@ def run_standing(
         The run, and the ticks' times, µs of this thread.
     """
     gait = hp.Standing(robot) if robot.corners != (1, 1) else hp.WalkingGait(robot, "step", (0.0, 0.0, 0.0))
-    mass = robot.mass
-    pushes = (hp.Push(PUSH_AT, (mass * push[0], mass * push[1], mass * push[2])),) if any(push) else ()
+    x, y, z = (robot.mass * part for part in push)
     scenario = hp.Scenario(
         controller=controller,
-        ground=hp.Ground(mu_s=friction, stiffness=mass * GRAVITY / (len(robot.feet) * SINK)),
-        disturbances=hp.Disturbances(pushes=pushes),
+        ground=hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK)),
+        disturbances=hp.Disturbances(pushes=(hp.Push(PUSH_AT, (x, y, z)),) if any(push) else ()),
         duration=duration,
     )
     built = hp.build(scenario, gait=gait)
@@ -108,12 +97,11 @@ def run_standing(
 
 def _stand(robot: hp.Robot, controller: str, job: Job) -> dict[str, Any]:
     """What one controller does with a robot."""
-    result: dict[str, Any] = {}
     common: dict[str, Any] = {"friction": job["friction"], "duration": job["duration"]}
     shifted, all_ticks = run_standing(robot, controller, lean=LEAN, **common)
-    result.update(stands=stood(shifted), slip_mm=_slip(shifted), friction_used=friction_used(shifted, robot))
+    result: dict[str, Any] = {"stands": stood(shifted), "slip_mm": _slip(shifted), **dict.fromkeys(SIDES, 0.0)}
+    result["friction_used"] = friction_used(shifted, robot)
     for side, direction in SIDES.items():
-        largest = 0.0
         for speed in job["pushes"]:
             run, ticks = run_standing(robot, controller, push=[speed * part for part in direction], **common)
             if not stood(run):
@@ -121,12 +109,10 @@ def _stand(robot: hp.Robot, controller: str, job: Job) -> dict[str, Any]:
             if speed == job["pushes"][0]:
                 result[f"{side}_slip_mm"] = _slip(run)
                 all_ticks = np.append(all_ticks, ticks)
-            largest = speed
-        result[side] = largest
-    result.update(tick_us=float(np.median(all_ticks)), worst_us=float(all_ticks.max()))
+            result[side] = speed
     if not result["stands"]:
         result["reason"] = f"{shifted.ending} at {shifted['t'][-1]:.2f} s"
-    return result
+    return result | {"tick_us": float(np.median(all_ticks)), "worst_us": float(all_ticks.max())}
 
 
 def stood(run: hp.Run) -> bool:
@@ -157,48 +143,9 @@ _OF_EACH: dict[str, Any] = {}
 for _name in CONTROLLERS:
     _OF_EACH[f"stands, {_name}"] = where(_whether("stands"), controller=_name, loads=True)
     _OF_EACH |= {f"{side}, {_name}": (where(shown(side), controller=_name), "m/s") for side in SIDES}
-VIEWS = (
-    View(
-        "robots",
-        "Robots that stand and take pushes",
-        row="{robot}",
-        columns={
-            "loads": _whether("loads"),
-            "mass": (shown("mass_kg"), "kg"),
-            "DoF": shown("dof"),
-            "feet": shown("feet"),
-            "terms' error": shown("terms_error"),
-            **_OF_EACH,
-        },
-        note="Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, "
-        "stepping in place. Sideways and forward: the largest push on the base that was stood, impulse over mass; 0 "
-        "where the weakest was not. Terms' error: mass matrix and bias beside Pinocchio's, relative.",
-    ),
-    View(
-        "robots_ticks",
-        "Their slip and their ticks",
-        row="{robot}, {controller}",
-        columns={
-            "slip, shift": (shown("slip_mm"), "mm"),
-            **{f"slip, {side}": (shown(f"{side}_slip_mm"), "mm") for side in SIDES},
-            "friction used": shown("friction_used"),
-            "tick": (shown("tick_us"), "µs"),
-            "worst": (shown("worst_us"), "µs"),
-        },
-        note="Slip: mean way of the contact points along the ground in the run, with the weight shifted and with the "
-        "weakest push. Friction used: largest horizontal over normal force of a foot while the weight is shifted. "
-        "Ticks in time of the thread, over the same three runs.",
-        only=lambda row: row.get("stands") is not None,
-    ),
-)
-
 STUDY = Study(
     name="robots",
-    help="""Stand the robots that are known by name, and push them.
-
-    They also shift their weight. Under the whole-body QP and the condensed controller, on compliant ground. Needs the
-    extra "robots".
-    """,
+    help=__doc__,
     example="--only g1 --json g1.json",
     defaults={
         "robots": tuple(CATALOGUE),
@@ -208,8 +155,48 @@ STUDY = Study(
         "seed": 0,  # of the states at which the terms are compared with Pinocchio's
     },
     quick={"robots": ("solo12", "g1"), "duration": 1.5, "pushes": (0.1,)},
-    timed=_jobs,
+    timed=lambda s: grid(
+        robot=s.robots,
+        controller=CONTROLLERS,
+        friction=s.friction,
+        duration=s.duration,
+        pushes=[list(s.pushes)],
+        seed=s.seed,
+    ),
     measure=_measured,
-    views=VIEWS,
+    views=[
+        View(
+            "robots",
+            "Robots that stand and take pushes",
+            row="{robot}",
+            columns={
+                "loads": _whether("loads"),
+                "mass": (shown("mass_kg"), "kg"),
+                "DoF": shown("dof"),
+                "feet": shown("feet"),
+                "terms' error": shown("terms_error"),
+                **_OF_EACH,
+            },
+            note="Standing on all feet with the weight shifted by 30 % of the way over the first foot; on two points, "
+            "stepping in place. Sideways and forward: the largest push on the base that was stood, impulse over mass; "
+            "0 where the weakest was not. Terms' error: mass matrix and bias beside Pinocchio's, relative.",
+        ),
+        View(
+            "robots_ticks",
+            "Their slip and their ticks",
+            row="{robot}, {controller}",
+            columns={
+                "slip, shift": (shown("slip_mm"), "mm"),
+                **{f"slip, {side}": (shown(f"{side}_slip_mm"), "mm") for side in SIDES},
+                "friction used": shown("friction_used"),
+                "tick": (shown("tick_us"), "µs"),
+                "worst": (shown("worst_us"), "µs"),
+            },
+            note="Slip: mean way of the contact points along the ground in the run, with the weight shifted and with "
+            "the weakest push. Friction used: largest horizontal over normal force of a foot while the weight is "
+            "shifted. Ticks in time of the thread, over the same three runs.",
+            only=lambda row: row.get("stands") is not None,
+        ),
+    ],
     only="robots",
 )

@@ -1,4 +1,9 @@
-"""Robots walk on what they feel: inertial unit, encoders and motor torques. Falls, and how far off the estimate is."""
+"""Walk on what robots feel.
+
+That is an inertial unit, encoders and motor torques. Thirteen robots and Harpy in both engines, and quadrupeds in other
+people's models of them, walk random commands, pushes and courses: once on the true state and once on the estimate. The
+table has falls, and how far off the estimate is. Needs the extras "robots" and "mujoco".
+"""
 
 from __future__ import annotations
 
@@ -15,7 +20,7 @@ from comparison.measure.complementary import complementary
 from comparison.measure.estimates import contacts, off
 from comparison.measure.walking import walk_as_far_as_it_goes
 from comparison.peers.environment import default_folder
-from comparison.studies.walking import BIPEDS, DRAWN, QUADRUPEDS, SIDES, job_of, scenario_of
+from comparison.studies.walking import BIPEDS, DRAWN, QUADRUPEDS, SIDES, job_of, push_from, scenario
 from comparison.studies.worlds import random_walk
 from comparison.study import Job, Study, View, fell, median, most, where
 from comparison.worlds import walk as others
@@ -30,10 +35,9 @@ KNOWN = "motor law, joints known"
 
 def _scenario(job: Job) -> hp.Scenario:
     if job["robot"] != HARPY:
-        return scenario_of(job)
+        return scenario(job)
     rng = np.random.default_rng([job["seed"], job["number"]])
-    angle = 2.0 * np.pi * job["number"] / SIDES
-    push = hp.Push(float(rng.uniform(1.5, 2.5)), (HARPY_PUSH * np.cos(angle), HARPY_PUSH * np.sin(angle), 0.0))
+    push = push_from(job["number"] / SIDES, HARPY_PUSH, float(rng.uniform(1.5, 2.5)))
     return hp.Scenario(
         plant=job["plant"],
         ground=hp.Ground(mu_s=float(rng.uniform(*DRAWN))),
@@ -45,22 +49,16 @@ def _scenario(job: Job) -> hp.Scenario:
 def walked(job: Job) -> dict[str, Any]:
     """Measures of one walk."""
     if "world" in job:
-        return _elsewhere(job)
-    scenario = _scenario(job)
-    disturbances = replace(scenario.disturbances, seed=job["number"])
-    run = walk_as_far_as_it_goes(replace(scenario, state=job["state"], sensors=hp.Imu(), disturbances=disturbances))
+        who = replace(others.WALKERS[KNOWN], sensed=job["state"] == "estimated")
+        return others.walked({**job, "who": vars(who)})
+    drawn = _scenario(job)
+    disturbances = replace(drawn.disturbances, seed=job["number"])
+    run = walk_as_far_as_it_goes(replace(drawn, state=job["state"], sensors=hp.Imu(), disturbances=disturbances))
     found: dict[str, Any] = {"fell": run.ending != "completed"}
     found |= off(run["q"], run["v"], run["estimated_q"], run["estimated_v"])
     plain = off(run["q"], run["v"], *complementary(run, loaded_robot(job["robot"])))
     found |= {f"plain_{name}": plain[name] for name in ("drift", "velocity_cm_s", "tilt_deg")}
     return found | contacts(run["foot_force"][:, :, 2], run["contact_probability"])
-
-
-def _elsewhere(job: Job) -> dict[str, Any]:
-    """The same in other people's models."""
-    who = others.CONTENDERS[KNOWN]
-    sensed = replace(who, sensed=job["state"] == "estimated")
-    return others.walked({**job, "who": vars(sensed)})
 
 
 def _jobs(s: Any) -> Iterator[Job]:
@@ -71,24 +69,18 @@ def _jobs(s: Any) -> Iterator[Job]:
         for what, count in kinds.items():
             duration = s.course if what.startswith("course") else s.duration
             yield from (walk(what, duration, s.seed, number=number) | {"state": state} for number in range(count))
-    for name, state in product(s.worlds if (default_folder() / "worlds").exists() else (), s.states):
-        for friction in (0.8, 0.3):
-            for number in range(s.walks):
-                job = random_walk(s.seed, number, friction, s.duration) | {"world": name, "feet": list(FEET)}
-                job |= {"noise": number if state == "estimated" else None}
-                yield job | {"state": state, "robot": name, "plant": "world"}
+    worlds = s.worlds if (default_folder() / "worlds").exists() else ()
+    for name, state, friction, number in product(worlds, s.states, (0.8, 0.3), range(s.walks)):
+        job = random_walk(s.seed, number, friction, s.duration) | {"world": name, "feet": list(FEET)}
+        job |= {"noise": number if state == "estimated" else None}
+        yield job | {"state": state, "robot": name, "plant": "world"}
 
 
 _SEEN = {"state": "estimated", "fell": False}
 
 STUDY = Study(
     name="senses",
-    help="""Walk on what robots feel.
-
-    That is an inertial unit, encoders and motor torques. Thirteen robots and Harpy in both engines, and quadrupeds in
-    other people's models of them, walk random commands, pushes and courses: once on the true state and once on the
-    estimate. Needs the extras "robots" and "mujoco".
-    """,
+    help=__doc__,
     example="--walks 50 --only go2",
     defaults={
         "robots": (HARPY, *QUADRUPEDS, *BIPEDS),
@@ -101,7 +93,7 @@ STUDY = Study(
         "seed": 2000,
     },
     quick={"robots": (HARPY,), "plants": ("compliant",), "worlds": (), "walks": 1, "duration": 3.0},
-    options={"walks": "Random commands of each robot.  [default: 1]"},
+    options={"walks": "Random commands of each robot."},
     jobs=_jobs,
     measure=walked,
     views=(
@@ -121,8 +113,7 @@ STUDY = Study(
                 "complementary filter, drift": (where(median("plain_drift"), **_SEEN), "%"),
                 "complementary filter, velocity": (where(median("plain_velocity_cm_s"), **_SEEN), "cm/s"),
                 "complementary filter, tilt": (where(median("plain_tilt_deg"), **_SEEN), "°"),
-                "precision": where(median("precision"), **_SEEN),
-                "recall": where(median("recall"), **_SEEN),
+                **{name: where(median(name), **_SEEN) for name in ("precision", "recall")},
             },
             note="Drift is the error of the displacement over the length of the way; path, velocity and tilt are rms "
             "errors of the body; precision and recall those of the contacts. Medians of the walks that stand. The "

@@ -1,25 +1,20 @@
-"""How far the feet slip on ever more slippery ground, with no push and no error."""
+"""Walk every controller on ever more slippery ground.
+
+The controllers know the friction; there is no push and no error. The table shows how far the feet slip in each step,
+and when the robot fell.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from comparison.contenders import CONTENDERS, label
 from comparison.measure.walking import Rows, grouped, scenario_of, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, grid
 from comparison.tables import number_text
 from harpy_pin import measure
-from harpy_pin.view.figures import styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b", "#1b1b1e")
-
-
-def _jobs(s: Any) -> Iterable[Job]:
-    return grid(friction=s.frictions, walker=s.walkers, duration=[s.duration])
 
 
 def _measured(job: Job) -> dict[str, Any]:
@@ -32,20 +27,8 @@ def _slip(rows: Rows) -> str:
     return number_text(row["slip_mm"]) + (f" (fell {row['stood_s']:.1f} s)" if row["fell"] else "")
 
 
-VIEW = View(
-    "slip",
-    "Slip per step in walks of {duration:g} s, mm",
-    row=lambda row: label(row["walker"]),
-    across="{friction:g}",
-    columns=_slip,
-)
-
-
-@styled
-def _figure(rows: Rows) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 3.6), layout="constrained")
+def _draw(figure: Any, rows: Rows) -> None:
+    figure.set_size_inches(6.4, 3.6)
     panel = figure.subplots()
     frictions = [friction for (friction,) in grouped(rows, "friction")]
     for (colour, ((walker,), mine)), marker in zip(
@@ -56,29 +39,31 @@ def _figure(rows: Rows) -> Figure:
         panel.plot(x, slip, color=colour)
         panel.plot([], [], marker, color=colour, label=label(walker))
         panel.scatter(x, slip, 36.0, faces, marker=marker, edgecolors=colour, zorder=3)
-    panel.set_yscale("log")
     panel.set_xticks(range(len(frictions)), [f"{mu:g}" for mu in frictions])
-    panel.set_xlabel("friction coefficient of the ground")
-    panel.set_ylabel("slip, mm per step")
+    panel.set(yscale="log", xlabel="friction coefficient of the ground", ylabel="slip, mm per step")
     panel.set_title("What each keeps from slipping (hollow: it fell)", loc="left")
     figure.legend(loc="outside right upper", frameon=False)
-    return figure
 
 
 STUDY = Study(
     name="slip",
-    help="""Walk every controller on ever more slippery ground.
-
-    The controllers know the friction. The table shows how far the feet slip in each step, and when the robot fell.
-    """,
+    help=__doc__,
     defaults={
         "walkers": (*CONTENDERS[:2], "paper/tracked/pid", *CONTENDERS[2:]),
         "frictions": (0.25, 0.2, 0.15, 0.1),
         "duration": 20.0,  # s
     },
     quick={"duration": 1.5},
-    jobs=_jobs,
+    jobs=lambda s: grid(friction=s.frictions, walker=s.walkers, duration=s.duration),
     measure=_measured,
-    views=(VIEW,),
-    figure=_figure,
+    views=[
+        View(
+            "slip",
+            "Slip per step in walks of {duration:g} s, mm",
+            row=lambda row: label(row["walker"]),
+            across="{friction:g}",
+            columns=_slip,
+        )
+    ],
+    draw=_draw,
 )

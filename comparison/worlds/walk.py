@@ -55,7 +55,7 @@ class Contender:
 
 _LAW: dict[str, Any] = {"law": LAW, "contact_damping": LAW_CONTACT_DAMPING}
 POLICY, STANDS = "policy", "stands"
-CONTENDERS = {
+WALKERS = {
     "joint PD": Contender(controller="joint_pd"),
     "joint PD, joints known": Contender(controller="joint_pd", known=JOINTS),
     "torque alone": Contender(),
@@ -111,17 +111,15 @@ class Walker:
         self._lower = self._radius if who.round else 0.0  # by how much the world is lower than the controller's
         self.gait: Any = WalkingGait(robot)
         if who.controller == "stand":
-            towards = Standing(robot).over(0, 2)
-            self.gait = Standing(robot, shift=SHIFT * towards, shift_period=SHIFT_PERIOD)
+            self.gait = Standing(robot, shift=SHIFT * Standing(robot).over(0, 2), shift_period=SHIFT_PERIOD)
         if who.controller == "joint_pd":
             self.controller: Any = MotorPD(self.gait, mu=friction, period=period)
         else:
             how: dict[str, Any] = dict(zip(("joint_stiffness", "joint_damping"), who.law, strict=True))
-            how["estimate_joint_friction"] = who.estimate
-            if who.contact_damping is not None:
-                how["contact_damping"] = who.contact_damping
+            how |= {} if who.contact_damping is None else {"contact_damping": who.contact_damping}
             kind = "wbc" if who.controller == "wbc" else "condensed"
-            self.controller = make_controller(kind, self.gait, mu=friction, period=period, **how)
+            how |= {"estimate_joint_friction": who.estimate, "mu": friction, "period": period}
+            self.controller = make_controller(kind, self.gait, **how)
         late = -int(-DELAY // period)
         self._sensors = None if seed is None or who.sensed else Sensors(robot, Noise.typical(), delay=late, seed=seed)
         self.estimator: Estimator | None = None
@@ -209,9 +207,7 @@ def sliding(model: Any, data: Any, foot: Sequence[int]) -> dict[int, float]:
     """
     mujoco, speed = import_mujoco(), dict[int, float]()
     force, velocity = np.zeros(6), np.zeros(6)
-    if not data.ncon:
-        return speed
-    for k, pair in enumerate(data.contact.geom.tolist()):
+    for k, pair in enumerate(data.contact.geom.tolist() if data.ncon else ()):
         geom = pair[0] if foot[pair[0]] >= 0 else pair[1]
         mujoco.mj_contactForce(model, data, k, force)
         if foot[geom] < 0 or force[0] <= 0.0:
@@ -253,12 +249,12 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
     """Measures of a walk.
 
     Args:
-        job: ``world``, ``feet`` and ``friction``; ``who``, a name of :data:`CONTENDERS`, or the settings of one;
+        job: ``world``, ``feet`` and ``friction``; ``who``, a name of :data:`WALKERS`, or the settings of one;
             ``duration``, s; ``commands``, each with the time from which on it holds, s, forward, to the left and
             turning; ``push``, its time, s, and impulse over mass, m/s, or None; ``noise``, its seed, or None; and
             ``kept``, what alone is kept of the world (:func:`~comparison.worlds.models.strip`), or None.
     """
-    who = CONTENDERS[job["who"]] if isinstance(job["who"], str) else Contender(**job["who"])
+    who = WALKERS[job["who"]] if isinstance(job["who"], str) else Contender(**job["who"])
     mujoco = import_mujoco()
     model, robot = world(job["world"], job["feet"])
     model.geom_friction[:, 0] = job["friction"]

@@ -37,7 +37,7 @@ from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.gaits import make_gait
 from harpy_pin.simulation.sensors import Noise
 
-WIDE = CampaignSettings.wide()
+WIDE = CampaignSettings.of("wide")
 PLAIN = Task(
     **{"contender": "governed/none", "friction": 0.6, "stiffness": 8e3, "damping": 1.0, "plant": "compliant"},
     **dict.fromkeys(("push", "mass_error", "friction_error", "noise", "delay", "ice", "jitter"), 0.0),
@@ -70,14 +70,14 @@ def test_every_contender_meets_the_same_balanced_scenarios() -> None:
     for factor in FACTORS:
         drawn = Counter(getattr(task, factor) for task in first)
         assert drawn == {level: 210 * share for level, share in shares(factor).items()}, factor
-    variants = CampaignSettings.variants()
+    variants = CampaignSettings.of("variants")
     assert scenarios_of(variants) == first
     assert {"paper/tracked/feedforward", "paper/measured/pid/tuned", "condensed/tuned"} <= set(variants.contenders)
 
 
 def test_a_longer_campaign_contains_a_shorter_one() -> None:
     assert plan(CampaignSettings(walks=100))[:20] == plan(CampaignSettings(walks=20))[:20]
-    assert plan(CampaignSettings.wide(walks=800)) == plan(CampaignSettings.wide())[:800]
+    assert plan(CampaignSettings.of("wide", walks=800)) == plan(CampaignSettings.of("wide"))[:800]
     assert plan(CampaignSettings(walks=20, seed=1))[0] != plan(CampaignSettings(walks=20))[0]
 
 
@@ -93,7 +93,7 @@ def test_the_key_tells_every_field_and_the_code() -> None:
 def test_no_factor_depends_on_another(factor: str) -> None:
     """Levels of one factor may come and go: all others are drawn as before."""
     levels = getattr(WIDE, FACTORS[factor].levels)
-    fewer = scenarios_of(CampaignSettings.wide(**{FACTORS[factor].levels: levels[:1]}))
+    fewer = scenarios_of(CampaignSettings.of("wide", **{FACTORS[factor].levels: levels[:1]}))
     for task, other in zip(scenarios_of(WIDE), fewer, strict=True):
         assert {**asdict(task), factor: levels[0]} == asdict(other)
 
@@ -113,7 +113,9 @@ def test_every_contender_and_every_level_has_a_name_of_its_own() -> None:
     assert len({label(name) for name in names}) == len({short_name(name) for name in names}) == len(names)
     made = [hp.Scenario(controller=controller_part(name)) for name in names]
     assert len({str(scenario.to_dict()) for scenario in made}) == len(names)
-    levels = [(f, level) for kind in KINDS.values() for f in FACTORS for level in getattr(kind(), FACTORS[f].levels)]
+    levels = [
+        (f, level) for kind in KINDS for f in FACTORS for level in getattr(CampaignSettings.of(kind), FACTORS[f].levels)
+    ]
     texts = {(f, level): FACTORS[f].text(level_key(level)) for f, level in levels}
     assert len(set(texts.values())) == len(texts)
     assert (texts["push", 2.0], texts["ice", 0.0]) == ("push 2 N·s", "no ice")
@@ -201,7 +203,7 @@ def test_a_strip_of_ice_lies_in_mid_walk() -> None:
 def test_motors_and_contact_of_the_harsh_campaign_reach_the_walk() -> None:
     """Who has limits knows the share to which the plant clips; without a share nothing is clipped."""
     pytest.importorskip("mujoco")
-    tasks = [t for t in plan(CampaignSettings.harsh()) if t.plant == "mujoco default" and t.torque_share == 0.3]
+    tasks = [t for t in plan(CampaignSettings.of("harsh")) if t.plant == "mujoco default" and t.torque_share == 0.3]
     assert {t.contender for t in tasks} == set(HARSH) >= {f"{name}{end}" for name in PAPER for end in ("", "/tuned")}
     for task in tasks[: len(HARSH)]:
         drawn = scenario(replace(task, bandwidth=50.0))
@@ -319,7 +321,7 @@ def test_exceptions_are_scenarios_that_only_a_whole_body_controller_loses() -> N
 
 def test_reasons_are_the_levels_without_which_a_walk_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Walks in which who is pushed falls, unless there is no delay; the QP does not fall with fast motors either."""
-    tasks = [t for t in plan(CampaignSettings.harsh()) if t.contender in ("condensed", "wbc")]
+    tasks = [t for t in plan(CampaignSettings.of("harsh")) if t.contender in ("condensed", "wbc")]
     hard = {"push": 8.0, "delay": 2e-3, "bandwidth": 20.0, "ice": 0.15, "stiffness": 8e3}
     tasks = [replace(task, **hard) for task in tasks if task.seed == tasks[0].seed]
     both = {"seed": tasks[0].seed, "fell": {"condensed": 1.0, "wbc": 2.0}}

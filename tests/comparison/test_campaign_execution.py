@@ -32,7 +32,7 @@ def test_without_mujoco_nothing_is_walked(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(walks, "walk_task", lambda *_: pytest.fail("a walk was begun"))
     path = tmp_path / "rows.jsonl"
     with pytest.raises(HarpyError, match=r'MuJoCo, which is not installed: pip install -e ".*\[mujoco\]"'):
-        run_campaign(CampaignSettings.wide(walks=16), path)
+        run_campaign(CampaignSettings.of("wide", walks=16), path)
     assert read_rows(path)[0] == {}
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from comparison.cli import main
+from comparison.cli.studies import STUDIES
 from comparison.measure.replay import WBC_PHASES
-from comparison.measure.walking import CONTENDERS
+from comparison.measure.walking import TIMED
 from harpy_pin.errors import install_line
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -21,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
     document = whole_document
     assert {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES} <= document["timing"]["wbc"].keys()
-    assert all(row["samples"] > 0 for name in CONTENDERS for row in document["timing"][name].values())
+    assert all(row["samples"] > 0 for name in TIMED for row in document["timing"][name].values())
     assert len(document["timing"]["ratio"]["repetitions"]) == 2
     for measures in document["walk"].values():
         for share in ("sliding", "low_force", "no_contact"):
@@ -70,8 +71,24 @@ def test_command_line_errors_are_one_line(
     assert err.count("\n") == 1
 
 
-def test_what_is_not_installed_is_one_line() -> None:
-    script = "import runpy, sys; sys.modules['pandas'] = None; runpy.run_module('comparison', run_name='__main__')"
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, timeout=600)
+def without_extras(*arguments: str) -> subprocess.CompletedProcess[str]:
+    script = "import runpy, sys; sys.modules |= dict.fromkeys(('pandas', 'jinja2', 'qpsolvers', 'matplotlib'))\n"
+    script += "runpy.run_module('comparison', run_name='__main__')"
+    command = [sys.executable, "-c", script, *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600)
+
+
+@pytest.mark.parametrize("arguments", [(), ("slip", "--quick")])
+def test_what_is_not_installed_is_one_line(arguments: tuple[str, ...]) -> None:
+    done = without_extras(*arguments)
     assert done.returncode == 1
-    assert done.stderr == f"error: the comparison needs 'pandas': {install_line('compare')}\n"
+    needed = "'pandas' and 'jinja2' and 'qpsolvers'"
+    assert done.stderr == f"error: the comparison needs {needed}: {install_line('compare')}\n"
+
+
+def test_without_extras_there_is_the_help() -> None:
+    done = without_extras("--help")
+    assert done.returncode == 0
+    assert all(f"  {name} " in done.stdout for name in STUDIES)
+    assert install_line("compare") in " ".join(done.stdout.split())
+    assert "Walk every controller on ever more slippery ground." in without_extras("slip", "--help").stdout

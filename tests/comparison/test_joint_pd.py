@@ -12,7 +12,7 @@ from needs import needs_robots
 import harpy_pin as hp
 from comparison.joint_pd.__main__ import SPACE, search_gains
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
-from comparison.studies.walking import PD_ROBOTS, job_of, scenario_of, walked
+from comparison.studies.walking import PD_ROBOTS, job_of, scenario, walked
 
 pytestmark = needs_robots
 
@@ -71,13 +71,13 @@ def test_joint_targets_are_the_inverse_kinematics_of_the_feet(name):
 
 
 def test_loop_in_c_and_loop_in_python_give_the_same_bits():
-    scenario = scenario_of(job_of("solo12", "course", 0.8, 3))
+    course = scenario(job_of("solo12", "course", 0.8, 3))
 
     def make(gait):
-        return JointPD(gait, JointPDGains(), mu=scenario.mu)
+        return JointPD(gait, JointPDGains(), mu=course.mu)
 
-    compiled = hp.walk(scenario, controller=make)
-    python = hp.walk(scenario, controller=make, on_tick=lambda state: None)
+    compiled = hp.walk(course, controller=make)
+    python = hp.walk(course, controller=make, on_tick=lambda state: None)
     for name in ("q", "torque", "stance", "path"):
         np.testing.assert_array_equal(compiled[name], python[name])
 

@@ -12,14 +12,7 @@ import comparison.measure.replay as replays
 from comparison.measure.inside_c import ReplayInsideC
 from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
 from comparison.measure.timing import Bench, TimingSettings, counted, interleave, ratio_of_medians, summarise
-from comparison.measure.walking import (
-    CONTENDERS,
-    StateSequence,
-    make_contender,
-    pushed_walk,
-    record_states,
-    recorded_walk,
-)
+from comparison.measure.walking import TIMED, StateSequence, make_contender, record_states, recorded_walk
 from comparison.sections.ticks import make_all
 from comparison.sections.timing import stationarity, time_contenders
 from harpy_pin import InputError, State, load_harpy
@@ -88,7 +81,7 @@ def test_every_contender_is_shown_identical_states(sequences: list[StateSequence
     robot = load_harpy()
     seen: dict[str, list[State]] = {}
     digest = sequences[0].digest()
-    for name in CONTENDERS:
+    for name in TIMED:
         controller = make_contender(name, robot, FRICTION)
         states: list[State] = []
         inner = controller.step
@@ -100,7 +93,7 @@ def test_every_contender_is_shown_identical_states(sequences: list[StateSequence
         controller.step = spy  # type: ignore[method-assign]
         replay(TickReplay(controller), sequences[0].states)
         seen[name] = states
-    for name in CONTENDERS:
+    for name in TIMED:
         assert StateSequence(name, tuple(seen[name])).digest() == digest
     assert sequences[0].digest() == digest
     times = [state.t for state in sequences[0].states]
@@ -127,7 +120,7 @@ def test_phases_are_exclusive_and_sum_to_the_tick(
 
 def test_replay_in_blocks_equals_replay_in_one_go(sequences: list[StateSequence]) -> None:
     robot, states = load_harpy(), sequences[0].states
-    for name in CONTENDERS:
+    for name in TIMED:
         whole = replay(TickReplay(make_contender(name, robot, FRICTION)), states)
         blocks = TickReplay(make_contender(name, robot, FRICTION))
         for _ in range(2):  # the second time shows that start() forgets the first
@@ -211,7 +204,8 @@ def test_a_walk_that_is_too_short_says_so(sequences: list[StateSequence]) -> Non
 
 def test_pushed_walk_is_pushed() -> None:
     runs = {
-        impulse: pushed_walk("governed/filter", friction=0.25, duration=0.9, impulse=impulse) for impulse in (0.0, 3.0)
+        impulse: recorded_walk("governed/filter", friction=0.25, duration=0.9, impulse=impulse)
+        for impulse in (0.0, 3.0)
     }
     sideways = {impulse: run["v"][:, 1] for impulse, run in runs.items()}
     np.testing.assert_allclose(sideways[0.0][:590], sideways[3.0][:590])

@@ -83,7 +83,7 @@ def test_a_solver_that_raises_or_errs_has_not_solved(monkeypatch):
     def wrong(p, eps):
         return lambda: None, lambda _: Solution(p, found=True, x=np.ones(2), z=np.zeros(2))
 
-    monkeypatch.setattr(solvers, "CONTENDERS", {"raising": raising, "wrong": wrong})
+    monkeypatch.setattr(solvers, "SOLVERS", {"raising": raising, "wrong": wrong})
     found = time_solvers([("LIPMWALK0", MPC)], 1)
     raised, erred = found["raising"]["low"], found["wrong"]["low"]
     assert (raised["claimed_percent"], raised["solved_percent"], raised["median_us"]) == (0.0, 0.0, None)

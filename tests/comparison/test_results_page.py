@@ -160,8 +160,8 @@ def test_pages_that_are_wrong_stay(tmp_path):
 def test_every_source_is_a_command_of_ours(tmp_path):
     """Its words are understood, with the file that is asked for."""
     program = typer.main.get_command(app)
-    for words, _ in command.SOURCES.values():
-        words = [*words.format(folder=tmp_path).split(), "--json", str(tmp_path / "x.json")]
+    for text in command.SOURCES.values():
+        words = [*text.format(folder=tmp_path).split(), "--json", str(tmp_path / "x.json")]
         of_its_own = not words[0].startswith("--")
         context = program.make_context("comparison", words[:1] if of_its_own else words)
         if of_its_own:

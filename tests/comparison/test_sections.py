@@ -12,7 +12,7 @@ import pytest
 import harpy_pin as hp
 from comparison.contenders import CONTENDERS
 from comparison.measure.timing import Bench, TimingSettings
-from comparison.measure.walking import pushed_walk, record_states
+from comparison.measure.walking import record_states, recorded_walk
 from comparison.sections import growth, ticks
 from comparison.sections.ticks import formulations_table, make_all
 from harpy_pin.model import catalogue
@@ -32,7 +32,7 @@ def test_ticks_count_every_controller_and_add_up(whole_document: dict[str, Any])
 def test_contenders_of_the_ticks_agree_where_they_are_the_same() -> None:
     """Without and with reuse of the active set the QP controller gives the same commands."""
     robot = hp.load_harpy()
-    states = record_states("wbc", pushed_walk("wbc", friction=0.25, duration=0.8, impulse=3.0), least=1).states
+    states = record_states("wbc", recorded_walk("wbc", friction=0.25, duration=0.8, impulse=3.0), least=1).states
     controllers = make_all(robot, 0.25)
     commands: dict[str, list[Any]] = {}
     for name in ("wbc", "wbc/proxqp", "wbc/daqp"):
@@ -72,7 +72,7 @@ def test_growth_reports_what_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
         told.append(count)
         return lambda: told.append(1)
 
-    entry = growth.time_growth(robot, repetitions=1, seed=0, faces=(4, 8), stage=stage)
+    entry = growth.time_growth(robot, 1, 0, faces=(4, 8), stage=stage)
     assert told[0] == len(told) - 1 == 5
     assert entry["absent"].keys() == growth.ROBOTS.keys()
     assert entry["freedoms"]["exponents"]["terms"] is None  # one size has no slope
@@ -89,7 +89,7 @@ def test_exponent_of_a_power() -> None:
 
 
 def test_walks_beside_the_wall_clock(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ticks, "WALKERS", ("governed/paper", "wbc"))
+    monkeypatch.setattr(ticks, "CONTENDERS", ("governed/paper", "wbc"))
     pieces: list[int] = []
     settings, rng = TimingSettings(repetitions=2), np.random.default_rng(0)
     bench = Bench(robot=hp.load_harpy(), friction=0.8, settings=settings, rng=rng, on_pass=lambda: pieces.append(1))

@@ -175,7 +175,7 @@ def test_slip_belongs_to_the_step_it_happens_in():
 
 def test_at_limits_controllers_and_robot_get_what_the_job_says():
     for job in STUDIES["limits"].jobs(STUDIES["limits"].settings(quick=True, **TINY["limits"])):
-        scenario, share = limits.scenario_of(job), 0.5 if job["kind"] == "torque" else 1.0
+        scenario, share = limits.scenario(job), 0.5 if job["kind"] == "torque" else 1.0
         actuators = scenario.disturbances.actuators
         assert actuators.torque_share == share
         assert actuators.coulomb_friction == (0.3 if job["kind"] == "coulomb" else 0.0)
@@ -209,7 +209,7 @@ def test_tables_show_falls_or_the_median():
 def test_thrusters_and_those_who_know_them_get_what_the_job_says():
     more = {"lags": (0.0, 0.1), "bandwidths": (None, 50.0), "plants": ("ours", "MuJoCo")}
     for job in STUDIES["thrusters"].jobs(STUDIES["thrusters"].settings(quick=True, **more)):
-        scenario = thrusters.scenario_of(job)
+        scenario = thrusters.scenario(job)
         actuators, known = scenario.disturbances.actuators, scenario.controller.parameters
         assert actuators.bandwidth == job["bandwidth"]
         assert (actuators.thrusters.lag, actuators.thrusters.turning_lag) == (job["lag"], job["turning_lag"])
@@ -223,7 +223,7 @@ def test_thrusters_and_those_who_know_them_get_what_the_job_says():
 
 def steered(**changes: Any) -> hp.Scenario:
     job = {"what": "pushed", "controller": "condensed", "plant": "compliant", "number": 5, "impulse": 10.0}
-    return steering.scenario_of(job | {"duration": 7.0, "seed": 3, **changes})
+    return steering.scenario(job | {"duration": 7.0, "seed": 3, **changes})
 
 
 def test_steering_of_one_number_has_one_command_friction_and_push():
@@ -305,7 +305,7 @@ def test_a_look_at_walking_falls_nowhere_and_times_the_ticks():
 
 
 def walked(**changes: Any) -> hp.Scenario:
-    return walking.scenario_of(
+    return walking.scenario(
         walking.job_of(**{"robot": "solo12", "what": "random", "duration": 4.0, "seed": 3} | changes)
     )
 
@@ -336,7 +336,7 @@ def jobs_of(**changes: Any) -> list[SimpleNamespace]:
 def test_robots_on_soles_walk_ten_metres_and_turn_by_a_right_angle():
     jobs = [job for job in jobs_of(robots=("go2", "icub")) if job.what == "ten metres"]
     assert [(job.robot, job.plant) for job in jobs] == [("icub", "compliant"), ("icub", "mujoco")]
-    rows = walking.scenario_of(vars(jobs[0])).gait.velocity
+    rows = walking.scenario(vars(jobs[0])).gait.velocity
     ends = [row[0] for row in rows[1:]] + [jobs[0].duration]
     spans = np.array([end - row[0] for row, end in zip(rows, ends, strict=True)])
     assert spans[0] * rows[0][1] > 10.0

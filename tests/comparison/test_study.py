@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -85,7 +84,7 @@ def test_the_command_writes_every_row_and_prints_the_tables(tmp_path):
     import typer
 
     app = typer.Typer(rich_markup_mode=None)
-    app.command()(command_of(replace(STUDY, figure=None)))
+    app.command()(command_of(STUDY))
     path = tmp_path / "sums.json"
     done = CliRunner().invoke(app, ["--only", "other", "--json", str(path), "--out", str(tmp_path / "kept")])
     assert done.exit_code == 0, done.output

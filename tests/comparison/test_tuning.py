@@ -25,13 +25,14 @@ from comparison.contenders import (
     tuned,
 )
 from comparison.tuning.tune import (
+    JUDGING_SEED,
+    TRAINING_SEED,
     Outcome,
-    Score,
     TuneSettings,
-    judging_tasks,
     propose,
     scenario_with,
-    training_tasks,
+    score_of,
+    tasks_of,
     tune,
     tuning_tables,
     walk_scenario,
@@ -101,8 +102,8 @@ def test_gains_that_were_found_without_a_governor_are_tried_second() -> None:
 
 
 def test_walks_that_train_never_judge() -> None:
-    training, judging = training_tasks(60, 5.0), judging_tasks(60, 5.0)
-    campaign = plan(CampaignSettings.wide())
+    training, judging = tasks_of(TRAINING_SEED, 60, 5.0), tasks_of(JUDGING_SEED, 60, 5.0)
+    campaign = plan(CampaignSettings.of("wide"))
     seeds = [{task.seed for task in tasks} for tasks in (training, judging, campaign)]
     assert len(set.union(*seeds)) == sum(map(len, seeds))
     assert {task.plant for task in training} == {"compliant"}
@@ -110,7 +111,7 @@ def test_walks_that_train_never_judge() -> None:
 
 
 def test_the_scenario_is_the_tasks_own_but_for_the_controller() -> None:
-    task = next(task for task in training_tasks(30, 3.0) if task.friction_error == -0.3 and task.push > 0.0)
+    task = next(task for task in tasks_of(TRAINING_SEED, 30, 3.0) if task.friction_error == -0.3 and task.push > 0.0)
     part = VARIANTS["filter/feedforward"].controller(VARIANTS["filter/feedforward"].published)
     made = scenario_with(task, part)
     assert made.controller.mu == pytest.approx(0.7 * task.friction)
@@ -122,16 +123,16 @@ def test_the_scenario_is_the_tasks_own_but_for_the_controller() -> None:
 
 def test_falls_come_first_then_slip_then_tracking() -> None:
     def cost(*outcomes: tuple[bool, float, float]) -> float:
-        return Score.of(Outcome(*one) for one in outcomes).cost
+        return float(score_of(Outcome(*one) for one in outcomes)["cost"])
 
     fallen = (True, 0.0, 0.0)
     terrible = (False, 1e9, 1e9)
     assert cost(*[terrible] * 100) < cost(fallen, *[(False, 0.0, 0.0)] * 99)
     assert cost((False, 1.0, 100.0)) < cost((False, 2.0, 10.0))
     assert cost((False, 1.0, 10.0)) < cost((False, 1.0, 100.0))
-    score = Score.of([Outcome(True, 1.0, 5.0), Outcome(False, 3.0, 7.0), Outcome(False, 2.0, 9.0)])
-    assert (score.walks, score.falls, score.slip_median, score.tracking_median) == (3, 1, 3.0, 8.0)
-    assert Score.of([Outcome(True, 1.0, 5.0)]).slip_median is None
+    score = score_of([Outcome(True, 1.0, 5.0), Outcome(False, 3.0, 7.0), Outcome(False, 2.0, 9.0)])
+    assert score == {"walks": 3, "falls": 1, "slip_median": 3.0, "tracking_median": 8.0, "cost": score["cost"]}
+    assert score_of([Outcome(True, 1.0, 5.0)])["slip_median"] is None
 
 
 def test_a_walk_is_measured_as_by_the_library() -> None:

@@ -13,7 +13,7 @@ from comparison.peers.environment import WORLDS, WorkerError, default_folder, in
 from comparison.studies import causes, worlds
 from comparison.worlds.models import JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, knowing, strip, world
 from comparison.worlds.policy import WEIGHTS, Policy, observation
-from comparison.worlds.walk import CONTENDERS, PD_GAINS, POLICY, STANDS, MotorPD, Watch, sliding, walked
+from comparison.worlds.walk import PD_GAINS, POLICY, STANDS, WALKERS, MotorPD, Watch, sliding, walked
 from harpy_pin import InputError, RobotError, WalkingGait, load_robot
 from harpy_pin.simulation.mujoco import MujocoBridge
 
@@ -202,7 +202,7 @@ def test_all_walk_the_same(monkeypatch, dog):
     robot = world(dog, FEET)
     monkeypatch.setattr(worlds, "world", lambda name, feet: robot)
     jobs = list(worlds.STUDY.jobs(worlds.STUDY.settings(sequences=3, noisy=2, pushes=24)))
-    of = {who: [{**job, "who": ""} for job in jobs if job["who"] == who] for who in CONTENDERS}
+    of = {who: [{**job, "who": ""} for job in jobs if job["who"] == who] for who in WALKERS}
     assert of["torque alone"] == of["joint PD"] == of["motor law"]
     assert all(job in of["motor law"] for job in [*of[POLICY], *of["QP, motor law"]])
     assert {job["world"] for job in of[STANDS]} == {*ROBOTS, PLAYGROUND}
@@ -214,7 +214,7 @@ def test_all_walk_the_same(monkeypatch, dog):
 
 def test_causes_are_drawn():
     rows = [{"case": case, "world": "Go2", "fell": case == "armature", "slip_mm_s": 3.0} for case in causes.CASES]
-    texts = [text.get_text() for panel in causes.causes_figure(rows).axes for text in panel.texts]
+    texts = [text.get_text() for panel in causes.STUDY.figure(rows).axes for text in panel.texts]
     assert sorted(texts) == ["3"] * (len(rows) - 1) + ["–, 1 of 1"]
 
 

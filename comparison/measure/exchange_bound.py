@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
-from string import Template
 
 import numpy as np
 
@@ -38,56 +37,9 @@ from harpy_pin.wbc.condensed.active_set import (
 )
 from harpy_pin.wbc.program import worst_violation
 
-_MAIN = Template("""
-static struct bench_state state;
-
-static void reset_state(struct bench_state *state)
-{
-    $statements
-}
-
-static volatile uint32_t *const now = (volatile uint32_t *)0xE000E018u;
-static uint32_t before;
-
-static void begin(void)
-{
-    before = *now;
-}
-
-static unsigned long end(void)
-{
-    return (unsigned long)((before - *now) & 0xFFFFFFu);
-}
-
-int main(void)
-{
-    *(volatile uint32_t *)0xE000E014u = 0xFFFFFFu;
-    *now = 0;
-    *(volatile uint32_t *)0xE000E010u = 5;
-    reset_state(&state);
-    begin();
-    uint32_t rounds = 100000u;
-    __asm volatile("1: subs %0, %0, #1\\n\\tbne 1b" : "+r"(rounds) : : "cc");
-    printf("loop %lu\\n", end());
-    begin();
-    $system(&state);
-    printf("system %lu\\n", end());
-    begin();
-    $frame(&state);
-    printf("frame %lu\\n", end());
-    for (int size = 0; size < $variables; size++) {
-        for (int drops = 0; drops < 2; drops++) {
-            for (int sign = -1; sign < 2; sign += 2) {
-                reset_state(&state);
-                begin();
-                (void)$exchange(&state, size, drops, (real)sign);
-                printf("exchange %lu\\n", end());
-            }
-        }
-    }
-    return 0;
-}
-""")
+_MAIN = Path(__file__).with_suffix(".c")
+"""Calls the pieces by these names, and prints what each took; ``RESET`` gives the state its first values."""
+_DEFINED = ("SYSTEM", "FRAME", "EXCHANGE", "VARIABLES", "RESET")
 
 
 class BoundRecord(SearchRecord):
@@ -146,16 +98,13 @@ def search_bound(
     rows, variables = (int(size) for size in program["inequality"][0].shape)
     unit = Unit(single=single, prefix="bench_", own=PORTABLE if single else {})
     kind = Struct(state.dtype, "state")
-    texts = {
-        "system": unit.function_for(_system, (kind,)).name,
-        "frame": unit.function_for(_frame, (kind,)).name,
-        "exchange": unit.function_for(_exchange, (kind, INTEGER, INTEGER, REAL)).name,
-        "variables": str(variables),
-    }
+    pieces = {_system: (), _frame: (), _exchange: (INTEGER, INTEGER, REAL)}
+    names = [unit.function_for(piece, (kind, *given)).name for piece, given in pieces.items()]
     table, statements = initial_values(unit, state)
-    main = _MAIN.substitute(texts, statements="\n    ".join(statements))
-    text = "\n\n".join([unit.header(), "#include <stdio.h>", unit.types(), unit.code(), table, main])
-    found = _run(text, folder, CHIPS[chip], level)
+    values = (*names, variables, " ".join(statements))
+    defined = (f"#define {n} {value}" for n, value in zip(_DEFINED, values, strict=True))
+    parts = (unit.header(), "#include <stdio.h>", unit.types(), unit.code(), table, *defined, _MAIN.read_text("utf-8"))
+    found = _run("\n\n".join(parts), folder, CHIPS[chip], level)
     limit = EXCHANGES_PER_ROW * rows
     return int(found["frame"] + systems * found["system"] + limit * found["exchange"])
 

@@ -7,7 +7,6 @@ import sys
 import tarfile
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from string import Template
 
 from harpy_pin.export.exported_controllers import Exportable
 
@@ -15,48 +14,7 @@ FETCH = 120.0
 """Time for the download, s."""
 TOLERANCE = 1e-7
 """Violation that it may leave, as our own search (:mod:`harpy_pin.wbc.active_set_warm_start`)."""
-_SOLVER = Template("""
-#include <stdlib.h>
-
-#include "api.h"
-
-#define VARIABLES $variables
-#define ROWS $rows
-
-static DAQPWorkspace workspace;
-static DAQPProblem problem;
-static int sense[ROWS];
-static c_float primal[VARIABLES], multipliers[ROWS];
-static DAQPResult result;
-
-static void set_up(struct ${name}_state *state)
-{
-    problem.n = VARIABLES;
-    problem.m = ROWS;
-    problem.ms = (int)state->program.bounded;
-    problem.H = state->program.hessian;
-    problem.f = state->program.gradient;
-    problem.A = state->program.inequality + state->program.bounded * VARIABLES;
-    problem.bupper = state->program.upper;
-    problem.blower = state->program.lower;
-    problem.sense = sense;
-    result.x = primal;
-    result.lam = multipliers;
-    setup_daqp(&problem, &workspace, NULL);
-    workspace.settings->primal_tol = $tolerance;
-}
-
-/* From nothing: no constraint is active. */
-static int solve(void)
-{
-    daqp_deactivate_constraints(&workspace);
-    reset_daqp_workspace(&workspace);
-    daqp_update_ldp(DAQP_UPDATE_Rinv | DAQP_UPDATE_M | DAQP_UPDATE_v | DAQP_UPDATE_d | DAQP_UPDATE_sense, &workspace,
-                    &problem);
-    daqp_solve(&result, &workspace);
-    return result.exitflag;
-}
-""")
+_SOLVER = Path(__file__).with_name("daqp_solver.c")
 
 
 def daqp_source(place: Path) -> Path | None:
@@ -85,9 +43,10 @@ def daqp_count(folder: Path, name: str, what: Exportable) -> None:
     that were tried.
     """
     program = what.record.dtype["program"]
-    solver = _SOLVER.substitute(
-        name=name, variables=program["gradient"].shape[0], rows=program["lower"].shape[0], tolerance=TOLERANCE
-    )
+    sizes = {"VARIABLES": program["gradient"].shape[0], "ROWS": program["lower"].shape[0]}
+    values = {**sizes, "TOLERANCE": TOLERANCE, "STATE": f"{name}_state"}
+    defined = [f"#define {key} {value}" for key, value in values.items()]
+    solver = "\n".join((*defined, _SOLVER.read_text("utf-8")))
     file = folder / "count.c"
     text = file.read_text(encoding="utf-8")
     text = text.replace("#define PAINT", f"{solver}\n#define PAINT")
