@@ -291,7 +291,7 @@ def _make(path: Path, source: str) -> Path:
                 raise
         except OSError:
             continue
-        _remove_unused(place.parent)
+        clear(place.parent, unused_for=UNUSED_FOR)
         MADE.append(place)
         return place
     raise KernelError(f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be written")
@@ -411,27 +411,21 @@ def _abandon() -> None:
         shutil.rmtree(path, ignore_errors=True)
 
 
-def clear() -> int:
-    """Remove every library that is kept; what processes have loaded stays with them.
+def clear(place: Path | None = None, *, unused_for: float = 0.0) -> int:
+    """Remove libraries that are kept; what processes have loaded stays with them.
+
+    Args:
+        place: folder that they are in; :func:`folder` by default.
+        unused_for: time in which nobody has loaded those that are removed, s.
 
     Returns:
         How many there were.
     """
-    return sum(path.suffix == ".so" for path in _remove(folder(), lambda path: True))
-
-
-def _remove_unused(place: Path) -> None:
-    """Remove what nobody has loaded for a long time."""
-    _remove(place, lambda path: time.time() - path.stat().st_mtime > UNUSED_FOR)
-
-
-def _remove(place: Path, chosen: Callable[[Path], bool]) -> list[Path]:
-    """Remove files of ours from a folder; returns them."""
-    removed = []
+    count = 0
     with suppress(OSError):
-        for path in list(place.iterdir()):
+        for path in list((place or folder()).iterdir()):
             with suppress(OSError):
-                if KEPT_FILE.fullmatch(path.name) and chosen(path):
+                if KEPT_FILE.fullmatch(path.name) and time.time() - path.stat().st_mtime >= unused_for:
                     path.unlink()
-                    removed.append(path)
-    return removed
+                    count += path.suffix == ".so"
+    return count

@@ -7,12 +7,10 @@ only loads it. ``$HARPY_PIN_KERNELS`` chooses ``c`` or ``python``; by default it
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from functools import cache, update_wrapper
 from inspect import signature
 from pathlib import Path
@@ -29,8 +27,7 @@ from harpy_pin.compiled.entry_points import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.record_view import RecordView, plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
-from harpy_pin.compiled.source import _described as _described_code
-from harpy_pin.compiled.source import _own_fingerprint, fingerprint, remember
+from harpy_pin.compiled.source import fingerprint, remember
 from harpy_pin.compiled.types import Array, Struct, Tuple, Type
 from harpy_pin.errors import HarpyError, InputError, KernelError
 
@@ -215,7 +212,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def _load(self, types: tuple[Type, ...]) -> None:
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
-        code = (_portable_fingerprint if compiler.portable() else fingerprint)(self.py_func)
+        code = fingerprint(self.py_func, portable=compiler.portable())
         key = compiler.key_of(_translator(), code, f"{self.py_func.__module__}.{name}", _text(types))
 
         def source() -> str:
@@ -368,28 +365,8 @@ def end_all() -> None:
     _workers.cache_clear()
 
 
-def _portable_fingerprint(function: FunctionType) -> bytes:
-    """A fingerprint with files in the place of instructions, of which every version of Python has its own."""
-    seen: dict[FunctionType, bytes] = {}
-    waiting = [function]
-    while waiting:
-        one = waiting.pop()
-        if one not in seen:
-            text, called = _own_fingerprint(one)
-            seen[one] = text.replace(_described_code(one.__code__).encode(), _digest(one.__code__.co_filename))
-            waiting.extend(called)
-    return b"".join(sorted(seen.values()))
-
-
-@cache
-def _digest(file: str) -> bytes:
-    with suppress(OSError):  # a kernel that was typed in has no file
-        return hashlib.sha256(Path(file).read_bytes()).digest()
-    return b""
-
-
 @cache
 def _translator() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""
     here = Path(__file__).parent
-    return b"".join((here / f"{name}.py").read_bytes() for name in TRANSLATOR)
+    return b"".join((here / name).read_bytes() for name in (*(f"{own}.py" for own in TRANSLATOR), "helpers.c"))

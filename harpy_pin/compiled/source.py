@@ -5,11 +5,14 @@ from __future__ import annotations
 import ast
 import builtins
 import gc
+import hashlib
 import inspect
 import linecache
 import os
 import textwrap
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -134,24 +137,32 @@ def source_of(function: FunctionType) -> Source:
     return Source(function)
 
 
-_FINGERPRINTS: dict[FunctionType, tuple[bytes, tuple[FunctionType, ...]]] = {}
+def fingerprint(function: FunctionType, *, portable: bool = False) -> bytes:
+    """What decides the code of a kernel and of those it may call: instructions, and the numbers that they name.
 
-
-def fingerprint(function: FunctionType) -> bytes:
-    """What decides the code of a kernel and of those it may call: instructions, and the numbers that they name."""
+    A portable one has files in the place of instructions, of which every version of Python has its own.
+    """
     seen: dict[FunctionType, bytes] = {}
     waiting = [function]
     while waiting:
         one = waiting.pop()
-        if one in seen:
-            continue
-        if one not in _FINGERPRINTS:
-            _FINGERPRINTS[one] = _own_fingerprint(one)
-        seen[one], called = _FINGERPRINTS[one]
-        waiting.extend(called)
+        if one not in seen:
+            seen[one], called = _own_fingerprint(one)
+            waiting.extend(called)
+            if portable:
+                code = one.__code__
+                seen[one] = seen[one].replace(_described(code).encode(), _digest(code.co_filename))
     return b"".join(sorted(seen.values()))
 
 
+@cache
+def _digest(file: str) -> bytes:
+    with suppress(OSError):  # a kernel that was typed in has no file
+        return hashlib.sha256(Path(file).read_bytes()).digest()
+    return b""
+
+
+@cache
 def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType, ...]]:
     code, known = function.__code__, _globals(function)
     called: list[FunctionType] = []

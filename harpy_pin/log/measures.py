@@ -205,8 +205,8 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     angles[:, 2] -= angles[0, 2]
     angles[:, 2] -= 2.0 * np.pi * np.round(angles[:, 2] / (2.0 * np.pi))
     roll, pitch, yaw = np.abs(angles).max(axis=0).tolist()
-    estimated = run["estimated_q"] if "estimated_q" in run else np.full_like(q, np.nan)
-    known = estimated.shape == q.shape and estimated.dtype.kind == "f"
+    estimated = optional.optional_signal(run, "estimated_q")
+    off = math.nan if estimated is None else float(np.linalg.norm(estimated[-1, :3] - q[-1, :3]))
     cosine = np.clip(1.0 - 2.0 * (q[:, 3] * q[:, 3] + q[:, 4] * q[:, 4]), -1.0, 1.0)
     tilt = float(np.arccos(cosine).max())
     return Measures(
@@ -228,7 +228,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         stumbled=not tilt <= STUMBLE,
         bad_samples=optional.last_count(run, "bad_samples"),
         **walk_measures(run, period=period, step_duration=step_duration),
-        estimate_off_m=float(np.linalg.norm(estimated[-1, :3] - q[-1, :3])) if known else math.nan,
+        estimate_off_m=off,
     )
 
 

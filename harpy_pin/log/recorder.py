@@ -1,4 +1,4 @@
-"""Recorder: the rows of a run while it goes on, in memory or in a journal on disk."""
+"""Recorder: the rows of a run while it goes on, in memory and in a journal on disk."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Recorder:
     """Keeps the signals of every tick: a row as its bytes, the cheapest copy of many small arrays there is.
 
     Args:
-        journal: takes the blocks; they stay in memory where there is none, or once its disk is full.
+        journal: takes the blocks, too.
         block: rows that are written at a time.
     """
 
@@ -110,12 +110,13 @@ class Recorder:
             self.flush()
 
     def flush(self) -> None:
-        """Make a block of the latest rows, on disk where there is a journal."""
+        """Make a block of the latest rows, also on disk where there is a journal."""
         if not self._held:
             return
         block = b"".join(self._rows)
-        if self._journal is None or not self._journal.add(block):
-            self._blocks.append(block)
+        self._blocks.append(block)
+        if self._journal is not None:
+            self._journal.add(block)
         self._before += self._held
         self._rows, self._held = [], 0
         self._due = self._size - self._before % self._size
@@ -123,9 +124,8 @@ class Recorder:
     def take(self) -> dict[str, NDArray[Any]]:
         """All signals, each with a row for every tick; the recorder is empty then."""
         self.flush()
-        blocks = self._blocks if self._journal is None else self._journal.blocks() + self._blocks
-        self._blocks, self._before = deque(), 0
-        return self._layout.signals(blocks)
+        self._before = 0
+        return self._layout.signals(self._blocks)
 
 
 def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:

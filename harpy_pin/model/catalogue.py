@@ -66,11 +66,9 @@ class CatalogueRobot:
         Raises:
             RobotError: example-robot-data is not installed.
         """
-        try:
-            folder = distribution("example-robot-data").locate_file(DATA)
-        except PackageNotFoundError:
-            raise RobotError(f"'{self.file}' is in example-robot-data: {install_line('robots')}") from None
-        return Path(str(folder)) / self.file
+        if installed_data() is None:
+            raise RobotError(f"'{self.file}' is in example-robot-data: {install_line('robots')}")
+        return Path(str(distribution("example-robot-data").locate_file(DATA))) / self.file
 
     @checked
     def add_frames(self, model: pin.Model) -> None:

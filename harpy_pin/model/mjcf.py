@@ -18,10 +18,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, RobotError, shown
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
-from harpy_pin.model.urdf import build_model, check_bodies, number_in, read_xml
+from harpy_pin.model.urdf import build_model, check_bodies, number_in, read_xml, robot_errors
 
 FREE = 0
 """``mujoco.mjtJoint.mjJNT_FREE``."""
@@ -33,8 +33,7 @@ def build_any_model(path: Path) -> tuple[pin.Model, Vector | None]:
     Raises:
         RobotError: as :func:`harpy_pin.model.urdf.build_model`.
     """
-    where = shown(str(path), 300)
-    try:
+    with robot_errors(path, "an MJCF file"):
         root = read_xml(path)
         if root.tag != "mujoco":
             return build_model(path), None
@@ -44,13 +43,6 @@ def build_any_model(path: Path) -> tuple[pin.Model, Vector | None]:
             raise InputError("its first body has no free joint")
         tree_record(model)
         check_bodies(model)
-    except InputError as error:
-        raise RobotError(f"{where}: {error}", path=path) from error
-    except OSError as error:
-        raise RobotError(f"cannot read {where}: {error.strerror or error}", path=path) from error
-    except (RuntimeError, ValueError, IndexError) as error:
-        reason = " ".join(str(error).split())
-        raise RobotError(f"{where} is not an MJCF file that Pinocchio can read: {reason}", path=path) from error
     keys = {entry.key(): np.array(entry.data()) for entry in model.referenceConfigurations}
     return model, keys["home"][7:] if "home" in keys else None
 

@@ -17,7 +17,6 @@ from harpy_pin.files import Shield
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run, describe_versions
-from harpy_pin.log.run_file import FORMAT
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import plain_source
 from harpy_pin.model.state import Command, State
@@ -61,27 +60,20 @@ def keep_run(
 ) -> tuple[Run, RunFileError | None]:
     """The run, and why it could not be written if it was to be. A file is left as it is where nothing was logged."""
     if len(recorder) == 0:
-        if journal is not None:
-            journal.remove()
-        return Run({name: np.zeros((0, *array.shape)) for name, array in plant.signals.items()}, metadata), None
-    recorder.flush()
-    if journal is not None:
-        journal.end({**metadata, "format": FORMAT})
-    run, unsaved = Run(recorder.take(), metadata), None
-    try:
-        if save is not None:
-            run.save(save)
-    except RunFileError as error:
-        kept = ""
-        if journal is not None:
-            where = f"'{journal.path}'"
-            kept = f"; its rows are in {where}" if journal.error is None else f"; {where} holds its beginning"
-            journal.close()
-        unsaved = RunFileError(f"{error}{kept}", path=save)
-        unsaved.run = run
+        run, unsaved = Run({name: np.zeros((0, *array.shape)) for name, array in plant.signals.items()}, metadata), None
     else:
-        if journal is not None:
-            journal.remove()
+        run, unsaved = Run(recorder.take(), metadata), None
+        try:
+            if save is not None:
+                run.save(save)
+        except RunFileError as error:
+            kept = ""
+            if journal is not None:
+                where = f"'{journal.path}'"
+                kept = f"; its rows are in {where}" if journal.error is None else f"; {where} holds its beginning"
+            unsaved = RunFileError(f"{error}{kept}", path=save, run=run)
+    if journal is not None:
+        journal.close(remove=unsaved is None)
     return run, unsaved
 
 

@@ -284,7 +284,7 @@ class Drive:
 
 
 class LiveLog:
-    """What was driven, as a run on disk: its rows leave the memory every second, and are read back at the end.
+    """What was driven, as a run, with its rows on disk every second.
 
     Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. It holds
     :attr:`LiveSession.signals`, the same whatever controller drives.

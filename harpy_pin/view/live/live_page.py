@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from harpy_pin import checks
-from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.errors import HarpyError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.guard import guarded_server
@@ -86,7 +85,7 @@ class _Page:
     ) -> None:
         self._pipe, self._board = pipe, board
         self._sending = threading.Lock()
-        self.server = guarded_server(listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason))
+        self.server = guarded_server(listener, label="harpy live")
         ranges = DriveRanges.of(robot)
         self._spring = ranges.spring
         self._scene = LiveScene(self.server, robot)
@@ -149,15 +148,9 @@ class _Page:
             self._grip = None
             self._send("pull", (0.0, 0.0, 0.0))
             return
-        try:
-            start = checks.vector("the drag's start", event.start_position, 3)
-            hand = checks.vector("the drag's end", event.end_position, 3)
-        except InputError as error:
-            self._panel.refuse(str(error))
-            return
         if event.phase == "start" or self._grip is None:
-            self._grip = start - self._scene.body
-        self._hand = hand
+            self._grip = np.array(event.start_position) - self._scene.body
+        self._hand = np.array(event.end_position)
 
     def _pull(self) -> None:
         """A spring between the hand and the body."""

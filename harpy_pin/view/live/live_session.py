@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from time import perf_counter_ns
 from types import SimpleNamespace
 from typing import Any, cast
@@ -139,12 +139,8 @@ class LiveSession:
         schedules, gait, slip = self.ranges.schedules, self.gait, self.slip
         schedule = {"schedule": schedules.index(gait.schedule)} if isinstance(gait, WalkingGait) else {}
         return {
+            **{entry.name: getattr(tick.state, entry.name) for entry in fields(State)},
             "t": (self.ticks - 1) * PERIOD,
-            "q": tick.state.q,
-            "v": tick.state.v,
-            "foot_position": tick.state.foot_position,
-            "foot_velocity": tick.state.foot_velocity,
-            "foot_force": tick.state.foot_force,
             "slip_path": slip[:, 0],
             "slip_net": slip[:, 1],
             "torque": tick.command.torque,

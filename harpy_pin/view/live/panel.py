@@ -7,7 +7,6 @@ itself, the controls follow.
 from __future__ import annotations
 
 import math
-import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -73,7 +72,6 @@ class Panel:
         self._handles: dict[str, Any] = {}
         self._shown: dict[str, Callable[[Any], Any]] = {}  # a setting as its control shows it
         self._dragged: set[str] = set()
-        self._lock = threading.Lock()
         self._power = np.zeros(2)
         self._standing: dict[str, Any] = {"paused": False, "ending": "", "note": "", "refused": False, "busy": ""}
         gui.set_panel_label("harpy live")
@@ -96,9 +94,7 @@ class Panel:
 
     def take(self, standing: Mapping[str, Any]) -> None:
         """How things stand, from the session."""
-        with self._lock:
-            self._standing = dict(standing)
-            self._settings = standing["settings"]
+        self._standing, self._settings = dict(standing), standing["settings"]
         self._pause.label = "Go on" if standing["paused"] else "Pause"
         for name, handle in self._handles.items():
             value = self._shown[name](self._settings[name])
@@ -107,16 +103,6 @@ class Panel:
         self._dragged.clear()
         self._assumed.disabled = self._settings["assumed"] is None
 
-    def refuse(self, reason: str) -> None:
-        """Say why something that a page sent was not done."""
-        with self._lock:
-            self._standing |= {"note": reason, "refused": True}
-
-    @property
-    def note(self) -> str:
-        """What is said last of a wish; empty where all was done."""
-        return str(self._standing["note"])
-
     @property
     def follows(self) -> bool:
         """Whether the camera follows the robot."""
@@ -124,9 +110,7 @@ class Panel:
 
     def show(self, s: Any) -> None:
         """Numbers of a snapshot."""
-        with self._lock:
-            settings, standing = self._settings, self._standing
-        _say(self._status, _state(settings, standing, float(s["factor"])))
+        _say(self._status, _state(self._settings, self._standing, float(s["factor"])))
         force = self._feet.force(s["contact_force"])
         normal = np.maximum(force[:, 2], 1e-9)
         room = np.maximum(self._feet.least(s["foot_friction"]), 1e-9)
