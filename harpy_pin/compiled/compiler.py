@@ -228,34 +228,29 @@ def _whole(path: Path, *, ours: bool = True) -> bool:
     return False
 
 
-class _alone:
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
     """One process at a time makes a file; where locks cannot be had, several make the same one."""
+    lock, file = path.with_suffix(".lock"), None
+    with suppress(OSError, ImportError):
+        import fcntl
 
-    def __init__(self, path: Path) -> None:
-        self._path = path.with_suffix(".lock")
-        self._file: int | None = None
-
-    def __enter__(self) -> None:
-        with suppress(OSError, ImportError):
-            import fcntl
-
-            self._file = os.open(self._path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
-            deadline = time.monotonic() + PATIENCE
-            while time.monotonic() < deadline:
-                with suppress(BlockingIOError):
-                    fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                time.sleep(0.05)
-
-    def __exit__(self, *_: object) -> None:
-        if self._file is not None:
+        file = os.open(lock, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            with suppress(BlockingIOError):
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            time.sleep(0.05)
+    try:
+        yield
+    finally:
+        if file is not None:
             with suppress(OSError):
-                self._path.unlink()
-            with suppress(OSError, ImportError):
-                import fcntl
-
-                fcntl.flock(self._file, fcntl.LOCK_UN)  # a child that was forked meanwhile keeps the file open
-            os.close(self._file)
+                lock.unlink()
+            with suppress(OSError):
+                fcntl.flock(file, fcntl.LOCK_UN)  # a child that was forked meanwhile keeps the file open
+            os.close(file)
 
 
 def _places(path: Path) -> Iterator[Path]:

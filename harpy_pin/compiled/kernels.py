@@ -28,7 +28,7 @@ from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.record_view import RecordView, plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
 from harpy_pin.compiled.source import fingerprint, remember
-from harpy_pin.compiled.types import Array, Struct, Tuple, Type
+from harpy_pin.compiled.types import Array, Struct, Type
 from harpy_pin.errors import HarpyError, InputError, KernelError
 
 BACKENDS = ("c", "python")
@@ -213,7 +213,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
         code = fingerprint(self.py_func, portable=compiler.portable())
-        key = compiler.key_of(_translator(), code, f"{self.py_func.__module__}.{name}", _text(types))
+        key = compiler.key_of(_translator(), code, f"{self.py_func.__module__}.{name}", repr(types))
 
         def source() -> str:
             with _TRANSLATING:
@@ -308,26 +308,6 @@ def _described(given: Mapping[str, Any]) -> str:
         return f"{value.dtype.kind}{value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
 
     return ", ".join(f"{name}: {kind(value)}" for name, value in given.items())
-
-
-def _text(types: tuple[Type, ...]) -> str:
-    """Types as text that is the same in every process."""
-    return repr([_type_text(kind) for kind in types])
-
-
-def _type_text(kind: Type) -> str:
-    if isinstance(kind, Array):
-        return f"{_type_text(kind.element)}{kind.shape}{kind.strides}"
-    if isinstance(kind, Struct):
-        return f"{kind.name}{_dtype_text(kind.dtype)}"
-    if isinstance(kind, Tuple):
-        return f"({', '.join(map(_type_text, kind.items))})"
-    return str(kind)
-
-
-@cache
-def _dtype_text(dtype: np.dtype[Any]) -> str:
-    return repr(dtype)
 
 
 @cache

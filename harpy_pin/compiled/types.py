@@ -52,6 +52,9 @@ class Struct:
     dtype: np.dtype[Any] = field(compare=True)  # NumPy's, aligned, so that its layout is that of a C struct
     name: str = field(compare=False, default="record")  # of the argument or field that it was first met as
 
+    def __repr__(self) -> str:
+        return f"{self.name}{_text(self.dtype)}"
+
     def fields(self) -> dict[str, Type]:
         """Types of the fields by name."""
         return _fields(self.dtype)
@@ -165,6 +168,11 @@ def times(a: int | str, b: int | str) -> int | str:
     if a == 1 or b == 1:
         return b if a == 1 else a
     return f"{a} * {b}"
+
+
+@cache
+def _text(dtype: np.dtype[Any]) -> str:
+    return repr(dtype)
 
 
 @cache

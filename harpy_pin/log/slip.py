@@ -40,10 +40,11 @@ def slip_record(feet: int) -> Records[SlipRecord]:
 @kernel
 def forget_slip(s: SlipRecord, position: Vector) -> None:
     """Begin anew, with the feet where they are."""
-    for k in range(position.shape[0]):
-        s.path[k], s.net[k], s.ended[k], s.away[k] = 0.0, 0.0, 0.0, np.inf
-        for i in range(3):
-            s.before[k, i] = position[k, i]
+    s.path[:] = 0.0
+    s.net[:] = 0.0
+    s.ended[:] = 0.0
+    s.away[:] = np.inf
+    s.before[:] = position
 
 
 @kernel

@@ -107,7 +107,6 @@ class ClosedLoop:
         simulator.counts[:] = 0
         height = float(simulator.q[2]) - simulator.ground_below
         start, fall_height = simulator.t, 0.6 * height if height > 0.0 else -math.inf
-        self._telemetry = self._signals if hasattr(self.sensors, "signals") else self._of_controller
         while tick < self.ticks and self.ending == "completed":
             if compiled is not None:
                 with shield.whole():
@@ -134,14 +133,11 @@ class ClosedLoop:
             if self.on_piece is not None and tick % REPORT == 1:
                 self.on_piece(simulator.t)
 
-    def _of_controller(self) -> Mapping[str, ArrayLike]:
-        """Signals of the controller."""
-        signals: Mapping[str, ArrayLike] = getattr(self.controller, "telemetry", dict)()
-        return signals
-
-    def _signals(self) -> Mapping[str, ArrayLike]:
+    def _telemetry(self) -> Mapping[str, ArrayLike]:
         """Signals of the controller and of the sensors."""
-        return {**self._of_controller(), **getattr(self.sensors, "signals", {})}
+        own: Mapping[str, ArrayLike] = getattr(self.controller, "telemetry", dict)()
+        signals = getattr(self.sensors, "signals", None)
+        return own if signals is None else {**own, **signals}
 
     def _control(self, shield: Shield) -> Command | None:
         """The command at the present state, logged; None where the controller failed."""
