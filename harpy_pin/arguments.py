@@ -42,13 +42,8 @@ def checked(function: Callable[_P, _T]) -> Callable[_P, _T]:
     """Refuse arguments of another kind than the annotations say, before the function is called.
 
     An annotation that this module does not know, or that exists for type checkers only, allows everything. A protocol
-    asks for its public members.
-
-    Args:
-        function: or method; a ``staticmethod`` or ``classmethod`` around it comes outside.
-
-    Raises:
-        InputError: when it is called, with the argument's name.
+    asks for its public members. What is refused is an :class:`InputError`. A ``staticmethod`` or ``classmethod`` around
+    the function comes outside.
     """
     names = tuple(inspect.signature(function).parameters)
 

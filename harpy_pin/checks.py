@@ -17,10 +17,8 @@ from harpy_pin.errors import InputError, shown
 
 _Kind = TypeVar("_Kind")
 
-MAX_TICKS = 10_000_000
-"""Most ticks of a run, whose log is kept in memory."""
-MAX_FRICTION = 10.0
-"""Coefficient of friction that no pair of materials comes near."""
+MAX_TICKS = 10_000_000  # most ticks of a run, whose log is kept in memory
+MAX_FRICTION = 10.0  # coefficient of friction that no pair of materials comes near
 
 
 def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:

@@ -8,8 +8,7 @@ from importlib.metadata import requires
 from pathlib import Path
 from typing import Any
 
-MAX_NAME = 60
-"""Characters of a name that are compared with those there are."""
+MAX_NAME = 60  # characters of a name that are compared with those there are
 
 
 def shown(value: object, length: int = 60) -> str:

@@ -34,8 +34,7 @@ MATHEMATICS = {
 }
 """Functions of C's library under NumPy's names."""
 PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
-OF_TWO = (np.arctan2, np.hypot, np.copysign)
-"""Functions of two numbers."""
+OF_TWO = (np.arctan2, np.hypot, np.copysign)  # functions of two numbers
 LIBRARY = (*MATHEMATICS, *PREDICATES, min, max, abs, int, np.int64, float)
 """All functions that are no kernels."""
 

@@ -58,8 +58,7 @@ def _choose() -> str:
     return "c"
 
 
-BACKEND = _choose()
-"""How kernels of this process run."""
+BACKEND = _choose()  # how kernels of this process run
 
 
 class _Slow:
@@ -131,11 +130,8 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def prepare(self, *arguments: Any) -> Future[None]:
         """Begin to compile for arguments like these, in the background; the kernel is not called.
 
-        Returns:
-            What is done once it can be called.
-
-        Raises:
-            KernelError: the kernel does not take such arguments.
+        The future is done once it can be called. A :class:`KernelError` says that the kernel does not take such
+        arguments.
         """
         if BACKEND == "c":
             return self._versions[self._begin(tuple(map(_plain, self._bind(arguments, {}).values())))]

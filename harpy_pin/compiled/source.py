@@ -23,17 +23,9 @@ from harpy_pin.errors import KernelError
 
 
 class Source:
-    """A kernel's function as a tree.
+    """A kernel's function as a tree: its definition, its arguments in order, with defaults, and its first paragraph.
 
-    Attributes:
-        name: of the function.
-        tree: its definition.
-        parameters: names of its arguments, in order.
-        defaults: of those that have one.
-        docstring: its first paragraph.
-
-    Raises:
-        KernelError: there is no source to read.
+    A :class:`KernelError` says that there is no source to read.
     """
 
     def __init__(self, function: FunctionType) -> None:
@@ -59,9 +51,7 @@ class Source:
     def lookup(self, name: str, *, single: bool = False) -> Any:
         """What a name of the kernel's module, or of Python, stands for.
 
-        Args:
-            name: of it.
-            single: whether the module's ``SINGLE``, numbers by name that stand for others in single precision, counts.
+        In ``single`` precision the module's ``SINGLE`` counts, numbers by name that stand for others.
         """
         known = _globals(self._function)
         found = known.get(name, getattr(builtins, name, None))
@@ -92,8 +82,7 @@ def _parsed(text: str) -> ast.FunctionDef:
     return tree
 
 
-_LOADED: dict[str, tuple[int, int]] = {}
-"""What files of kernels were when they were loaded."""
+_LOADED: dict[str, tuple[int, int]] = {}  # what files of kernels were when they were loaded
 
 
 def remember(function: FunctionType) -> None:

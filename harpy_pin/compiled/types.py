@@ -189,11 +189,7 @@ def _fields(dtype: np.dtype[Any]) -> dict[str, Type]:
 
 
 def element_of(dtype: np.dtype[Any], name: str) -> Scalar | Struct:
-    """What the elements of an array of this type are.
-
-    Raises:
-        KernelError: a kernel has no such numbers.
-    """
+    """What the elements of an array of this type are; a :class:`KernelError` where a kernel has no such numbers."""
     if dtype.names is not None:
         return Struct(dtype, name)
     kind = KINDS.get(dtype.char)

@@ -18,8 +18,7 @@ COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-syst
 ICOUNT = "shift=6,align=off,sleep=off"
 """Every instruction takes 64 ns: more than a tick of the board's clock, so that each is seen."""
 COMMON = ("-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
-MOST = 600.0
-"""Time for one program, s."""
+MOST = 600.0  # time for one program, s
 
 
 @dataclass(frozen=True)
@@ -94,11 +93,7 @@ def build(
 
 
 def run(program: Path, chip: Chip) -> tuple[str, int]:
-    """Run a program on a chip's board in QEMU.
-
-    Returns:
-        What it printed, and its exit code.
-    """
+    """Run a program on a chip's board in QEMU; returns what it printed, and its exit code."""
     machine = [EMULATOR, "-machine", chip.machine, "-nographic", "-monitor", "none", "-serial", "none"]
     target = ["-semihosting-config", "enable=on,target=native", "-icount", ICOUNT, "-kernel", str(program)]
     return run_program([*machine, *target], timeout=MOST)

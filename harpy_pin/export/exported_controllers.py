@@ -35,8 +35,7 @@ MEASURED: tuple[str, ...] = ("q", "v", "foot_position", "foot_force")
 """What a controller may take of a state."""
 LAW = ("joint_position", "joint_velocity", "joint_stiffness", "joint_damping")
 """Rows of the motors' law, see :class:`harpy_pin.model.state.Command`."""
-ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")
-"""What an estimator gives."""
+ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")  # what an estimator gives
 
 
 PROGRAM_STATUSES = {"OPTIMAL": 0, "FALLBACK": FALLBACK}
@@ -47,29 +46,17 @@ GOVERNOR_STATUSES = {"SATISFIED": 0, "VIOLATED": VIOLATED}
 
 @dataclass(frozen=True)
 class Exportable:
-    """A controller or an estimator that can become C.
+    """A controller or an estimator that can become C."""
 
-    Attributes:
-        kind: its short name, a part of the names in C.
-        title: what it is, in words.
-        robot: whose it is.
-        record: before the first tick.
-        step: the kernel of its tick.
-        inputs: names and shapes of what is measured, in the order of the kernel's arguments.
-        outputs: names and shapes of the command's parts, or of the estimate's.
-        statuses: what a tick's status says, by name.
-        control: part of the record that has the command; empty where it is the record itself.
-    """
-
-    kind: str
-    title: str
-    robot: Robot
-    record: Record
-    step: Callable[..., int]
-    inputs: Mapping[str, tuple[int, ...]]
-    outputs: Mapping[str, tuple[int, ...]]
-    statuses: Mapping[str, int]
-    control: str = ""
+    kind: str  # its short name, a part of the names in C
+    title: str  # what it is, in words
+    robot: Robot  # whose it is
+    record: Record  # before the first tick
+    step: Callable[..., int]  # the kernel of its tick
+    inputs: Mapping[str, tuple[int, ...]]  # names and shapes of what is measured, in the kernel's order
+    outputs: Mapping[str, tuple[int, ...]]  # names and shapes of the command's parts, or of the estimate's
+    statuses: Mapping[str, int]  # what a tick's status says, by name
+    control: str = ""  # part of the record that has the command; empty where it is the record itself
 
     def command_of(self, record: Record) -> Record:
         """The part of a record that has the command."""
@@ -88,13 +75,9 @@ class Exportable:
 
 
 def exportable(controller: object) -> Exportable:
-    """What is exported of a controller or an estimator.
+    """What is exported of a controller or an estimator, with its gait and settings; it is not changed.
 
-    Args:
-        controller: one of this library's, with its gait and settings; it is not changed.
-
-    Raises:
-        InputError: it is another one, or has a setting that is not exported.
+    One that is not this library's, or that has a setting which is not exported, is an :class:`InputError`.
     """
     for kind, export in _EXPORTS.items():
         if isinstance(controller, kind):

@@ -30,10 +30,8 @@ from harpy_pin.simulation.sensing import EstimatedState, Sensing
 
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
 """Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
-ESTIMATOR = "estimator"
-"""The state estimator's name."""
-SINK = 1e-3
-"""How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""
+ESTIMATOR = "estimator"  # the state estimator's name
+SINK = 1e-3  # how deep feet sink in where a robot stands, m: it makes the ground's stiffness
 SHIFT = (0.02, 0.01, 0.0)
 """How far a robot that stays in one place moves its body back and forth, m."""
 SINGLE_FORCE = 100.0
@@ -64,14 +62,9 @@ def ready(
 ) -> Walk:
     """A motion that fits a robot, with a controller: Harpy walks, others stand, step in place or hover.
 
-    Args:
-        robot: whose motion.
-        controller: one of :data:`CONTROLLERS`, or :data:`ESTIMATOR`, for which the condensed controller walks.
-        duration: s.
-        friction: of the ground, which the controller knows.
-        pushes: on the body.
-        single: whether the controller is for single precision: the weight on contact forces of a robot that stands is
-            then larger (:data:`SINGLE_FORCE`).
+    The controller is one of :data:`CONTROLLERS`, or :data:`ESTIMATOR`, for which the condensed controller walks; it
+    knows the friction. In ``single`` precision its weight on contact forces of a robot that stands is larger
+    (:data:`SINGLE_FORCE`). The duration is in s.
 
     Raises:
         InputError: the controller is unknown, or does not take the robot.
@@ -147,12 +140,7 @@ class _Felt(_Watch):
 
 
 def record(motion: Walk, what: Exportable) -> Recording:
-    """The inputs of every tick of a motion, up to its end.
-
-    Args:
-        motion: with one of the library's controllers.
-        what: is exported of that controller.
-    """
+    """The inputs of every tick of a motion with one of the library's controllers, up to its end."""
     assert isinstance(motion.controller, GaitController)
     watch, names = _Watch(motion.controller, what), MEASURED
     if isinstance(motion.sensors, EstimatedState):
@@ -163,20 +151,10 @@ def record(motion: Walk, what: Exportable) -> Recording:
 
 
 def answers(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
-    """Commands and status of every tick, from the first state on.
+    """(ticks, ·) torques and thrusts, and (ticks,) the status, from the first state on.
 
-    In double precision those of the library's kernels; in single precision those of the exported C on this machine.
-
-    Args:
-        what: the controller.
-        code: its C.
-        given: the ticks.
-
-    Returns:
-        (ticks, ·) torques and thrusts, and (ticks,) the status.
-
-    Raises:
-        HarpyError: there is no C compiler, which single precision needs.
+    In double precision those of the library's kernels; in single precision those of the exported C on this machine, for
+    which a :class:`HarpyError` asks for a compiler.
     """
     return _from_kernels(what, given) if code.real == "double" else _from_c(what, code, given)
 

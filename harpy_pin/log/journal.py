@@ -28,10 +28,8 @@ from harpy_pin.log.run_file import check_name, to_json
 
 MAGIC = b"harpy run journal 3\n"
 RECORD = struct.Struct("<QI")
-ITEM = 8
-"""Bytes of a number."""
-MAX_ROW = 1 << 20
-"""Numbers in a row, at most."""
+ITEM = 8  # bytes of a number
+MAX_ROW = 1 << 20  # numbers in a row, at most
 
 
 @dataclass(frozen=True)
@@ -72,18 +70,10 @@ class Layout:
 
 
 class Journal:
-    """Written while a run goes on, and removed once the whole log has taken its place.
+    """Written while a run goes on, and removed once the whole log, its target, has taken its place.
 
-    Args:
-        target: the log that it is to become.
-        metadata: of a run that has not ended.
-
-    Attributes:
-        path: of the journal.
-        error: why it could not go on.
-
-    Raises:
-        RunFileError: the file cannot be made, the metadata are no JSON, or another run has left its journal there.
+    ``error`` says why it could not go on. A :class:`RunFileError` says that the file cannot be made, that the metadata
+    are no JSON, or that another run has left its journal there.
     """
 
     def __init__(self, target: str | Path, metadata: Mapping[str, Any]) -> None:
@@ -132,12 +122,9 @@ def is_journal(path: Path) -> bool:
 
 
 def read_journal(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
-    """Signals and metadata of a journal, up to the last block that is whole.
+    """Signals and metadata of a journal, up to the last block that is whole; readers are warned.
 
-    Readers are warned.
-
-    Raises:
-        RunFileError: there is not even a first record.
+    A :class:`RunFileError` says that there is not even a first record.
     """
     blocks, place = deque[bytes](), len(MAGIC)
     try:

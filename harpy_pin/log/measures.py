@@ -139,14 +139,7 @@ WORDS = {entry.name: str(entry.metadata["words"]) for entry in fields(Measures)}
 
 
 def body_angles(q: Vector) -> Vector:
-    """Roll, pitch and yaw (z-y-x angles) of configurations.
-
-    Args:
-        q: (n, nq).
-
-    Returns:
-        (n, 3), rad.
-    """
+    """(n, 3) roll, pitch and yaw (z-y-x angles), rad, of (n, nq) configurations."""
     x, y, z, w = q[:, 3], q[:, 4], q[:, 5], q[:, 6]
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
@@ -155,14 +148,9 @@ def body_angles(q: Vector) -> Vector:
 
 
 def contact_age(touching: NDArray[np.bool_], period: float) -> Vector:
-    """Time since touchdown of each foot, s; a break shorter than 20 ms is a bounce, not a new touchdown.
+    """(n, feet) time since touchdown, s, of feet (n, feet) that touch the ground; zero in swing.
 
-    Args:
-        touching: (n, feet) whether the foot touches the ground.
-        period: time between rows, s.
-
-    Returns:
-        (n, feet); zero in swing.
+    The period between rows is in s. A break shorter than 20 ms is a bounce, not a new touchdown.
     """
     age = np.zeros(touching.shape)
     for k in range(touching.shape[1]):

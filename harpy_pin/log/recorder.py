@@ -16,8 +16,7 @@ from harpy_pin.log.journal import Journal, Layout
 from harpy_pin.log.run_file import check_name
 
 FLOAT = np.dtype(np.float64)
-BLOCK = 1000
-"""Rows of a block, at most."""
+BLOCK = 1000  # rows of a block, at most
 
 
 class Recorder:

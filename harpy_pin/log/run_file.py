@@ -31,8 +31,7 @@ AXES = {
     "thrust": (None, 3),
 }
 """Signals of every log, and the axes of one row; None where the robot decides."""
-LEAST = {"q": 7, "v": 6}
-"""Numbers in a row, at least: those of the base."""
+LEAST = {"q": 7, "v": 6}  # numbers in a row, at least: those of the base
 TEXT, NUMBER, MAPPING, LIST = (str,), (int, float), (dict,), (list, tuple)
 KINDS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("ending", "robot", "controller"), TEXT),
@@ -43,10 +42,8 @@ KINDS: dict[str, tuple[type, ...]] = {
 """Types of the metadata that readers of a log rely on, where they are there."""
 MAX_TIME, MAX_STEP = 1e9, 10.0
 """Bounds of the times of a log and of the time between its rows, s; no simulation comes near."""
-MAX_NUMBER = 1e300
-"""Bound of the other numbers: JSON has whole numbers that no float can hold."""
-MAX_TEXT = 1 << 26
-"""Bytes of the metadata in the file, at most (four for each character)."""
+MAX_NUMBER = 1e300  # bound of the other numbers: JSON has whole numbers that no float can hold
+MAX_TEXT = 1 << 26  # bytes of the metadata in the file, at most (four for each character)
 MAX_SIGNALS = 1000
 SMALL, RATIO, MAX_PACKED = 1 << 26, 100, 1 << 31
 """A file may not say that it holds more bytes than SMALL and more than RATIO times its size, nor more than MAX_PACKED
@@ -76,11 +73,7 @@ def _check_numbers(path: Path, name: str, dtype: np.dtype[Any]) -> None:
 
 
 def to_json(path: str | Path, metadata: Mapping[str, Any]) -> str:
-    """Metadata as text.
-
-    Raises:
-        RunFileError: they cannot be.
-    """
+    """Metadata as text; a :class:`RunFileError` where they are no JSON."""
     try:
         return json.dumps(metadata, default=str)
     except (TypeError, ValueError, RecursionError) as error:
@@ -90,8 +83,7 @@ def to_json(path: str | Path, metadata: Mapping[str, Any]) -> str:
 def write_run(path: str | Path, metadata: Mapping[str, Any], signals: Mapping[str, NDArray[Any]]) -> None:
     """Write a log; a file of that name is replaced only once the new one is whole.
 
-    Raises:
-        RunFileError: the file cannot be written, or a signal has a name or a type that no log can hold.
+    A :class:`RunFileError` says that it cannot be written, or that a signal has a name or a type that no log can hold.
     """
     arrays = {name: np.asarray(signal) for name, signal in signals.items()}
     for name, array in arrays.items():
@@ -107,11 +99,7 @@ def write_run(path: str | Path, metadata: Mapping[str, Any], signals: Mapping[st
 
 
 def read_run(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
-    """Signals and metadata of a log.
-
-    Raises:
-        RunFileError: the file is damaged, or holds what no log holds.
-    """
+    """Signals and metadata of a log; a :class:`RunFileError` for a file that is damaged, or holds what no log holds."""
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             entries = _entries(path, archive, os.fstat(file.fileno()).st_size)
@@ -167,8 +155,7 @@ def _read(path: Path, archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo
 def check_log(source: Path, signals: Mapping[str, NDArray[Any]], metadata: Any) -> None:
     """Refuse what is not the log of a robot over time; takes the list of signals out of the metadata.
 
-    Raises:
-        RunFileError: it is not.
+    What is refused is a :class:`RunFileError`.
     """
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
         raise RunFileError(f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source)

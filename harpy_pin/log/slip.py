@@ -17,8 +17,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-DEBOUNCE = 0.02
-"""Longest break of a contact that is a bounce, s."""
+DEBOUNCE = 0.02  # longest break of a contact that is a bounce, s
 
 
 class SlipRecord(RecordOf):

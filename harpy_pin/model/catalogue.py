@@ -116,8 +116,7 @@ def known_name(name: Any) -> Any:
 def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
     """The robot of that name; None if it is a path: it has a folder or an extension, or is no string.
 
-    Raises:
-        InputError: no such name; the message lists the names there are.
+    An :class:`InputError` lists the names there are.
     """
     if not isinstance(name, str) or name in (".", "..") or Path(name).name != name or Path(name).suffix:
         return None
@@ -128,10 +127,9 @@ def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
 
 
 def check_robot_name(name: object) -> None:
-    """Refuse what is neither ``harpy`` nor the name of a robot of :data:`CATALOGUE`.
+    """Refuse what is neither ``harpy`` nor the name of a robot of :data:`CATALOGUE`, by an :class:`InputError`.
 
-    Raises:
-        InputError: it lists the names; to a path it says how a file is read.
+    It lists the names; to a path it says how a file is read.
     """
     path = isinstance(name, str) and (Path(name).suffix or Path(name).name != name)
     hint = "a file comes with its feet: hp.load_robot(path, feet=...), --robot FILE --feet NAME,..." if path else ""

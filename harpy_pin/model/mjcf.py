@@ -23,15 +23,13 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import build_model, check_bodies, number_in, read_xml, robot_errors
 
-FREE = 0
-"""``mujoco.mjtJoint.mjJNT_FREE``."""
+FREE = 0  # ``mujoco.mjtJoint.mjJNT_FREE``
 
 
 def build_any_model(path: Path) -> tuple[pin.Model, Vector | None]:
     """Pinocchio's model of a URDF or of an MJCF file, and the standing posture (joints,) where the file has one.
 
-    Raises:
-        RobotError: as :func:`harpy_pin.model.urdf.build_model`.
+    Errors are those of :func:`harpy_pin.model.urdf.build_model`.
     """
     with robot_errors(path, "an MJCF file"):
         root = read_xml(path)
@@ -103,8 +101,7 @@ def plain_name(name: str) -> str:
 def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
     """Numbers of joints in a ``mujoco.MjModel``, by their names without prefix.
 
-    Raises:
-        InputError: it is no such model, has no free joint, a joint is absent, or there are two of that name.
+    An :class:`InputError` says that it is no such model, has no free joint, lacks a joint, or has two of that name.
     """
     if not hasattr(model, "jnt_type"):
         raise InputError(f"model must be a mujoco.MjModel, got {shown(model)}", name="model", value=model)
@@ -124,11 +121,7 @@ def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
 
 
 def free_joint(model: Any, joints: NDArray[np.int64]) -> int:
-    """Number of the free joint that moves the base of a robot with these joints.
-
-    Raises:
-        InputError: there is none.
-    """
+    """Number of the free joint that moves the base of a robot with these joints; refuses a model without one."""
     free = [number for number in range(model.njnt) if model.jnt_type[number] == FREE]
     if len(joints):
         root = model.body_rootid[model.jnt_bodyid[joints[0]]]

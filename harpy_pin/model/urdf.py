@@ -21,16 +21,13 @@ _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
 """Pinocchio's reader calls itself once per link of a chain; its stack ends somewhere above 3000."""
 _MAX_NAME = 200
-_MAX_DEPTH = 50
-"""Most levels of elements inside elements; readers call themselves once for each."""
+_MAX_DEPTH = 50  # most levels of elements inside elements; readers call themselves once for each
 _LARGEST = 1e6
 """Largest masses, lengths and inertias, SI; larger ones overflow in the equations of motion."""
-_ROUNDING = 1e-12
-"""What files made by programs have below zero, kg·m²."""
+_ROUNDING = 1e-12  # what files made by programs have below zero, kg·m²
 
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed")
-_FIXED = ("parent", "child", "origin")
-"""Elements that mean something in a fixed joint."""
+_FIXED = ("parent", "child", "origin")  # elements that mean something in a fixed joint
 # Numbers of an element: how many in each attribute, the attributes it must have, those it may have.
 _NUMBERS: dict[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
     "mass": (1, ("value",), ()),

@@ -12,8 +12,7 @@ from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
 
-MAX_MASS_ERROR = 100.0
-"""As a share: far beyond any robot, and far from numbers that overflow."""
+MAX_MASS_ERROR = 100.0  # as a share: far beyond any robot, and far from numbers that overflow
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,8 +22,7 @@ from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.push import check_pushes
 
-TRUE, ESTIMATED = "true", "estimated"
-"""What a controller may know of the state."""
+TRUE, ESTIMATED = "true", "estimated"  # what a controller may know of the state
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

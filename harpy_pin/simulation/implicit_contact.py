@@ -23,12 +23,9 @@ from harpy_pin.simulation.sole_contact import sole_step
 if TYPE_CHECKING:
     from harpy_pin.simulation.step import StepRecord
 
-TINY = 1e-30
-"""Keeps quotients of two zeros finite."""
-ROUNDS = 200
-"""Most rounds of contact forces and joint friction in a step."""
-TOLERANCE = 1e-9
-"""Change of a joint's friction, as a share of its limit, that ends them."""
+TINY = 1e-30  # keeps quotients of two zeros finite
+ROUNDS = 200  # most rounds of contact forces and joint friction in a step
+TOLERANCE = 1e-9  # change of a joint's friction, as a share of its limit, that ends them
 
 
 @kernel

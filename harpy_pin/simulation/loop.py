@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from harpy_pin.simulation.plant import Plant
     from harpy_pin.simulation.sensing import EstimatedState
 
-REPORT = 100
-"""Ticks in Python between two reports of progress."""
+REPORT = 100  # ticks in Python between two reports of progress
 
 
 @runtime_checkable

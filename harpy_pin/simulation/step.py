@@ -44,13 +44,10 @@ from harpy_pin.simulation.thrusters import ThrustersRecord, drive_thrusters, thr
 
 MIN_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
-MAX_SWEEPS = 500
-"""Limit of the contact solver's iteration."""
-MISFIT_COMMAND = -1
-"""What :func:`physics_steps` returns for a command that it refuses."""
+MAX_SWEEPS = 500  # limit of the contact solver's iteration
+MISFIT_COMMAND = -1  # what :func:`physics_steps` returns for a command that it refuses
 Kind = TypeVar("Kind", bound="PlantRecord")
-VERDICTS = ("completed", "fell", "diverged")
-"""How a run ends, by what :func:`stands` returns."""
+VERDICTS = ("completed", "fell", "diverged")  # how a run ends, by what :func:`stands` returns
 
 
 class PlantRecord(RecordOf):

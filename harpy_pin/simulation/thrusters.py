@@ -19,12 +19,9 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-MAX_LAG = 1e3
-"""s."""
-MAX_THRUST = 1e6
-"""N, and N/s."""
-SMALL = 1e-9
-"""Thrust below which a command has no direction, N."""
+MAX_LAG = 1e3  # s
+MAX_THRUST = 1e6  # N, and N/s
+SMALL = 1e-9  # thrust below which a command has no direction, N
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,8 +29,7 @@ from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
 from harpy_pin.simulation.mujoco.differences import AtZero
 
-ROOT = 1
-"""Index of the floating base's joint in Pinocchio's model."""
+ROOT = 1  # index of the floating base's joint in Pinocchio's model
 
 
 def installed_version() -> str | None:
@@ -39,11 +38,7 @@ def installed_version() -> str | None:
 
 
 def import_mujoco() -> Any:
-    """The module ``mujoco``.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """The module ``mujoco``; an :class:`InputError` where it is not installed."""
     try:
         import mujoco
     except ImportError as error:

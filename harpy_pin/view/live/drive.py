@@ -31,13 +31,10 @@ from harpy_pin.view.live.settings import LiveSettings
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 from harpy_pin.view.live.times import TickTimes
 
-SNAPSHOT_PERIOD = 0.02
-"""Time between snapshots, s."""
-NAP = 2e-3
-"""Longest sleep, s: ticks that have come due meanwhile are made up for."""
+SNAPSHOT_PERIOD = 0.02  # time between snapshots, s
+NAP = 2e-3  # longest sleep, s: ticks that have come due meanwhile are made up for
 PAGE_ENDED = "the process of the page ended; what was driven until then is kept"
-READY_WITHIN = 120.0
-"""Time that the page's process may take to start, s."""
+READY_WITHIN = 120.0  # time that the page's process may take to start, s
 WISHES: Mapping[str, Callable[[LiveSession, Any], str | None]] = {
     "change": LiveSession.change,
     "strip": LiveSession.lay_strip,
@@ -53,9 +50,8 @@ WISHES: Mapping[str, Callable[[LiveSession, Any], str | None]] = {
 def listen(host: str, port: int) -> socket.socket:
     """A socket that listens on an address.
 
-    Raises:
-        InputError: no port has that number, or the host is none.
-        RunFileError: the port is taken, or may not be used.
+    An :class:`InputError` for a port or a host that is none, a :class:`RunFileError` for a port that is taken or not
+    free to use.
     """
     checks.whole("port", port, high=65535)
     try:
@@ -117,11 +113,6 @@ class Drive:
         on_page: called with the page's address when it can be opened. The robot stands there; controllers are compiled
             only then, which takes some seconds the first time.
 
-    Attributes:
-        session: what is driven.
-        url: of the page; empty without one.
-        viewers: how many pages are open.
-
     Raises:
         HarpyError: the page cannot be started.
         InputError: the robot does not walk, or not with these settings.
@@ -137,7 +128,7 @@ class Drive:
         listener: socket.socket | None = None,
         on_page: Callable[[str], None] = lambda url: None,
     ) -> None:
-        self.viewers, self.url, self._over = 0, "", False
+        self.viewers, self.url, self._over = 0, "", False  # pages that are open; address of the page, empty without one
         self._listener, self._on_page = listener, on_page
         self._pipe: Connection | None = None
         self._page: Any = None

@@ -26,19 +26,14 @@ from harpy_pin.errors import HarpyError
 
 HOST = re.compile(r"(\[[0-9a-f:.]*\]|[^:]*)(?::([0-9]{1,5}))?", re.IGNORECASE)
 """A Host header: a name or an address, and a port."""
-MAX_BYTES = 1 << 16
-"""Longest message from a page, whose own have a few hundred."""
+MAX_BYTES = 1 << 16  # longest message from a page, whose own have a few hundred
 
 
 def guarded_server(listener: socket.socket, *, label: str) -> viser.ViserServer:
     """A viser server on a socket that listens already, and whose address says who may be served.
 
-    Args:
-        listener: bound and listening; on the loopback address it serves this machine only.
-        label: title of the panel.
-
-    Raises:
-        HarpyError: this viser is another than the one that the guard is made for.
+    On the loopback address that is this machine only. A :class:`HarpyError` says that this viser is another than the
+    one that the guard is made for.
     """
     logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
     logging.getLogger("asyncio").setLevel(logging.CRITICAL)
@@ -54,13 +49,9 @@ def guarded_server(listener: socket.socket, *, label: str) -> viser.ViserServer:
 
 
 def allowed(host: list[str], origin: list[str], *, bound: str, port: int) -> bool:
-    """Whether a request is for this server, and from a page of its own.
+    """Whether a request to the server that is bound to an address and a port is for it, and from a page of its own.
 
-    Args:
-        host: its Host headers, well-formed.
-        origin: its Origin headers; programs other than browsers send none.
-        bound: address that the server listens on.
-        port: that it listens on.
+    Its Host headers are well-formed; programs other than browsers send no Origin headers.
     """
     if len(host) != 1 or len(origin) > 1 or (parts := HOST.fullmatch(host[0])) is None:
         return False

@@ -39,30 +39,18 @@ HELP = (
     "**P** pause · **N** step · **R** reset · **I** friction strip · **J L** push. "
     "Drag the robot to pull it."
 )
-SLOW = 0.97
-"""Real-time factor below which the page says that it cannot keep up."""
-SMOOTH = 0.2
-"""Share of the present power in the one that is shown."""
-SPAN = 5.0
-"""s."""
+SLOW = 0.97  # real-time factor below which the page says that it cannot keep up
+SMOOTH = 0.2  # share of the present power in the one that is shown
+SPAN = 5.0  # s
 HEIGHT = 150
 EDGES, DASH = ("#7fb8d8", "#eab48a"), (5.0, 4.0)
 """Colours and dashes of the friction that there is under the feet; of more than two feet, the least."""
-MIN_LOAD = 3.0
-"""Normal force below which the ratio of a foot is not drawn, N."""
+MIN_LOAD = 3.0  # normal force below which the ratio of a foot is not drawn, N
 Send = Callable[[str, Any], None]
 
 
 class Panel:
-    """Controls and numbers.
-
-    Args:
-        gui: of viser.
-        robot: who is driven.
-        ranges: what may be set with it.
-        settings: as the session begins.
-        send: takes a wish to the session: its kind and its value.
-    """
+    """Controls of what may be set with a robot, and numbers; wishes are sent by their kind and value."""
 
     def __init__(
         self, gui: viser.GuiApi, robot: Robot, ranges: DriveRanges, settings: Mapping[str, Any], send: Send
@@ -287,12 +275,7 @@ def _plain(text: str) -> str:
 
 
 class Charts:
-    """Two charts with one time axis.
-
-    Args:
-        gui: of viser, in the container that they go into.
-        feet: of the robot.
-    """
+    """Two charts with one time axis."""
 
     def __init__(self, gui: viser.GuiApi, feet: WholeFeet) -> None:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=1000)
@@ -348,14 +331,7 @@ class Charts:
 
 
 class WholeFeet:
-    """Which contact points are one foot.
-
-    Args:
-        robot: with feet.
-
-    Attributes:
-        names: of the feet.
-    """
+    """Which contact points are one foot, and the names of the feet."""
 
     def __init__(self, robot: Robot) -> None:
         self._starts = np.cumsum((0, *robot.corners[:-1]))

@@ -14,19 +14,14 @@ from harpy_pin.model.state import Vector
 from harpy_pin.view.live.live_session import LiveSession, Tick
 from harpy_pin.view.scene.frames import about_normals
 
-PLACES = 256
-"""Snapshots that a reader may be late by: five seconds."""
+PLACES = 256  # snapshots that a reader may be late by: five seconds
 
 
 class SharedSnapshots:
-    """A ring of snapshots with one writer; it may be handed to a process that is being started.
+    """A ring of a session's snapshots with one writer; it may be handed to a process that is being started.
 
     A reader that is more than a ring late misses snapshots. One that reads while the oldest is overwritten throws it
     away: the count is looked at before and after.
-
-    Args:
-        context: of the processes.
-        session: whose snapshots they are.
     """
 
     def __init__(self, context: BaseContext, session: LiveSession) -> None:

@@ -27,8 +27,7 @@ from harpy_pin.log.run_file import check_metadata, check_signals
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-LARGEST = 1e9
-"""Largest number that is drawn."""
+LARGEST = 1e9  # largest number that is drawn
 MAX_FRAMES = 1_000_000
 DRAWN = ("t", "q", "foot_position", "foot_velocity", "foot_force", "thrust")
 REFERENCES = {"target": "x_r", "applied": "x_w"}
@@ -42,24 +41,8 @@ class Frames:
     Rows from the first one on that is not finite (a divergence) are left out. The last finite row is always drawn, so
     that the end of a fall is seen.
 
-    Args:
-        run: the log.
-        robot: the robot that was logged.
-        fps: frames per second of simulated time; a log with fewer rows gives fewer frames.
-
-    Attributes:
-        run: the rows of the log before the first one that is not finite.
-        complete: whether these are all rows.
-        ground: of the run; None where the log has none.
-        surface: terrain of the ground; None where it is level.
-        references: for each logged reference ("target", "applied") its (rows of the run, 3) positions, m.
-        rows: (n,) numbers of the rows that are drawn.
-        time: (n,) time since the first frame, s.
-        joints: (n, model joints, 4, 4) placement of every joint frame of the model.
-        mount: (n, thrusters, 3) position of the thruster mounts, m.
-
-    Raises:
-        InputError: the frame rate is not positive, the run holds no finite row, or it is of another robot.
+    A log with fewer rows than frames per second of simulated time, ``fps``, gives fewer frames. One of another robot,
+    or without a finite row, is an :class:`InputError`.
     """
 
     @checked
@@ -67,13 +50,14 @@ class Frames:
         self.fps, self.robot = checks.number("fps", fps, low=0.0, strict=True), robot
         _require_match(run, robot)
         self.run = finite = _finite_part(run)
-        self.complete = len(finite) == len(run)
-        self.ground = ground_of(finite)
-        self.surface = surface_of(self.ground)
+        self.complete = len(finite) == len(run)  # whether these are all rows
+        self.ground = ground_of(finite)  # None where the log has none
+        self.surface = surface_of(self.ground)  # None where it is level
         logged = {label: optional_signal(finite, name) for label, name in PLACES.items()}
+        # of each that is logged the (rows of the run, 3) positions, m
         self.references = {label: place[:, :3] for label, place in logged.items() if place is not None}
-        self.rows = sample_rows(finite["t"], fps)
-        self.time = finite["t"][self.rows] - finite["t"][0]
+        self.rows = sample_rows(finite["t"], fps)  # (n,) numbers of the rows that are drawn
+        self.time = finite["t"][self.rows] - finite["t"][0]  # (n,) since the first frame, s
         self.joints, self.mount = _placements(robot, self["q"])
 
     def __len__(self) -> int:
@@ -89,11 +73,7 @@ class Frames:
 
 
 def ground_of(run: Run) -> Ground | None:
-    """The ground of a run; None where the log holds no friction coefficient.
-
-    Raises:
-        InputError: the metadata hold a ground that is none.
-    """
+    """The ground of a run; None where the log holds no friction coefficient. One that is none is refused."""
     given = run.metadata.get("ground")
     mu = given.get("mu_s") if isinstance(given, Mapping) else None
     if not isinstance(given, Mapping) or not isinstance(mu, int | float) or not 0.0 <= mu <= checks.MAX_FRICTION:
@@ -109,12 +89,9 @@ def surface_of(ground: Ground | None) -> Terrain | None:
 
 
 def about_normals(surface: Terrain | None, place: Vector, vectors: Vector) -> Vector:
-    """Vectors at feet, of world axes, in the frames of the contacts: their third part is along the normal.
+    """Vectors (..., 3) at feet, of world axes, in the frames of the contacts: their third part is along the normal.
 
-    Args:
-        surface: of the ground; where it is None they stay as they are.
-        place: (..., 3) of the feet, m.
-        vectors: (..., 3).
+    They stay as they are where there is no surface; the feet's places (..., 3) are in m.
     """
     if surface is None:
         return vectors
@@ -221,12 +198,8 @@ def _finite_part(run: Run) -> Run:
 def sample_rows(t: Vector, fps: float) -> NDArray[np.intp]:
     """Indices of the rows nearest to a regular frame clock, without repetition, the last row included.
 
-    Args:
-        t: (n,) increasing times, s.
-        fps: frames per second.
-
-    Raises:
-        InputError: the times do not increase, or the pages of a film so long would not fit into memory.
+    Times (n,) are in s. An :class:`InputError` says that they do not increase, or that the pages of a film so long
+    would not fit into memory.
     """
     if np.any(np.diff(t) <= 0.0) or (t[-1] - t[0]) * fps > MAX_FRAMES:
         raise InputError(f"the times of the run must increase, and give at most {MAX_FRAMES} frames", name="run")

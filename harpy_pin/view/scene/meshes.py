@@ -22,18 +22,13 @@ from harpy_pin.view.scene.nodes import Mesh
 
 MAX_TRIANGLES = 8000
 """Most triangles of a mesh: what a replay page can hold of every link, and more than is seen of it."""
-FINEST = 1.0 / 300.0
-"""Size of the first cells in which corners are merged, beside that of the mesh."""
-CELLS = 1 << 10
-"""More than there are along one side."""
-COARSER = 1.25
-"""Growth of these cells until there are few enough triangles."""
+FINEST = 1.0 / 300.0  # size of the first cells in which corners are merged, beside that of the mesh
+CELLS = 1 << 10  # more than there are along one side
+COARSER = 1.25  # growth of these cells until there are few enough triangles
 SAME_PLACE = 2e-3
 """Largest distance between the bounds of a mesh as Pinocchio and as trimesh read it, m."""
-WHITE = 0.9
-"""Brightness from which on the colour in a URDF is none."""
-COLOURED = (".dae", ".obj", ".glb", ".gltf")
-"""Mesh files that may hold colours."""
+WHITE = 0.9  # brightness from which on the colour in a URDF is none
+COLOURED = (".dae", ".obj", ".glb", ".gltf")  # mesh files that may hold colours
 Colour: TypeAlias = tuple[float, float, float, float]
 """Red, green, blue and opacity, between 0 and 1."""
 
