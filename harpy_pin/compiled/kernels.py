@@ -106,9 +106,8 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def slowly(self, *arguments: Any, **named: Any) -> Any:
         """A call with arguments of new types: they are checked, and the kernel is compiled for them.
 
-        Raises:
-            InputError: an array has another shape than the kernel states.
-            KernelError: the kernel does not take such arguments.
+        An :class:`InputError` is of an array of another shape than the kernel states, a :class:`KernelError` of other
+        kinds.
         """
         given = self._bind(arguments, named)
         check_shapes(self.py_func.__name__, self._shapes, given)
@@ -142,9 +141,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def bind(self, *arguments: Any) -> Bound:
         """The kernel with arguments that stay where they are, for C that calls it; it is compiled if need be.
 
-        Raises:
-            InputError: an array has another shape than the kernel states.
-            KernelError: the kernel does not take such arguments.
+        Errors are those of :meth:`slowly`.
         """
         given = self._bind(arguments, {})
         check_shapes(self.py_func.__name__, self._shapes, given)

@@ -62,12 +62,10 @@ def ready(
 ) -> Walk:
     """A motion that fits a robot, with a controller: Harpy walks, others stand, step in place or hover.
 
-    The controller is one of :data:`CONTROLLERS`, or :data:`ESTIMATOR`, for which the condensed controller walks; it
-    knows the friction. In ``single`` precision its weight on contact forces of a robot that stands is larger
-    (:data:`SINGLE_FORCE`). The duration is in s.
-
-    Raises:
-        InputError: the controller is unknown, or does not take the robot.
+    The controller, one of :data:`CONTROLLERS`, or :data:`ESTIMATOR`, for which the condensed controller walks, knows
+    the friction. In ``single`` precision its weight on contact forces of a robot that stands is larger
+    (:data:`SINGLE_FORCE`). One that is unknown, or does not take the robot, is an :class:`InputError`. The duration is
+    in s.
     """
     if controller not in (*CONTROLLERS, ESTIMATOR):
         raise InputError.unknown("controller", controller, (*CONTROLLERS, ESTIMATOR))
@@ -96,55 +94,43 @@ def ready(
 
 @dataclass
 class _Watch:
-    """A controller whose inputs are kept."""
+    """A controller whose inputs are kept, or beside one on the true state what a robot's sensors say."""
 
     inner: GaitController
     what: Exportable
+    sensing: Sensing | None = None
     target: list[NDArray[np.float64]] = field(default_factory=list)
     inputs: list[list[NDArray[np.float64]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.period = self.inner.period
+        if self.sensing is not None:
+            self._given = Command(*(np.zeros(self.what.inputs[name]) for name in ("joint_torque", "thrust")))
 
     def step(self, state: State) -> Command:
-        """A tick."""
-        command = self.inner.step(state)
-        self._keep_target()
-        self.inputs.append([np.ravel(getattr(state, name)).copy() for name in MEASURED])
-        return command
-
-    def _keep_target(self) -> None:
-        self.target.append(np.concatenate([np.ravel(self.inner.target._record_[n][0]) for n in _names(self.what)]))
-
-
-@dataclass
-class _Felt(_Watch):
-    """A controller on the true state, beside which a robot's sensors are kept."""
-
-    sensing: Sensing = field(kw_only=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._given = Command(*(np.zeros(self.what.inputs[name]) for name in ("joint_torque", "thrust")))
-
-    def step(self, state: State) -> Command:
-        """A tick; the sensors belong to the target and the command of the last one."""
-        self._keep_target()
+        """A tick; sensors belong to the target and the command of the last one."""
+        if self.sensing is None:
+            command = self.inner.step(state)
+            self._keep([getattr(state, name) for name in MEASURED])
+            return command
         s, given = self.sensing.read(state, self._given.torque, self._given.thrust), self._given
         elapsed, force = np.full(1, self.period), np.full(len(state.foot_force), np.nan)
         unit, joints = (s.gyroscope, s.accelerometer), (s.joint_position, s.joint_velocity, s.joint_torque)
-        self.inputs.append([np.ravel(part).copy() for part in (elapsed, *unit, *joints, force, given.thrust)])
+        self._keep([elapsed, *unit, *joints, force, given.thrust])
         command = self.inner.step(state)
         self._given = Command(command.torque.copy(), command.thrust.copy())
         return command
+
+    def _keep(self, inputs: list[NDArray[np.float64]]) -> None:
+        self.target.append(np.concatenate([np.ravel(self.inner.target._record_[n][0]) for n in _names(self.what)]))
+        self.inputs.append([np.ravel(part).copy() for part in inputs])
 
 
 def record(motion: Walk, what: Exportable) -> Recording:
     """The inputs of every tick of a motion with one of the library's controllers, up to its end."""
     assert isinstance(motion.controller, GaitController)
-    watch, names = _Watch(motion.controller, what), MEASURED
-    if isinstance(motion.sensors, EstimatedState):
-        watch, names = _Felt(motion.controller, what, sensing=motion.sensors.sensing), tuple(what.inputs)
+    sensing = motion.sensors.sensing if isinstance(motion.sensors, EstimatedState) else None
+    watch, names = _Watch(motion.controller, what, sensing), MEASURED if sensing is None else tuple(what.inputs)
     motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.disturbances.pushes)
     columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(names)}
     return Recording(np.array(watch.target), columns)

@@ -22,9 +22,7 @@ BLOCK = 1000  # rows of a block, at most
 class Recorder:
     """Keeps the signals of every tick: a row as its bytes, the cheapest copy of many small arrays there is.
 
-    Args:
-        journal: takes the blocks, too.
-        block: rows that are written at a time.
+    A journal takes the blocks of rows, too.
     """
 
     def __init__(self, journal: Journal | None = None, *, block: int = BLOCK) -> None:
@@ -55,13 +53,9 @@ class Recorder:
         self._add(table.tobytes(), len(table))
 
     def append(self, row: Mapping[str, ArrayLike]) -> None:
-        """Add one row; the names and shapes are those of the first row.
+        """Add one row, arrays and numbers by name; names and shapes are those of the first row.
 
-        Args:
-            row: arrays and numbers by name.
-
-        Raises:
-            InputError: names or shapes differ from those of the first row, or a name is none for a signal.
+        An :class:`InputError` says that they differ, or that a name is none for a signal.
         """
         if not self._layout.shapes:
             self._learn(row)

@@ -27,9 +27,7 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
-from harpy_pin.simulation.mujoco.differences import AtZero
-
-ROOT = 1  # index of the floating base's joint in Pinocchio's model
+from harpy_pin.simulation.mujoco.differences import ROOT, AtZero
 
 
 def installed_version() -> str | None:

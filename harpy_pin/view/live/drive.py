@@ -177,10 +177,7 @@ class Drive:
         self._on_page(self.url)
 
     def run(self, duration: float | None = None) -> DriveSummary:
-        """Drive until Ctrl-C, or for a time of the clock.
-
-        Args:
-            duration: s.
+        """Drive until Ctrl-C, or for a duration by the clock, s.
 
         Raises:
             HarpyError: the page's process ended; the log is kept.
