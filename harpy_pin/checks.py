@@ -128,18 +128,6 @@ def names(name: str, value: Any) -> tuple[str, ...]:
     return tuple(value)
 
 
-def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int64]:
-    """Indices of some of ``count`` things, which are given as indices from 0 or as a mask; None for all."""
-    everything = np.arange(count)
-    try:
-        given = everything if which is None else np.atleast_1d(np.asarray(which))
-        chosen = everything[given if given.size else given.astype(np.int64)]
-    except (IndexError, ValueError, TypeError):
-        message = f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
-        raise InputError(message, name=name, value=which) from None
-    return chosen.reshape(-1)
-
-
 def one_of(kind: str, value: object, valid: Iterable[str], *, hint: str = "") -> None:
     """Refuse a name that is not one of ``valid``, which messages list; a hint says what else may have been meant."""
     names = tuple(valid)

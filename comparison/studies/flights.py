@@ -18,9 +18,10 @@ from comparison.study import Job, Study, Value, View, grid, share, shown
 from comparison.tables import number_text
 from harpy_pin.contrib.flight import Fly, Flying, Jump
 from harpy_pin.contrib.flight.flying_gait import PHASES
+from harpy_pin.contrib.power import Motors, power
 from harpy_pin.contrib.thrusters import ThrustWatch
 from harpy_pin.ground import Plane, Ramp
-from harpy_pin.log.power import PRESETS, Motors, power
+from harpy_pin.log.power import PRESETS
 from harpy_pin.simulation.mujoco import installed_version
 
 FRICTION = 0.6

@@ -38,7 +38,8 @@ def forget_slip(s: SlipRecord, position: Vector) -> None:
     s.net[:] = 0.0
     s.ended[:] = 0.0
     s.away[:] = np.inf
-    s.before[:] = position
+    for k in range(position.shape[0]):
+        s.before[k] = position[k]
 
 
 @kernel

@@ -242,8 +242,8 @@ def read_state(
     from_mujoco(c, r.qpos, qvel, q, v)
     place_bodies(r.dynamics.tree, q, v)
     point_terms(r.dynamics, q)
-    position[:] = r.dynamics.foot_position
-    velocity[:] = r.dynamics.foot_velocity
+    for k in range(position.shape[0]):
+        position[k], velocity[k] = r.dynamics.foot_position[k], r.dynamics.foot_velocity[k]
 
 
 @kernel
