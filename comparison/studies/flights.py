@@ -29,8 +29,7 @@ CONTROLLERS = {"condensed": "condensed", "wbc": "QP"}
 PLANTS = {"compliant": "ours", "mujoco": "MuJoCo"}
 FAILING = (0, 4.0, 0.5)
 """The left fan loses half its power after 4 s."""
-SPEED = 0.3
-"""Of walks, and after a landing, m/s."""
+SPEED = 0.3  # of walks, and after a landing, m/s
 FIRST_SEED = 200
 """Of the tries; settings were chosen on lower ones."""
 NO_THRUST = 1e6
