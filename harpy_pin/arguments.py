@@ -134,10 +134,6 @@ def _is_whole(value: Any) -> bool:
     return not isinstance(value, bool) and np.ndim(value) == 0
 
 
-def _is_flag(value: Any) -> bool:
-    return isinstance(value, bool | np.bool_) or (isinstance(value, int) and value in (0, 1))
-
-
 def _has_numbers(value: Any, shape: tuple[int, ...] | None) -> bool:
     """Whether a value is an array of real numbers, of a shape if one is given."""
     try:
@@ -153,7 +149,7 @@ _PATH = _Kind("a path", lambda value: isinstance(value, str | PathLike))
 _SIMPLE: dict[Any, _Kind] = {
     float: _Kind("a number", _is_number),
     int: _Kind("a whole number", _is_whole),
-    bool: _Kind("True or False", _is_flag),
+    bool: _Kind("True or False", lambda value: isinstance(value, int | np.bool_) and value in (0, 1)),
     str: _Kind("a name", lambda value: isinstance(value, str)),
     types.NoneType: _Kind("None", lambda value: value is None),
     PathLike: _PATH,

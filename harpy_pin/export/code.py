@@ -151,7 +151,8 @@ def initial_values(unit: Unit, record: Record) -> tuple[str, list[str]]:
         elif np.count_nonzero(values) <= FEW:
             statements += [f"{place}[{n}] = {texts[n]};" for n in np.flatnonzero(values.ravel())]
         else:
-            tables[kind].append(f"/* {place.removeprefix('state->')} */\n    {_lines(texts)},")
+            lines = ",\n    ".join(", ".join(texts[n : n + 8]) for n in range(0, len(texts), 8))
+            tables[kind].append(f"/* {place.removeprefix('state->')} */\n    {lines},")
             statements.append(f"copy_{kind}({place}, {kind}s + {lengths[kind]}, {len(texts)});")
             lengths[kind] += len(texts)
     parts = []
@@ -189,8 +190,3 @@ def _places(unit: Unit, element: Any, place: str) -> Iterator[tuple[str, NDArray
                     yield from _places(unit, one, f"{own}[{n}].")
         elif np.count_nonzero(value):
             yield own, np.asarray(value)
-
-
-def _lines(texts: list[str]) -> str:
-    rows = [", ".join(texts[n : n + 8]) for n in range(0, len(texts), 8)]
-    return ",\n    ".join(rows)
