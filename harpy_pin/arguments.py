@@ -42,13 +42,8 @@ def checked(function: Callable[_P, _T]) -> Callable[_P, _T]:
     """Refuse arguments of another kind than the annotations say, before the function is called.
 
     An annotation that this module does not know, or that exists for type checkers only, allows everything. A protocol
-    asks for its public members.
-
-    Args:
-        function: or method; a ``staticmethod`` or ``classmethod`` around it comes outside.
-
-    Raises:
-        InputError: when it is called, with the argument's name.
+    asks for its public members. What is refused is an :class:`InputError`. A ``staticmethod`` or ``classmethod`` around
+    the function comes outside.
     """
     names = tuple(inspect.signature(function).parameters)
 
@@ -139,10 +134,6 @@ def _is_whole(value: Any) -> bool:
     return not isinstance(value, bool) and np.ndim(value) == 0
 
 
-def _is_flag(value: Any) -> bool:
-    return isinstance(value, bool | np.bool_) or (isinstance(value, int) and value in (0, 1))
-
-
 def _has_numbers(value: Any, shape: tuple[int, ...] | None) -> bool:
     """Whether a value is an array of real numbers, of a shape if one is given."""
     try:
@@ -158,7 +149,7 @@ _PATH = _Kind("a path", lambda value: isinstance(value, str | PathLike))
 _SIMPLE: dict[Any, _Kind] = {
     float: _Kind("a number", _is_number),
     int: _Kind("a whole number", _is_whole),
-    bool: _Kind("True or False", _is_flag),
+    bool: _Kind("True or False", lambda value: isinstance(value, int | np.bool_) and value in (0, 1)),
     str: _Kind("a name", lambda value: isinstance(value, str)),
     types.NoneType: _Kind("None", lambda value: value is None),
     PathLike: _PATH,

@@ -17,10 +17,8 @@ from harpy_pin.errors import InputError, shown
 
 _Kind = TypeVar("_Kind")
 
-MAX_TICKS = 10_000_000
-"""Most ticks of a run, whose log is kept in memory."""
-MAX_FRICTION = 10.0
-"""Coefficient of friction that no pair of materials comes near."""
+MAX_TICKS = 10_000_000  # most ticks of a run, whose log is kept in memory
+MAX_FRICTION = 10.0  # coefficient of friction that no pair of materials comes near
 
 
 def number(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, strict: bool = False) -> float:
@@ -128,18 +126,6 @@ def names(name: str, value: Any) -> tuple[str, ...]:
     if isinstance(value, str):
         raise InputError(f"{name} must be a tuple of names, got the name {shown(value)} alone", name=name, value=value)
     return tuple(value)
-
-
-def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int64]:
-    """Indices of some of ``count`` things, which are given as indices from 0 or as a mask; None for all."""
-    everything = np.arange(count)
-    try:
-        given = everything if which is None else np.atleast_1d(np.asarray(which))
-        chosen = everything[given if given.size else given.astype(np.int64)]
-    except (IndexError, ValueError, TypeError):
-        message = f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
-        raise InputError(message, name=name, value=which) from None
-    return chosen.reshape(-1)
 
 
 def one_of(kind: str, value: object, valid: Iterable[str], *, hint: str = "") -> None:

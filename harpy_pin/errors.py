@@ -8,8 +8,7 @@ from importlib.metadata import requires
 from pathlib import Path
 from typing import Any
 
-MAX_NAME = 60
-"""Characters of a name that are compared with those there are."""
+MAX_NAME = 60  # characters of a name that are compared with those there are
 
 
 def shown(value: object, length: int = 60) -> str:
@@ -27,7 +26,12 @@ def reason(error: Exception) -> str:
 
 
 class HarpyError(Exception):
-    """Base of every exception raised by this library."""
+    """Base of every exception raised by this library; what is given by name becomes an attribute."""
+
+    def __init__(self, message: str, **evidence: Any) -> None:
+        super().__init__(message)
+        for name, value in evidence.items():
+            setattr(self, name, value)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Whole, from one process to another."""
@@ -42,10 +46,8 @@ class InputError(HarpyError, ValueError):
         value: what was given.
     """
 
-    def __init__(self, message: str, *, name: str = "", value: Any = None) -> None:
-        super().__init__(message)
-        self.name = name
-        self.value = value
+    name: str = ""
+    value: Any = None
 
     @classmethod
     def unknown(cls, kind: str, value: object, valid: Iterable[str], hint: str = "") -> InputError:
@@ -76,9 +78,7 @@ class RobotError(HarpyError):
         path: the file, where there is one.
     """
 
-    def __init__(self, message: str, *, path: object = None) -> None:
-        super().__init__(message)
-        self.path = path
+    path: object = None
 
 
 class OutOfReachError(HarpyError):
@@ -90,11 +90,9 @@ class OutOfReachError(HarpyError):
         excess: distance between the two points, m.
     """
 
-    def __init__(self, message: str, *, target: Any, nearest: Any, excess: float) -> None:
-        super().__init__(message)
-        self.target = target
-        self.nearest = nearest
-        self.excess = excess
+    target: Any
+    nearest: Any
+    excess: float
 
 
 class ControlError(HarpyError):
@@ -105,10 +103,8 @@ class ControlError(HarpyError):
         run: the log up to that tick.
     """
 
-    def __init__(self, message: str, *, time: float, run: Any = None) -> None:
-        super().__init__(message)
-        self.time = time
-        self.run = run
+    time: float
+    run: Any = None
 
 
 class RunFileError(HarpyError):
@@ -119,10 +115,8 @@ class RunFileError(HarpyError):
         run: the log, if it was to be written at the end of its run.
     """
 
-    def __init__(self, message: str, *, path: object = None, run: Any = None) -> None:
-        super().__init__(message)
-        self.path = path
-        self.run = run
+    path: object = None
+    run: Any = None
 
 
 class RunFileWarning(UserWarning):

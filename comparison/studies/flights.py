@@ -20,9 +20,10 @@ from comparison.study import Job, Study, Value, View, grid, share, shown
 from comparison.tables import number_text
 from harpy_pin.contrib.flight import Fly, Flying, Jump
 from harpy_pin.contrib.flight.flying_gait import PHASES
+from harpy_pin.contrib.power import Motors, power
 from harpy_pin.contrib.thrusters import ThrustWatch
 from harpy_pin.ground import Plane, Ramp
-from harpy_pin.log.power import PRESETS, Motors, power
+from harpy_pin.log.power import PRESETS
 from harpy_pin.simulation.mujoco import installed_version
 
 FRICTION = 0.6
@@ -30,8 +31,7 @@ CONTROLLERS = {"condensed": "condensed", "wbc": "QP"}
 PLANTS = {"compliant": "ours", "mujoco": "MuJoCo"}
 FAILING = (0, 4.0, 0.5)
 """The left fan loses half its power after 4 s."""
-SPEED = 0.3
-"""Of walks, and after a landing, m/s."""
+SPEED = 0.3  # of walks, and after a landing, m/s
 FIRST_SEED = 200
 """Of the tries; settings were chosen on lower ones."""
 NO_THRUST = 1e6

@@ -88,12 +88,9 @@ def _show_as_a_line() -> None:
 def one_line_errors(program: str, code: int) -> Iterator[None]:
     """Run a program whose errors that a user can mend become one line each; others keep their traceback.
 
-    These are the library's own errors, arguments that the command line cannot read, and an output that takes no more
-    text. Characters that the output does not know are replaced.
-
-    Args:
-        program: name in front of the line.
-        code: exit code; arguments that cannot be read have the one of their own exception.
+    These are the library's own errors, arguments that the command line cannot read, which have an exit code of their
+    own, and an output that takes no more text. The program's name is in front of the line; characters that the output
+    does not know are replaced.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

@@ -37,12 +37,9 @@ class _Stopped(KeyboardInterrupt):
 
 
 class Interruptible:
-    """A block that Ctrl-C and SIGTERM end by a ``KeyboardInterrupt``.
+    """A block that Ctrl-C and SIGTERM end by a ``KeyboardInterrupt``; ``received`` are the signals so far.
 
     Does nothing outside the main thread, where no signal arrives.
-
-    Attributes:
-        received: the signals so far.
     """
 
     def __init__(self) -> None:

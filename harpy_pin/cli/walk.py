@@ -19,10 +19,8 @@ if TYPE_CHECKING:
     from harpy_pin.log.run import Run
     from harpy_pin.scenario import Scenario
 
-SLIPPERY, SHOWN = 0.15, 4.0
-"""Friction of the demo, and how long each of its walks is, s."""
-NAME_WIDTH = 20
-"""Columns of a controller's name."""
+SLIPPERY, SHOWN = 0.15, 4.0  # friction of the demo, and how long each of its walks is, s
+NAME_WIDTH = 20  # columns of a controller's name
 
 
 def walk(

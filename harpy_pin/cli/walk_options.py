@@ -73,12 +73,7 @@ def read_scenario(
     push: Sequence[str] = (),
     duration: float = 6.0,
 ) -> Scenario:
-    """The scenario of the options; what ``--set`` says comes last.
-
-    Raises:
-        InputError: an unknown name, or a value out of its domain.
-        RobotError: the robot is not installed.
-    """
+    """The scenario of the options; what ``--set`` says comes last."""
     from harpy_pin.scenario.settings import scenario_of
 
     walker = read_robot_options(robot, feet, posture)
@@ -97,9 +92,6 @@ def read_settings(texts: Sequence[str]) -> dict[str, Any]:
     """Settings by their dotted names, of texts such as ``controller.mu=0.4``.
 
     A value is JSON where it looks like that (``true``, ``0.4``, ``[0.3,0,0.1]``, also without brackets), else a name.
-
-    Raises:
-        InputError: a text without an equals sign.
     """
     settings: dict[str, Any] = {}
     for text in texts:

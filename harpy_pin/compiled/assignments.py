@@ -358,7 +358,7 @@ class Assignments(Expressions):
         if self.unit.debug:
             for a, b in pairs:
                 if a != b:
-                    self.emit(f"within({a}, {b}, {a}, __LINE__);")
+                    self.emit(f"{self.unit.helper('within')}({a}, {b}, {a}, __LINE__);")
         if view.roots & value.roots and _may_overlap(view, value):
             raise Refused("a part of an array becomes another part of it, and both may overlap")
 

@@ -16,10 +16,8 @@ from harpy_pin.compiled.shapes import ANY, Shape, encode
 from harpy_pin.compiled.types import Array, Struct, Tuple, Type
 from harpy_pin.errors import KernelError
 
-ARRAY, NUMBER, WHOLE, TRUTH, TUPLE = range(5)
-"""Kinds of arguments."""
-MAX_AXES, MAX_SLOTS, MAX_RESULTS, MAX_SYMBOLS = 4, 128, 16, 8
-"""Limits, as in bridge.c."""
+ARRAY, NUMBER, WHOLE, TRUTH, TUPLE = range(5)  # kinds of arguments
+MAX_AXES, MAX_SLOTS, MAX_RESULTS, MAX_SYMBOLS = 4, 128, 16, 8  # limits, as in bridge.c
 SCALARS = {"real": NUMBER, "integer": WHOLE, "bool": TRUTH}
 DTYPES = {
     "real": np.dtype(np.float64),
@@ -56,12 +54,8 @@ class Bound(ctypes.Structure):
 class Version:
     """A kernel compiled for one set of types: a ``version`` of bridge.c, with all that its memory points to.
 
-    Args:
-        entry: address of the function to call.
-        told: what the library says of itself: the letters of its results, and the arguments whose memory it writes.
-        types: of the arguments, by name.
-        shapes: that the kernel states.
-        release: whether other threads of Python may go on meanwhile.
+    ``entry`` is the address of the function to call. The library has told the letters of its results, and the arguments
+    whose memory it writes. With ``release`` other threads of Python may go on meanwhile.
     """
 
     def __init__(

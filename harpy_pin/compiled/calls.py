@@ -16,12 +16,8 @@ from harpy_pin.compiled.kernels import BACKEND, Kernel
 class Call:
     """A kernel, and arguments whose memory stays where it is.
 
-    A kernel whose first argument is called ``t`` gets the time of the tick there, whatever is given.
-
-    Args:
-        kernel: to be called.
-        arguments: numbers and arrays.
-        expected: what it must return for the tick to go on in C; by default anything.
+    A kernel whose first argument is called ``t`` gets the time of the tick there, whatever is given. For the tick to go
+    on in C it must return what is ``expected``, if anything is.
     """
 
     def __init__(self, kernel: Kernel[Any], *arguments: Any, expected: int | None = None) -> None:
@@ -83,14 +79,9 @@ _Base: Any = bridge().make_chain_type() if BACKEND == "c" else object
 class Chain(_Base):  # type: ignore[misc]  # made by C
     """Calls one after the other for a state, ``chain(state)``.
 
-    It copies what was measured to where the calls find it, and returns what the last one does: an integer. Where the
-    time is no float, an array is not of float64 and of its shape, or a call does not return what it must, it returns
-    None, and Python goes on.
-
-    Args:
-        calls: in their order; those whose kernel's first argument is ``t`` get the time, the state's ``t``.
-        samples: arrays of up to two axes, which the calls read, by the attribute of the state that they are.
-        longest: from this time on, before and after zero, Python goes on, s.
+    It copies what was measured to the ``samples``, arrays of up to two axes by the attribute of the state that they
+    are, and returns what the last call does: an integer. Where the time is no float within ±``longest``, s, an array is
+    not of float64 and of its shape, or a call does not return what it must, it returns None, and Python goes on.
     """
 
     def __init__(self, calls: Sequence[Call], samples: Mapping[str, np.ndarray[Any, Any]], *, longest: float) -> None:

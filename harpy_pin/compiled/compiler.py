@@ -44,22 +44,16 @@ FLAGS = (*EXACT, "-O2", VECTORS, "-fpeel-loops", *(BASELINE if FOR_A_WHEEL else 
 """Loops over rows become vector instructions, also where their length is known at run time only: with that the general
 QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes."""
 SHARED = ("-shared", "-fPIC", "-w")
-FORMAT = "2"
-"""Of a library's file."""
-MAX_SIZE = 1 << 26
-"""Of a library's file, bytes."""
-PATIENCE = 300.0
-"""How long a process waits for another that makes the same library, s."""
-UNUSED_FOR = 60 * 24 * 3600
-"""Time after which a library that nobody loaded is removed, s."""
+FORMAT = "2"  # of a library's file
+MAX_SIZE = 1 << 26  # of a library's file, bytes
+PATIENCE = 300.0  # how long a process waits for another that makes the same library, s
+UNUSED_FOR = 60 * 24 * 3600  # time after which a library that nobody loaded is removed, s
 WATCHED = """exec 3<&0 0</dev/null; { read x <&3; kill -TERM 0; } >/dev/null 2>&1 & exec "$@" 3<&-"""
 """A shell's words: run a command, and end its process group as soon as nobody writes to the standard input any more."""
-BROUGHT = Path(__file__).with_name("libraries")
-"""Where a wheel for one platform has its libraries."""
+BROUGHT = Path(__file__).with_name("libraries")  # where a wheel for one platform has its libraries
 KEPT_FILE = re.compile(r"\w+-[0-9a-f]{32}.*\.(so|lock|part)")
 """Names of what is kept, and of what is being made."""
-MADE: list[Path] = []
-"""Libraries that this process has compiled."""
+MADE: list[Path] = []  # libraries that this process has compiled
 LOGGER = logging.getLogger("harpy_pin.compiling")
 _SAID: set[str] = set()
 
@@ -164,12 +158,7 @@ def key_of(*parts: bytes | str) -> str:
 
 
 def library(name: str, key: str, source: Callable[[], str]) -> ctypes.PyDLL:
-    """A library, from its file or compiled.
-
-    Args:
-        name: that a person may recognise.
-        key: see :func:`key_of`.
-        source: makes the C, where it is needed.
+    """A library, from its file or compiled from the C that ``source`` makes; a person may recognise its name.
 
     Raises:
         KernelError: the compiler fails; the message has what it says.
@@ -228,34 +217,29 @@ def _whole(path: Path, *, ours: bool = True) -> bool:
     return False
 
 
-class _alone:
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
     """One process at a time makes a file; where locks cannot be had, several make the same one."""
+    lock, file = path.with_suffix(".lock"), None
+    with suppress(OSError, ImportError):
+        import fcntl
 
-    def __init__(self, path: Path) -> None:
-        self._path = path.with_suffix(".lock")
-        self._file: int | None = None
-
-    def __enter__(self) -> None:
-        with suppress(OSError, ImportError):
-            import fcntl
-
-            self._file = os.open(self._path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
-            deadline = time.monotonic() + PATIENCE
-            while time.monotonic() < deadline:
-                with suppress(BlockingIOError):
-                    fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    break
-                time.sleep(0.05)
-
-    def __exit__(self, *_: object) -> None:
-        if self._file is not None:
+        file = os.open(lock, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
+        deadline = time.monotonic() + PATIENCE
+        while time.monotonic() < deadline:
+            with suppress(BlockingIOError):
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            time.sleep(0.05)
+    try:
+        yield
+    finally:
+        if file is not None:
             with suppress(OSError):
-                self._path.unlink()
-            with suppress(OSError, ImportError):
-                import fcntl
-
-                fcntl.flock(self._file, fcntl.LOCK_UN)  # a child that was forked meanwhile keeps the file open
-            os.close(self._file)
+                lock.unlink()
+            with suppress(OSError):
+                fcntl.flock(file, fcntl.LOCK_UN)  # a child that was forked meanwhile keeps the file open
+            os.close(file)
 
 
 def _places(path: Path) -> Iterator[Path]:
@@ -291,7 +275,7 @@ def _make(path: Path, source: str) -> Path:
                 raise
         except OSError:
             continue
-        _remove_unused(place.parent)
+        clear(place.parent, unused_for=UNUSED_FOR)
         MADE.append(place)
         return place
     raise KernelError(f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be written")
@@ -338,14 +322,9 @@ def run_program(command: list[str], *, temporary: str | None = None, timeout: fl
 
 
 def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
-    """Run the C compiler.
+    """Run the C compiler; a :class:`KernelError` says that there is none, or what it says.
 
-    Args:
-        arguments: besides the command.
-        temporary: folder for its temporary files, which an end by :func:`ending` leaves behind.
-
-    Raises:
-        KernelError: there is none, or it fails; the message has what it says.
+    ``temporary`` is a folder for its temporary files, which an end by :func:`ending` leaves behind.
     """
     command = compiler()
     if command is None:
@@ -364,8 +343,7 @@ def _end(process: subprocess.Popen[str]) -> None:
 
 
 _RUNNING: set[subprocess.Popen[str]] = set()
-_WORK: set[str] = set()
-"""Folders in which compilers work."""
+_WORK: set[str] = set()  # folders in which compilers work
 _ENDING: list[bool] = []
 _STARTING = Lock()
 
@@ -411,27 +389,16 @@ def _abandon() -> None:
         shutil.rmtree(path, ignore_errors=True)
 
 
-def clear() -> int:
-    """Remove every library that is kept; what processes have loaded stays with them.
+def clear(place: Path | None = None, *, unused_for: float = 0.0) -> int:
+    """Remove libraries that nobody has loaded for a time, s, from a folder, by default :func:`folder`; says how many.
 
-    Returns:
-        How many there were.
+    What processes have loaded stays with them.
     """
-    return sum(path.suffix == ".so" for path in _remove(folder(), lambda path: True))
-
-
-def _remove_unused(place: Path) -> None:
-    """Remove what nobody has loaded for a long time."""
-    _remove(place, lambda path: time.time() - path.stat().st_mtime > UNUSED_FOR)
-
-
-def _remove(place: Path, chosen: Callable[[Path], bool]) -> list[Path]:
-    """Remove files of ours from a folder; returns them."""
-    removed = []
+    count = 0
     with suppress(OSError):
-        for path in list(place.iterdir()):
+        for path in list((place or folder()).iterdir()):
             with suppress(OSError):
-                if KEPT_FILE.fullmatch(path.name) and chosen(path):
+                if KEPT_FILE.fullmatch(path.name) and time.time() - path.stat().st_mtime >= unused_for:
                     path.unlink()
-                    removed.append(path)
-    return removed
+                    count += path.suffix == ".so"
+    return count

@@ -29,11 +29,7 @@ LETTERS = {"real": "r", "integer": "i", "bool": "b"}
 
 
 def argument_types(kernel: Kernel[Any], given: Mapping[str, Any]) -> tuple[Type, ...]:
-    """Types of arguments.
-
-    Raises:
-        TypeError: a kernel takes nothing of that kind.
-    """
+    """Types of arguments; a :class:`KernelError` where a kernel takes nothing of that kind."""
     records = {name: value.dtype for name, value in given.items() if getattr(value, "dtype", None) is not None}
     return tuple(_type(kernel, name, value, records) for name, value in given.items())
 

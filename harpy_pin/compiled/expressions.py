@@ -34,8 +34,7 @@ MATHEMATICS = {
 }
 """Functions of C's library under NumPy's names."""
 PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
-OF_TWO = (np.arctan2, np.hypot, np.copysign)
-"""Functions of two numbers."""
+OF_TWO = (np.arctan2, np.hypot, np.copysign)  # functions of two numbers
 LIBRARY = (*MATHEMATICS, *PREDICATES, min, max, abs, int, np.int64, float)
 """All functions that are no kernels."""
 
@@ -149,7 +148,7 @@ class Expressions(Operators):
             if value.constant < 0 or (isinstance(size, int) and value.constant >= size):
                 raise Refused(f"index {value.constant} of an axis of {size}")
         elif self.unit.debug:
-            return Value(INTEGER, f"inside({value.code}, {size}, __LINE__)")
+            return Value(INTEGER, f"{self.unit.helper('inside')}({value.code}, {size}, __LINE__)")
         return value
 
     def _slice(self, node: ast.Slice, size: int | str) -> tuple[Value, int | str]:
@@ -167,7 +166,7 @@ class Expressions(Operators):
             if isinstance(bound.constant, int) and isinstance(size, int) and not 0 <= bound.constant <= size:
                 raise Refused(f"a slice to {bound.constant} of an axis of {size}")
         if self.unit.debug:
-            begin = Value(INTEGER, f"within({begin.code}, {end.code}, {size}, __LINE__)")
+            begin = Value(INTEGER, f"{self.unit.helper('within')}({begin.code}, {end.code}, {size}, __LINE__)")
         return begin, length
 
     def _difference(self, node: ast.Slice, size: int | str) -> int | None:

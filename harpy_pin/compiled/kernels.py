@@ -7,12 +7,10 @@ only loads it. ``$HARPY_PIN_KERNELS`` chooses ``c`` or ``python``; by default it
 from __future__ import annotations
 
 import ctypes
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from functools import cache, update_wrapper
 from inspect import signature
 from pathlib import Path
@@ -29,9 +27,8 @@ from harpy_pin.compiled.entry_points import argument_types, entry_code
 from harpy_pin.compiled.plain import run_plain
 from harpy_pin.compiled.record_view import RecordView, plain
 from harpy_pin.compiled.shapes import Shape, check_shapes
-from harpy_pin.compiled.source import _described as _described_code
-from harpy_pin.compiled.source import _own_fingerprint, fingerprint, remember
-from harpy_pin.compiled.types import Array, Struct, Tuple, Type
+from harpy_pin.compiled.source import fingerprint, remember
+from harpy_pin.compiled.types import Array, Struct, Type
 from harpy_pin.errors import HarpyError, InputError, KernelError
 
 BACKENDS = ("c", "python")
@@ -61,8 +58,7 @@ def _choose() -> str:
     return "c"
 
 
-BACKEND = _choose()
-"""How kernels of this process run."""
+BACKEND = _choose()  # how kernels of this process run
 
 
 class _Slow:
@@ -110,9 +106,8 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def slowly(self, *arguments: Any, **named: Any) -> Any:
         """A call with arguments of new types: they are checked, and the kernel is compiled for them.
 
-        Raises:
-            InputError: an array has another shape than the kernel states.
-            KernelError: the kernel does not take such arguments.
+        An :class:`InputError` is of an array of another shape than the kernel states, a :class:`KernelError` of other
+        kinds.
         """
         given = self._bind(arguments, named)
         check_shapes(self.py_func.__name__, self._shapes, given)
@@ -134,11 +129,8 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def prepare(self, *arguments: Any) -> Future[None]:
         """Begin to compile for arguments like these, in the background; the kernel is not called.
 
-        Returns:
-            What is done once it can be called.
-
-        Raises:
-            KernelError: the kernel does not take such arguments.
+        The future is done once it can be called. A :class:`KernelError` says that the kernel does not take such
+        arguments.
         """
         if BACKEND == "c":
             return self._versions[self._begin(tuple(map(_plain, self._bind(arguments, {}).values())))]
@@ -149,9 +141,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def bind(self, *arguments: Any) -> Bound:
         """The kernel with arguments that stay where they are, for C that calls it; it is compiled if need be.
 
-        Raises:
-            InputError: an array has another shape than the kernel states.
-            KernelError: the kernel does not take such arguments.
+        Errors are those of :meth:`slowly`.
         """
         given = self._bind(arguments, {})
         check_shapes(self.py_func.__name__, self._shapes, given)
@@ -215,8 +205,8 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def _load(self, types: tuple[Type, ...]) -> None:
         """Compile for these types, or load what was compiled before, and add it to what can be called."""
         name = self.py_func.__name__.strip("_")
-        code = (_portable_fingerprint if compiler.portable() else fingerprint)(self.py_func)
-        key = compiler.key_of(_translator(), code, f"{self.py_func.__module__}.{name}", _text(types))
+        code = fingerprint(self.py_func, portable=compiler.portable())
+        key = compiler.key_of(_translator(), code, f"{self.py_func.__module__}.{name}", repr(types))
 
         def source() -> str:
             with _TRANSLATING:
@@ -313,26 +303,6 @@ def _described(given: Mapping[str, Any]) -> str:
     return ", ".join(f"{name}: {kind(value)}" for name, value in given.items())
 
 
-def _text(types: tuple[Type, ...]) -> str:
-    """Types as text that is the same in every process."""
-    return repr([_type_text(kind) for kind in types])
-
-
-def _type_text(kind: Type) -> str:
-    if isinstance(kind, Array):
-        return f"{_type_text(kind.element)}{kind.shape}{kind.strides}"
-    if isinstance(kind, Struct):
-        return f"{kind.name}{_dtype_text(kind.dtype)}"
-    if isinstance(kind, Tuple):
-        return f"({', '.join(map(_type_text, kind.items))})"
-    return str(kind)
-
-
-@cache
-def _dtype_text(dtype: np.dtype[Any]) -> str:
-    return repr(dtype)
-
-
 @cache
 def _workers() -> ThreadPoolExecutor:
     """Compile several kernels at a time."""
@@ -368,28 +338,8 @@ def end_all() -> None:
     _workers.cache_clear()
 
 
-def _portable_fingerprint(function: FunctionType) -> bytes:
-    """A fingerprint with files in the place of instructions, of which every version of Python has its own."""
-    seen: dict[FunctionType, bytes] = {}
-    waiting = [function]
-    while waiting:
-        one = waiting.pop()
-        if one not in seen:
-            text, called = _own_fingerprint(one)
-            seen[one] = text.replace(_described_code(one.__code__).encode(), _digest(one.__code__.co_filename))
-            waiting.extend(called)
-    return b"".join(sorted(seen.values()))
-
-
-@cache
-def _digest(file: str) -> bytes:
-    with suppress(OSError):  # a kernel that was typed in has no file
-        return hashlib.sha256(Path(file).read_bytes()).digest()
-    return b""
-
-
 @cache
 def _translator() -> bytes:
     """The translator's own source: what it writes is made anew when it changes."""
     here = Path(__file__).parent
-    return b"".join((here / f"{name}.py").read_bytes() for name in TRANSLATOR)
+    return b"".join((here / name).read_bytes() for name in (*(f"{own}.py" for own in TRANSLATOR), "helpers.c"))

@@ -11,12 +11,7 @@ import numpy as np
 
 
 def run_plain(function: FunctionType, arguments: tuple[Any, ...]) -> Any:
-    """Call a kernel's function, and the kernels that it calls, as Python.
-
-    Args:
-        function: of the kernel.
-        arguments: as of the kernel.
-    """
+    """Call a kernel's function, and the kernels that it calls, as Python."""
     with np.errstate(all="ignore"):
         return _plain(function)(*map(_with_attributes, arguments))
 

@@ -12,8 +12,7 @@ import numpy as np
 from harpy_pin.errors import InputError, shown
 
 Shape = tuple[int | str, ...] | str
-ANY = -1
-"""A size that may be any, for bridge.c."""
+ANY = -1  # a size that may be any, for bridge.c
 _LEAST, _SYMBOL, _FACTORS = 1_000, 1_000_000, 1_000
 _FLOAT = np.dtype(np.float64)
 
@@ -21,10 +20,7 @@ _FLOAT = np.dtype(np.float64)
 def constant_shape(stated: Shape | None, dtypes: Mapping[str, Any], axes: int) -> tuple[int | str, ...]:
     """What is known of an array's shape when a kernel is compiled; an empty string where nothing is.
 
-    Args:
-        stated: by the kernel.
-        dtypes: of the arguments that are arrays, by name.
-        axes: of the array.
+    It follows from what the kernel states and from the types of the arguments that are arrays, by name.
     """
     if stated is None:
         return ("",) * axes
@@ -50,11 +46,7 @@ def _encode(entry: int | str, symbols: dict[str, int]) -> int:
 
 
 def check_shapes(kernel: str, shapes: Mapping[str, Shape], given: Mapping[str, Any]) -> None:
-    """Check arguments against what a kernel states.
-
-    Raises:
-        InputError: an argument does not fit; the message says what was expected.
-    """
+    """Check arguments against what a kernel states; an :class:`InputError` says what was expected."""
     sizes: dict[str, int] = {}
     dtypes = {name: getattr(value, "dtype", None) for name, value in given.items()}
     for name, shape in shapes.items():

@@ -5,11 +5,14 @@ from __future__ import annotations
 import ast
 import builtins
 import gc
+import hashlib
 import inspect
 import linecache
 import os
 import textwrap
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -20,17 +23,9 @@ from harpy_pin.errors import KernelError
 
 
 class Source:
-    """A kernel's function as a tree.
+    """A kernel's function as a tree: its definition, its arguments in order, with defaults, and its first paragraph.
 
-    Attributes:
-        name: of the function.
-        tree: its definition.
-        parameters: names of its arguments, in order.
-        defaults: of those that have one.
-        docstring: its first paragraph.
-
-    Raises:
-        KernelError: there is no source to read.
+    A :class:`KernelError` says that there is no source to read.
     """
 
     def __init__(self, function: FunctionType) -> None:
@@ -56,9 +51,7 @@ class Source:
     def lookup(self, name: str, *, single: bool = False) -> Any:
         """What a name of the kernel's module, or of Python, stands for.
 
-        Args:
-            name: of it.
-            single: whether the module's ``SINGLE``, numbers by name that stand for others in single precision, counts.
+        In ``single`` precision the module's ``SINGLE`` counts, numbers by name that stand for others.
         """
         known = _globals(self._function)
         found = known.get(name, getattr(builtins, name, None))
@@ -89,8 +82,7 @@ def _parsed(text: str) -> ast.FunctionDef:
     return tree
 
 
-_LOADED: dict[str, tuple[int, int]] = {}
-"""What files of kernels were when they were loaded."""
+_LOADED: dict[str, tuple[int, int]] = {}  # what files of kernels were when they were loaded
 
 
 def remember(function: FunctionType) -> None:
@@ -134,24 +126,32 @@ def source_of(function: FunctionType) -> Source:
     return Source(function)
 
 
-_FINGERPRINTS: dict[FunctionType, tuple[bytes, tuple[FunctionType, ...]]] = {}
+def fingerprint(function: FunctionType, *, portable: bool = False) -> bytes:
+    """What decides the code of a kernel and of those it may call: instructions, and the numbers that they name.
 
-
-def fingerprint(function: FunctionType) -> bytes:
-    """What decides the code of a kernel and of those it may call: instructions, and the numbers that they name."""
+    A portable one has files in the place of instructions, of which every version of Python has its own.
+    """
     seen: dict[FunctionType, bytes] = {}
     waiting = [function]
     while waiting:
         one = waiting.pop()
-        if one in seen:
-            continue
-        if one not in _FINGERPRINTS:
-            _FINGERPRINTS[one] = _own_fingerprint(one)
-        seen[one], called = _FINGERPRINTS[one]
-        waiting.extend(called)
+        if one not in seen:
+            seen[one], called = _own_fingerprint(one)
+            waiting.extend(called)
+            if portable:
+                code = one.__code__
+                seen[one] = seen[one].replace(_described(code).encode(), _digest(code.co_filename))
     return b"".join(sorted(seen.values()))
 
 
+@cache
+def _digest(file: str) -> bytes:
+    with suppress(OSError):  # a kernel that was typed in has no file
+        return hashlib.sha256(Path(file).read_bytes()).digest()
+    return b""
+
+
+@cache
 def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType, ...]]:
     code, known = function.__code__, _globals(function)
     called: list[FunctionType] = []

@@ -45,17 +45,7 @@ def _unify(a: Type, b: Type) -> Type:
 
 
 def translate(unit: Unit, source: Source, name: str, types: tuple[Type, ...]) -> CFunction:
-    """One function.
-
-    Args:
-        unit: that it becomes a part of.
-        source: of the kernel.
-        name: in C.
-        types: of its arguments.
-
-    Raises:
-        KernelError: the kernel leaves the language; the message says where.
-    """
+    """A kernel as one function for arguments of these types; a :class:`KernelError` says where it is refused."""
     learnt = Learnt()
     while True:
         try:

@@ -52,6 +52,9 @@ class Struct:
     dtype: np.dtype[Any] = field(compare=True)  # NumPy's, aligned, so that its layout is that of a C struct
     name: str = field(compare=False, default="record")  # of the argument or field that it was first met as
 
+    def __repr__(self) -> str:
+        return f"{self.name}{_text(self.dtype)}"
+
     def fields(self) -> dict[str, Type]:
         """Types of the fields by name."""
         return _fields(self.dtype)
@@ -168,6 +171,11 @@ def times(a: int | str, b: int | str) -> int | str:
 
 
 @cache
+def _text(dtype: np.dtype[Any]) -> str:
+    return repr(dtype)
+
+
+@cache
 def _fields(dtype: np.dtype[Any]) -> dict[str, Type]:
     entries: dict[str, Type] = {}
     for name in dtype.names or ():
@@ -181,11 +189,7 @@ def _fields(dtype: np.dtype[Any]) -> dict[str, Type]:
 
 
 def element_of(dtype: np.dtype[Any], name: str) -> Scalar | Struct:
-    """What the elements of an array of this type are.
-
-    Raises:
-        KernelError: a kernel has no such numbers.
-    """
+    """What the elements of an array of this type are; a :class:`KernelError` where a kernel has no such numbers."""
     if dtype.names is not None:
         return Struct(dtype, name)
     kind = KINDS.get(dtype.char)

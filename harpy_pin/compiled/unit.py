@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,38 +32,11 @@ memset mktemp printf puts qsort rand random read realloc remove rename rindex si
 entry main signature"""
 ELSEWHERE = frozenset(FUNCTIONS.split())
 """Functions of C's library: no function may have such a name."""
+_TEXT = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
 HELPERS = {
-    "floor_div": "static inline integer floor_div(integer a, integer b)\n"
-    "{\n    if (b == 0) return 0;\n"
-    "    const integer q = a / b;\n    return q * b != a && (a < 0) != (b < 0) ? q - 1 : q;\n}",
-    "floor_mod": "static inline integer floor_mod(integer a, integer b)\n"
-    "{\n    if (b == 0) return 0;\n"
-    "    const integer r = a % b;\n    return r != 0 && (r < 0) != (b < 0) ? r + b : r;\n}",
-    "real_mod": "static inline real real_mod(real a, real b)\n"
-    "{\n    const real r = $fmod(a, b);\n    return r == 0 ? $copysign(0, b) : (r < 0) != (b < 0) ? r + b : r;\n}",
-    "real_min": "static inline real real_min(real a, real b)\n{\n    return b < a ? b : a;\n}",
-    "real_max": "static inline real real_max(real a, real b)\n{\n    return b > a ? b : a;\n}",
-    "integer_min": "static inline integer integer_min(integer a, integer b)\n{\n    return b < a ? b : a;\n}",
-    "integer_max": "static inline integer integer_max(integer a, integer b)\n{\n    return b > a ? b : a;\n}",
-    "integer_abs": "static inline integer integer_abs(integer a)\n{\n    return a < 0 ? -a : a;\n}",
-    "power_2": "static inline real power_2(real x)\n{\n    return x * x;\n}",
-    "power_3": "static inline real power_3(real x)\n{\n    return x * (x * x);\n}",
-    "power_4": "static inline real power_4(real x)\n{\n    const real square = x * x;\n    return square * square;\n}",
+    name: text for text, name in re.findall(r"^(static inline \w+ (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE)
 }
-"""What C's library lacks, as Python has it."""
-CHECKS = """static inline integer inside(integer i, integer size, int line)
-{
-    if (i < 0 || i >= size) { fprintf(stderr, "line %d: index %ld of %ld\\n", line, (long)i, (long)size); abort(); }
-    return i;
-}
-static inline integer within(integer begin, integer end, integer size, int line)
-{
-    if (begin < 0 || end > size) {
-        fprintf(stderr, "line %d: slice to %ld of %ld\\n", line, (long)end, (long)size);
-        abort();
-    }
-    return begin;
-}"""
+"""Functions of C that generated code calls, by name."""
 
 
 @dataclass
@@ -111,7 +86,7 @@ class Unit:
         return own
 
     def helper(self, name: str) -> str:
-        """A function that C's library lacks."""
+        """One of :data:`HELPERS`, from now on a part of the file."""
         text = HELPERS[name].replace("$fmod", self.function("fmod")).replace("$copysign", self.function("copysign"))
         self.helpers.setdefault(name, text)
         return name
@@ -185,7 +160,7 @@ class Unit:
             f"typedef struct {{ {' '.join(f'{item} v{n};' for n, item in enumerate(kind.items))} }} {name};"
             for kind, name in self.results.items()
         )
-        parts = [constants, results, CHECKS if self.debug else "", *self.helpers.values()]
+        parts = [constants, results, *self.helpers.values()]
         parts += [function.text for function in self.functions.values()]
         return "\n\n".join(part for part in parts if part)
 

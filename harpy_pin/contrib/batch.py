@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.contrib.threads import Threads
+from harpy_pin.contrib.threads import Threads, selection
 from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
 from harpy_pin.controllers.joint_targets import JointTargetsRecord, joint_targets_record, move_targets
 from harpy_pin.controllers.parameters import WholeBodyParameters
@@ -73,7 +73,7 @@ class BatchTargets:
         """
         if target.stance.shape != self.stance.shape[1:]:
             raise InputError("target must be of a gait of the same robot", name="target", value=target)
-        chosen = which if isinstance(which, slice) else checks.selection("which", which, len(self.body))
+        chosen = which if isinstance(which, slice) else selection("which", which, len(self.body))
         for name in self.__slots__:
             getattr(self, name)[chosen] = getattr(target, name)
 
@@ -183,7 +183,7 @@ class CondensedBatch(KeepsViews):
         Args:
             which: indices or mask of the robots; all by default.
         """
-        chosen = checks.selection("which", which, self.n)
+        chosen = selection("which", which, self.n)
         for memory in self._memory:
             memory[chosen] = 0
 

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
-from harpy_pin.log.power import PRESETS, Motors, Propulsion
+from harpy_pin.contrib.power import Motors
+from harpy_pin.log.power import PRESETS, Propulsion
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
@@ -38,8 +39,7 @@ ENERGIES = ("chemical", "missing", "inner heat", "thrust shaft", "thrust heat", 
 
 ``missing`` is what was drawn beyond what can be had: zero where the battery suffices."""
 MAX_CELLS = 1000
-FULL = 4.1029
-"""Voltage of a full cell without current, V."""
+FULL = 4.1029  # voltage of a full cell without current, V
 
 
 class BatteryRecord(RecordOf):

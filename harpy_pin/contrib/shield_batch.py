@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.contrib.threads import selection
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterParameters
 from harpy_pin.governors.shield import ShieldAnswer, ShieldLoop
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
@@ -69,7 +70,7 @@ class ShieldBatch(KeepsViews):
         Args:
             which: indices or mask of the environments; all by default.
         """
-        self._loop.reset(checks.selection("which", which, self.n))
+        self._loop.reset(selection("which", which, self.n))
 
     def __call__(
         self, q: ArrayLike, v: ArrayLike, foot_force: ArrayLike, torque: ArrayLike, thrust: ArrayLike

@@ -1,4 +1,4 @@
-"""Threads that share the loop of a batch."""
+"""Threads that share the loop of a batch, and the choice of some of it."""
 
 from __future__ import annotations
 
@@ -9,26 +9,32 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError
+from harpy_pin.errors import InputError, shown
 
-SMALL = 64
-"""Robots that are not worth a second thread."""
+SMALL = 64  # robots that are not worth a second thread
+
+
+def selection(name: str, which: ArrayLike | None, count: int) -> NDArray[np.int64]:
+    """Indices of some of ``count`` things, which are given as indices from 0 or as a mask; None for all."""
+    everything = np.arange(count)
+    try:
+        given = everything if which is None else np.atleast_1d(np.asarray(which))
+        chosen = everything[given if given.size else given.astype(np.int64)]
+    except (IndexError, ValueError, TypeError):
+        message = f"{name} must be indices from 0 to {count - 1} or a mask of {count}, got {shown(which)}"
+        raise InputError(message, name=name, value=which) from None
+    return chosen.reshape(-1)
 
 
 class Threads:
-    """Threads of the present process, begun when they are first needed, each for a part of a batch.
+    """Threads of the present process, begun when they are first needed, each for a part of a batch of ``n`` robots.
 
-    A forked child has none of its parent's threads, and would wait for them for ever: it begins its own. So does a
-    copy.
-
-    Args:
-        n: robots in the batch.
-        most: threads that work at a time, at most; None: one for each core.
-
-    Attributes:
-        cuts: where one part ends and the next begins; with one part, the work is done by the thread that calls.
+    At most ``most`` work at a time, by default one for each core. A part ends and the next begins at each of the
+    ``cuts``; with one part, the work is done by the thread that calls. A forked child has none of its parent's threads,
+    and would wait for them for ever: it begins its own. So does a copy.
     """
 
     def __init__(self, n: int, most: int | None = None) -> None:

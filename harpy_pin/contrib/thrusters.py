@@ -35,12 +35,9 @@ from harpy_pin.simulation.thrusters import Thrusters
 
 AIRBORNE = 0.05
 """Measured contact force below which the robot is in the air, as a share of the weight."""
-OBSERVER, ADAPTS = 30.0, 6.0
-"""Rates of the observer and of the estimates, 1/s."""
-ARM = 0.1
-"""Length by which moments are compared with forces, m."""
-LEAST, MOST = 0.2, 1.2
-"""Least and largest effectiveness."""
+OBSERVER, ADAPTS = 30.0, 6.0  # rates of the observer and of the estimates, 1/s
+ARM = 0.1  # length by which moments are compared with forces, m
+LEAST, MOST = 0.2, 1.2  # least and largest effectiveness
 
 
 @dataclass(frozen=True, kw_only=True)

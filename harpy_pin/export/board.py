@@ -18,8 +18,7 @@ COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-syst
 ICOUNT = "shift=6,align=off,sleep=off"
 """Every instruction takes 64 ns: more than a tick of the board's clock, so that each is seen."""
 COMMON = ("-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections")
-MOST = 600.0
-"""Time for one program, s."""
+MOST = 600.0  # time for one program, s
 
 
 @dataclass(frozen=True)
@@ -73,17 +72,10 @@ def board_text(chip: Chip) -> str:
 def build(
     folder: Path, sources: Sequence[Path | str], chip: Chip, program: Path, *, flags: Sequence[str] = ("-O2",)
 ) -> Path:
-    """Link a program for a chip's board.
+    """Link a program for a chip's board, of sources besides the board's own; relative ones are in the exported folder.
 
-    Args:
-        folder: an exported one; relative sources are in it.
-        sources: besides the board's own.
-        chip: for which.
-        program: to make.
-        flags: of the compiler, besides those that the chip needs.
-
-    Raises:
-        HarpyError: it does not compile; the message is the compiler's.
+    The flags are those of the compiler besides those that the chip needs. A :class:`HarpyError` has what the compiler
+    says where it does not compile.
     """
     command = [COMPILER, *chip.flags, *COMMON, *flags]
     command += [str(folder / source) for source in (*sources, "board/startup.c")]
@@ -94,11 +86,7 @@ def build(
 
 
 def run(program: Path, chip: Chip) -> tuple[str, int]:
-    """Run a program on a chip's board in QEMU.
-
-    Returns:
-        What it printed, and its exit code.
-    """
+    """Run a program on a chip's board in QEMU; returns what it printed, and its exit code."""
     machine = [EMULATOR, "-machine", chip.machine, "-nographic", "-monitor", "none", "-serial", "none"]
     target = ["-semihosting-config", "enable=on,target=native", "-icount", ICOUNT, "-kernel", str(program)]
     return run_program([*machine, *target], timeout=MOST)
@@ -112,17 +100,10 @@ def measure(
     flags: Sequence[str] = ("-O2",),
     sources: Sequence[Path | str] = ("count.c",),
 ) -> Measured:
-    """Count an exported controller on a chip.
+    """Count a controller, whose files have this name, with its recorded ticks in an exported folder, on a chip.
 
-    Args:
-        folder: with the controller and its recorded ticks.
-        name: of the controller's files.
-        chip: where to run it.
-        flags: of the compiler.
-        sources: the program that counts.
-
-    Raises:
-        HarpyError: it does not compile, or the program failed.
+    The flags are the compiler's, the sources those of the program that counts. A :class:`HarpyError` says that it does
+    not compile, or that the program failed.
     """
     folder = folder.resolve()  # sources are named from it
     with work_folder() as work:

@@ -20,8 +20,7 @@ from harpy_pin.export.exported_controllers import LAW, Exportable
 from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.model.record import Record
 
-FEW = 2
-"""Entries of an array that are assigned one by one; more are copied from the table."""
+FEW = 2  # entries of an array that are assigned one by one; more are copied from the table
 INPUTS = {
     "q": "configuration: position of the base, m, its quaternion (x, y, z, w), joint angles, rad",
     "v": "velocity: of the base, linear, m/s, and angular, rad/s, both in its own axes; of the joints, rad/s",
@@ -70,15 +69,9 @@ class Code:
 
 
 def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
-    """The C of a controller.
+    """The C of a controller, whose files, functions and structs have a name that begins with this one.
 
-    Args:
-        what: the controller.
-        name: of the files; functions and structs begin with it.
-        single: whether numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits.
-
-    Raises:
-        KernelError: a kernel leaves the language.
+    Numbers are floats and integers of 32 bits where it is ``single``, otherwise doubles and 64 bits.
     """
     unit = Unit(single=single, prefix=f"{name}_", own=PORTABLE if single else {})
     state, target = Struct(what.record.dtype, "state"), Struct(what.target.dtype, "target")
@@ -146,15 +139,7 @@ def _entries(dtype: object) -> int:
 
 
 def initial_values(unit: Unit, record: Record) -> tuple[str, list[str]]:
-    """The table and the statements that fill a record which is zero.
-
-    Args:
-        unit: whose precision and names are used.
-        record: as it is to be.
-
-    Returns:
-        The table in C, empty where nothing is copied, and the statements; ``state`` points to the record.
-    """
+    """The table in C, empty where nothing is copied, and the statements that fill a record which is zero, ``state``."""
     tables: dict[str, list[str]] = {"real": [], "integer": []}
     lengths = {"real": 0, "integer": 0}
     statements = []
@@ -166,7 +151,8 @@ def initial_values(unit: Unit, record: Record) -> tuple[str, list[str]]:
         elif np.count_nonzero(values) <= FEW:
             statements += [f"{place}[{n}] = {texts[n]};" for n in np.flatnonzero(values.ravel())]
         else:
-            tables[kind].append(f"/* {place.removeprefix('state->')} */\n    {_lines(texts)},")
+            lines = ",\n    ".join(", ".join(texts[n : n + 8]) for n in range(0, len(texts), 8))
+            tables[kind].append(f"/* {place.removeprefix('state->')} */\n    {lines},")
             statements.append(f"copy_{kind}({place}, {kind}s + {lengths[kind]}, {len(texts)});")
             lengths[kind] += len(texts)
     parts = []
@@ -204,8 +190,3 @@ def _places(unit: Unit, element: Any, place: str) -> Iterator[tuple[str, NDArray
                     yield from _places(unit, one, f"{own}[{n}].")
         elif np.count_nonzero(value):
             yield own, np.asarray(value)
-
-
-def _lines(texts: list[str]) -> str:
-    rows = [", ".join(texts[n : n + 8]) for n in range(0, len(texts), 8)]
-    return ",\n    ".join(rows)

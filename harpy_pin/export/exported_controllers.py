@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntFlag
 from typing import Any
 
 import numpy as np
@@ -36,51 +35,28 @@ MEASURED: tuple[str, ...] = ("q", "v", "foot_position", "foot_force")
 """What a controller may take of a state."""
 LAW = ("joint_position", "joint_velocity", "joint_stiffness", "joint_damping")
 """Rows of the motors' law, see :class:`harpy_pin.model.state.Command`."""
-ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")
-"""What an estimator gives."""
+ESTIMATED = ("q", "v", "foot_position", "foot_velocity", "foot_force")  # what an estimator gives
 
 
-class ProgramStatus(IntFlag):
-    """What happened in a tick of the whole-body QP."""
-
-    OPTIMAL = 0
-    FALLBACK = FALLBACK
-    """No solution: the last command for a while, then the posture."""
-
-
-class GovernorStatus(IntFlag):
-    """What happened in a tick of a governor."""
-
-    SATISFIED = 0
-    VIOLATED = VIOLATED
-    """A constraint does not hold with the command given."""
+PROGRAM_STATUSES = {"OPTIMAL": 0, "FALLBACK": FALLBACK}
+"""Of a tick of the whole-body QP; without a solution it gives the last command for a while, then the posture."""
+GOVERNOR_STATUSES = {"SATISFIED": 0, "VIOLATED": VIOLATED}
+"""Of a tick of a governor: whether its constraints hold with the command given."""
 
 
 @dataclass(frozen=True)
 class Exportable:
-    """A controller or an estimator that can become C.
+    """A controller or an estimator that can become C."""
 
-    Attributes:
-        kind: its short name, a part of the names in C.
-        title: what it is, in words.
-        robot: whose it is.
-        record: before the first tick.
-        step: the kernel of its tick.
-        inputs: names and shapes of what is measured, in the order of the kernel's arguments.
-        outputs: names and shapes of the command's parts, or of the estimate's.
-        statuses: what a tick's status says, by name.
-        control: part of the record that has the command; empty where it is the record itself.
-    """
-
-    kind: str
-    title: str
-    robot: Robot
-    record: Record
-    step: Callable[..., int]
-    inputs: Mapping[str, tuple[int, ...]]
-    outputs: Mapping[str, tuple[int, ...]]
-    statuses: Mapping[str, int]
-    control: str = ""
+    kind: str  # its short name, a part of the names in C
+    title: str  # what it is, in words
+    robot: Robot  # whose it is
+    record: Record  # before the first tick
+    step: Callable[..., int]  # the kernel of its tick
+    inputs: Mapping[str, tuple[int, ...]]  # names and shapes of what is measured, in the kernel's order
+    outputs: Mapping[str, tuple[int, ...]]  # names and shapes of the command's parts, or of the estimate's
+    statuses: Mapping[str, int]  # what a tick's status says, by name
+    control: str = ""  # part of the record that has the command; empty where it is the record itself
 
     def command_of(self, record: Record) -> Record:
         """The part of a record that has the command."""
@@ -99,22 +75,13 @@ class Exportable:
 
 
 def exportable(controller: object) -> Exportable:
-    """What is exported of a controller or an estimator.
+    """What is exported of a controller or an estimator, with its gait and settings; it is not changed.
 
-    Args:
-        controller: one of this library's, with its gait and settings; it is not changed.
-
-    Raises:
-        InputError: it is another one, or has a setting that is not exported.
+    One that is not this library's, or that has a setting which is not exported, is an :class:`InputError`.
     """
-    if isinstance(controller, CondensedController):
-        return _condensed(controller)
-    if isinstance(controller, WholeBodyController):
-        return _program(controller)
-    if isinstance(controller, GovernedController):
-        return _governed(controller)
-    if isinstance(controller, Estimator):
-        return _estimator(controller)
+    for kind, export in _EXPORTS.items():
+        if isinstance(controller, kind):
+            return export(controller)
     raise InputError(f"a {type(controller).__name__} cannot be exported", name="controller", value=controller)
 
 
@@ -122,7 +89,7 @@ def _condensed(controller: CondensedController) -> Exportable:
     _refuse_lags(controller.parameters)
     controller.reset()
     title, record = "condensed whole-body controller", controller._record_.copy()
-    return _exportable("condensed", title, controller.robot, record, controller._step, CondensedStatus)
+    return _exportable("condensed", title, controller.robot, record, controller._step, CondensedStatus.__members__)
 
 
 def _refuse_lags(p: WholeBodyParameters) -> None:
@@ -150,7 +117,7 @@ def _program(controller: WholeBodyController) -> Exportable:
     title = f"whole-body QP, formulation '{p.formulation}'"
     ticks = QP_TICKS[p.formulation]
     step = ticks.step_of_one if controller._command.law is None else ticks.step_of_one_with_targets
-    return _exportable("wbc", title, controller.robot, record, step, ProgramStatus)
+    return _exportable("wbc", title, controller.robot, record, step, PROGRAM_STATUSES)
 
 
 def _governed(controller: GovernedController) -> Exportable:
@@ -172,7 +139,7 @@ def _governed(controller: GovernedController) -> Exportable:
         parts |= {"dynamics": behind.dynamics._record_, "terms": behind.terms, "governor": behind._record_}
         record = make_record(FilterTickRecord, **parts)
         kind, title, step = "filter", "the paper's controller behind the contact-force filter", contact_step
-    return _exportable(kind, title, controller.robot, record, step, GovernorStatus)
+    return _exportable(kind, title, controller.robot, record, step, GOVERNOR_STATUSES)
 
 
 @kernel
@@ -224,12 +191,12 @@ def _estimator(estimator: Estimator) -> Exportable:
 
 
 def _exportable(
-    kind: str, title: str, robot: Robot, record: Record, step: Callable[..., int], status: type[IntFlag]
+    kind: str, title: str, robot: Robot, record: Record, step: Callable[..., int], statuses: Mapping[str, int]
 ) -> Exportable:
     feet = len(robot.feet)
     shapes = {"q": (robot.model.nq,), "v": (robot.model.nv,), "foot_position": (feet, 3), "foot_force": (feet, 3)}
     names = MEASURED if kind in ("paper", "filter") else ("q", "v", "foot_force")
-    statuses = {name: int(member) for name, member in status.__members__.items()} | {"BAD_SAMPLE": BAD_SAMPLE}
+    statuses = {name: int(status) for name, status in statuses.items()} | {"BAD_SAMPLE": BAD_SAMPLE}
     inputs = {name: shapes[name] for name in names}
     control = "" if kind == "condensed" else "control"
     joints = (len(robot.joints),)
@@ -242,3 +209,11 @@ def _exportable(
 def _refuse(found: bool, what: str) -> None:
     if found:
         raise InputError(f"{what} cannot be exported", name="controller")
+
+
+_EXPORTS: dict[type, Callable[[Any], Exportable]] = {
+    CondensedController: _condensed,
+    WholeBodyController: _program,
+    GovernedController: _governed,
+    Estimator: _estimator,
+}

@@ -32,19 +32,12 @@ PRECISIONS = ("float", "double")
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
+    """What was written."""
 
-    Attributes:
-        code: the controller in C.
-        what: the controller.
-        ticks: recorded ticks.
-        folder: where it is.
-    """
-
-    code: Code
-    what: Exportable
-    ticks: int
-    folder: Path
+    code: Code  # the controller in C
+    what: Exportable  # the controller
+    ticks: int  # that were recorded
+    folder: Path  # where it is
 
 
 @checked
@@ -88,20 +81,12 @@ def export(
 def write_folder(
     what: Exportable, given: Recording, folder: str | Path | OwnFolder, *, name: str, single: bool, readme: bool = True
 ) -> Exported:
-    """Write a controller and recorded ticks of it.
-
-    Args:
-        what: the controller.
-        given: the ticks.
-        folder: where to; new, empty, or an exported one.
-        name: of the files; functions and structs begin with it.
-        single: whether numbers are floats.
-        readme: whether to write the page about it, for which it is measured where there are tools.
+    """Write a controller, recorded ticks of it, and the page about it, for which it is measured where there are tools.
 
     Raises:
-        InputError: the name is none in C.
-        RunFileError: the folder has other files, or cannot be written.
-        HarpyError: single precision, and there is no C compiler.
+        InputError: the name, of the files, functions and structs, is none in C.
+        RunFileError: the folder is not new, empty or an exported one, or cannot be written.
+        HarpyError: numbers are of single precision, and there is no C compiler.
     """
     if not (name.isascii() and name.isidentifier()):
         raise InputError(f"name must be one in C, got {shown(name)}", name="name", value=name)

@@ -30,10 +30,8 @@ from harpy_pin.simulation.sensing import EstimatedState, Sensing
 
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
 """Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
-ESTIMATOR = "estimator"
-"""The state estimator's name."""
-SINK = 1e-3
-"""How deep feet sink in where a robot stands, m: it makes the ground's stiffness."""
+ESTIMATOR = "estimator"  # the state estimator's name
+SINK = 1e-3  # how deep feet sink in where a robot stands, m: it makes the ground's stiffness
 SHIFT = (0.02, 0.01, 0.0)
 """How far a robot that stays in one place moves its body back and forth, m."""
 SINGLE_FORCE = 100.0
@@ -64,17 +62,10 @@ def ready(
 ) -> Walk:
     """A motion that fits a robot, with a controller: Harpy walks, others stand, step in place or hover.
 
-    Args:
-        robot: whose motion.
-        controller: one of :data:`CONTROLLERS`, or :data:`ESTIMATOR`, for which the condensed controller walks.
-        duration: s.
-        friction: of the ground, which the controller knows.
-        pushes: on the body.
-        single: whether the controller is for single precision: the weight on contact forces of a robot that stands is
-            then larger (:data:`SINGLE_FORCE`).
-
-    Raises:
-        InputError: the controller is unknown, or does not take the robot.
+    The controller, one of :data:`CONTROLLERS`, or :data:`ESTIMATOR`, for which the condensed controller walks, knows
+    the friction. In ``single`` precision its weight on contact forces of a robot that stands is larger
+    (:data:`SINGLE_FORCE`). One that is unknown, or does not take the robot, is an :class:`InputError`. The duration is
+    in s.
     """
     if controller not in (*CONTROLLERS, ESTIMATOR):
         raise InputError.unknown("controller", controller, (*CONTROLLERS, ESTIMATOR))
@@ -103,80 +94,53 @@ def ready(
 
 @dataclass
 class _Watch:
-    """A controller whose inputs are kept."""
+    """A controller whose inputs are kept, or beside one on the true state what a robot's sensors say."""
 
     inner: GaitController
     what: Exportable
+    sensing: Sensing | None = None
     target: list[NDArray[np.float64]] = field(default_factory=list)
     inputs: list[list[NDArray[np.float64]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.period = self.inner.period
+        if self.sensing is not None:
+            self._given = Command(*(np.zeros(self.what.inputs[name]) for name in ("joint_torque", "thrust")))
 
     def step(self, state: State) -> Command:
-        """A tick."""
-        command = self.inner.step(state)
-        self._keep_target()
-        self.inputs.append([np.ravel(getattr(state, name)).copy() for name in MEASURED])
-        return command
-
-    def _keep_target(self) -> None:
-        self.target.append(np.concatenate([np.ravel(self.inner.target._record_[n][0]) for n in _names(self.what)]))
-
-
-@dataclass
-class _Felt(_Watch):
-    """A controller on the true state, beside which a robot's sensors are kept."""
-
-    sensing: Sensing = field(kw_only=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._given = Command(*(np.zeros(self.what.inputs[name]) for name in ("joint_torque", "thrust")))
-
-    def step(self, state: State) -> Command:
-        """A tick; the sensors belong to the target and the command of the last one."""
-        self._keep_target()
+        """A tick; sensors belong to the target and the command of the last one."""
+        if self.sensing is None:
+            command = self.inner.step(state)
+            self._keep([getattr(state, name) for name in MEASURED])
+            return command
         s, given = self.sensing.read(state, self._given.torque, self._given.thrust), self._given
         elapsed, force = np.full(1, self.period), np.full(len(state.foot_force), np.nan)
         unit, joints = (s.gyroscope, s.accelerometer), (s.joint_position, s.joint_velocity, s.joint_torque)
-        self.inputs.append([np.ravel(part).copy() for part in (elapsed, *unit, *joints, force, given.thrust)])
+        self._keep([elapsed, *unit, *joints, force, given.thrust])
         command = self.inner.step(state)
         self._given = Command(command.torque.copy(), command.thrust.copy())
         return command
 
+    def _keep(self, inputs: list[NDArray[np.float64]]) -> None:
+        self.target.append(np.concatenate([np.ravel(self.inner.target._record_[n][0]) for n in _names(self.what)]))
+        self.inputs.append([np.ravel(part).copy() for part in inputs])
+
 
 def record(motion: Walk, what: Exportable) -> Recording:
-    """The inputs of every tick of a motion, up to its end.
-
-    Args:
-        motion: with one of the library's controllers.
-        what: is exported of that controller.
-    """
+    """The inputs of every tick of a motion with one of the library's controllers, up to its end."""
     assert isinstance(motion.controller, GaitController)
-    watch, names = _Watch(motion.controller, what), MEASURED
-    if isinstance(motion.sensors, EstimatedState):
-        watch, names = _Felt(motion.controller, what, sensing=motion.sensors.sensing), tuple(what.inputs)
+    sensing = motion.sensors.sensing if isinstance(motion.sensors, EstimatedState) else None
+    watch, names = _Watch(motion.controller, what, sensing), MEASURED if sensing is None else tuple(what.inputs)
     motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.disturbances.pushes)
     columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(names)}
     return Recording(np.array(watch.target), columns)
 
 
 def answers(what: Exportable, code: Code, given: Recording) -> tuple[NDArray[Any], NDArray[np.int32]]:
-    """Commands and status of every tick, from the first state on.
+    """(ticks, ·) torques and thrusts, and (ticks,) the status, from the first state on.
 
-    In double precision those of the library's kernels; in single precision those of the exported C on this machine.
-
-    Args:
-        what: the controller.
-        code: its C.
-        given: the ticks.
-
-    Returns:
-        (ticks, ·) torques and thrusts, and (ticks,) the status.
-
-    Raises:
-        HarpyError: there is no C compiler, which single precision needs.
+    In double precision those of the library's kernels; in single precision those of the exported C on this machine, for
+    which a :class:`HarpyError` asks for a compiler.
     """
     return _from_kernels(what, given) if code.real == "double" else _from_c(what, code, given)
 

@@ -67,11 +67,9 @@ class CatalogueRobot:
         Raises:
             RobotError: example-robot-data is not installed.
         """
-        try:
-            folder = distribution("example-robot-data").locate_file(DATA)
-        except PackageNotFoundError:
-            raise RobotError(f"'{self.file}' is in example-robot-data: {install_line('robots')}") from None
-        return Path(str(folder)) / self.file
+        if installed_data() is None:
+            raise RobotError(f"'{self.file}' is in example-robot-data: {install_line('robots')}")
+        return Path(str(distribution("example-robot-data").locate_file(DATA))) / self.file
 
     @checked
     def add_frames(self, model: pin.Model) -> None:
@@ -119,8 +117,7 @@ def known_name(name: Any) -> Any:
 def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
     """The robot of that name; None if it is a path: it has a folder or an extension, or is no string.
 
-    Raises:
-        InputError: no such name; the message lists the names there are.
+    An :class:`InputError` lists the names there are.
     """
     if not isinstance(name, str) or name in (".", "..") or Path(name).name != name or Path(name).suffix:
         return None
@@ -131,10 +128,9 @@ def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
 
 
 def check_robot_name(name: object) -> None:
-    """Refuse what is neither ``harpy`` nor the name of a robot of :data:`CATALOGUE`.
+    """Refuse what is neither ``harpy`` nor the name of a robot of :data:`CATALOGUE`, by an :class:`InputError`.
 
-    Raises:
-        InputError: it lists the names; to a path it says how a file is read.
+    It lists the names; to a path it says how a file is read.
     """
     path = isinstance(name, str) and (Path(name).suffix or Path(name).name != name)
     hint = "a file comes with its feet: hp.load_robot(path, feet=...), --robot FILE --feet NAME,..." if path else ""

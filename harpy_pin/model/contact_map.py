@@ -158,9 +158,7 @@ def contact_gain(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     for c in range(nt, ny):
         inputs[nv - ny + c, c] = 1.0
     solve_transposed(w.factor, inputs, ny)
-    for a in range(count):
-        for y in range(ny):
-            gain[a, y] = 0.0
+    gain[:count] = 0.0
     for i in range(nv):
         for a in range(count):
             x = contact[i, a]
@@ -173,8 +171,7 @@ def contact_gain(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     solve_transposed(held, gain, ny)
     solve_factor(held, gain, ny)
     for i in range(nv):
-        for y in range(ny):
-            response[i, y] = inputs[i, y]
+        response[i] = inputs[i]
         for a in range(count):
             x = contact[i, a]
             if x != 0.0:

@@ -40,10 +40,8 @@ __all__ = [
 ]
 
 FLOAT64 = np.dtype(np.float64)
-HOLD_TICKS = 20
-"""Bad samples in a row for which the last good answer is held as it is."""
-FADE = 0.9
-"""Factor on it for every further one: the robot goes limp over some tens of ticks."""
+HOLD_TICKS = 20  # bad samples in a row for which the last good answer is held as it is
+FADE = 0.9  # factor on it for every further one: the robot goes limp over some tens of ticks
 is_finite: Callable[[float], bool] = np.isfinite
 """In kernels whether a number is one: NumPy's, with a result that is said to be a truth value."""
 

@@ -22,8 +22,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 
-LARGEST = 10.0
-"""Longest side of a flat foot, m."""
+LARGEST = 10.0  # longest side of a flat foot, m
 MIN_SPREAD = 1e-3
 """Least spread of the corners in their narrower direction, root mean square, m: less is a line, which turns freely."""
 

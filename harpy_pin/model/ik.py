@@ -24,8 +24,7 @@ BENT, SOLE_BENT = (0.75, 0.85, 0.65, 0.92), (0.92, 0.85, 0.75)
 """Heights of the hips above point feet and soles that are tried one after the other, in lengths of the leg."""
 STARTS, ITERATIONS, CLOSE = 12, 60, 1e-6
 """Configurations from which each leg's inverse kinematics begins, its steps from each, at most, and its error, m."""
-LEVEL = 2e-3
-"""Largest difference between the heights of the feet in a posture, m."""
+LEVEL = 2e-3  # largest difference between the heights of the feet in a posture, m
 BACKWARD = 0.1
 """Of postures alike in their angles the one with the knees further back is taken, in rad² per metre."""
 
@@ -202,15 +201,10 @@ def leg_joints(robot: Robot, foot: str) -> list[int]:
 
 @checked
 def find_posture(robot: Robot) -> Vector:
-    """(joints,) angles in which a robot stands, rad: those that were given; its file's, if its feet are on one level.
+    """(joints,) angles in which a robot with feet stands, rad.
 
-    Otherwise soles are level, and joints of no leg at zero or the next limit.
-
-    Args:
-        robot: with feet.
-
-    Raises:
-        InputError: no posture was found.
+    They are those that were given; its file's, if its feet are on one level. Otherwise soles are level, and joints of
+    no leg at zero or the next limit; an :class:`InputError` says that no such posture was found.
     """
     model, data, q = robot.model, robot.model.createData(), pin.neutral(robot.model)
     if robot.posture is not None:

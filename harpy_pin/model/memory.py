@@ -22,8 +22,7 @@ from harpy_pin.errors import InputError
 _T = TypeVar("_T")
 _Kind = TypeVar("_Kind", bound=type)
 _Array = NDArray[Any]
-ALIGNED = 64
-"""Bytes: vectors of processors lie well there."""
+ALIGNED = 64  # bytes: vectors of processors lie well there
 
 
 def fixed_arrays(*names: str, copied: bool = True) -> Callable[[_Kind], _Kind]:

@@ -18,23 +18,20 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.errors import InputError, RobotError, shown
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
-from harpy_pin.model.urdf import build_model, check_bodies, number_in, read_xml
+from harpy_pin.model.urdf import build_model, check_bodies, number_in, read_xml, robot_errors
 
-FREE = 0
-"""``mujoco.mjtJoint.mjJNT_FREE``."""
+FREE = 0  # ``mujoco.mjtJoint.mjJNT_FREE``
 
 
 def build_any_model(path: Path) -> tuple[pin.Model, Vector | None]:
     """Pinocchio's model of a URDF or of an MJCF file, and the standing posture (joints,) where the file has one.
 
-    Raises:
-        RobotError: as :func:`harpy_pin.model.urdf.build_model`.
+    Errors are those of :func:`harpy_pin.model.urdf.build_model`.
     """
-    where = shown(str(path), 300)
-    try:
+    with robot_errors(path, "an MJCF file"):
         root = read_xml(path)
         if root.tag != "mujoco":
             return build_model(path), None
@@ -44,13 +41,6 @@ def build_any_model(path: Path) -> tuple[pin.Model, Vector | None]:
             raise InputError("its first body has no free joint")
         tree_record(model)
         check_bodies(model)
-    except InputError as error:
-        raise RobotError(f"{where}: {error}", path=path) from error
-    except OSError as error:
-        raise RobotError(f"cannot read {where}: {error.strerror or error}", path=path) from error
-    except (RuntimeError, ValueError, IndexError) as error:
-        reason = " ".join(str(error).split())
-        raise RobotError(f"{where} is not an MJCF file that Pinocchio can read: {reason}", path=path) from error
     keys = {entry.key(): np.array(entry.data()) for entry in model.referenceConfigurations}
     return model, keys["home"][7:] if "home" in keys else None
 
@@ -111,8 +101,7 @@ def plain_name(name: str) -> str:
 def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
     """Numbers of joints in a ``mujoco.MjModel``, by their names without prefix.
 
-    Raises:
-        InputError: it is no such model, has no free joint, a joint is absent, or there are two of that name.
+    An :class:`InputError` says that it is no such model, has no free joint, lacks a joint, or has two of that name.
     """
     if not hasattr(model, "jnt_type"):
         raise InputError(f"model must be a mujoco.MjModel, got {shown(model)}", name="model", value=model)
@@ -132,11 +121,7 @@ def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
 
 
 def free_joint(model: Any, joints: NDArray[np.int64]) -> int:
-    """Number of the free joint that moves the base of a robot with these joints.
-
-    Raises:
-        InputError: there is none.
-    """
+    """Number of the free joint that moves the base of a robot with these joints; refuses a model without one."""
     free = [number for number in range(model.njnt) if model.jnt_type[number] == FREE]
     if len(joints):
         root = model.body_rootid[model.jnt_bodyid[joints[0]]]

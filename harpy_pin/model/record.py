@@ -34,8 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin.errors import InputError
 from harpy_pin.model.memory import room
 
-Record = NDArray[np.void]
-"""A structured array of shape (1,)."""
+Record = NDArray[np.void]  # a structured array of shape (1,)
 NO_SIZES: Mapping[str, int] = {}
 ALIGNED, PLACE = 32, 16
 """Records begin 16 bytes beyond a multiple of 32. There the vectors of their matrices lie well; elsewhere ticks of the
@@ -73,8 +72,7 @@ _FIELDS: dict[type[RecordOf], tuple[str, ...]] = {}
 """Names of the fields by class, in the order of the classes, bases first, which is that in memory."""
 _BEGINNING: dict[type[RecordOf], dict[str, Any]] = {}
 """What fields of a class are where a record is made without them."""
-ZERO: Any = np.int64(0)
-"""What a field that is a whole number begins with."""
+ZERO: Any = np.int64(0)  # what a field that is a whole number begins with
 
 
 @dataclass(frozen=True)
@@ -94,10 +92,8 @@ class _Sized:
 def sized(*shape: int | str, fill: float = 0.0, whole: bool = False) -> Any:
     """A field that is an array, which every record has of its own.
 
-    Args:
-        shape: sizes; ``"3 feet + 1"`` is three times what a record's sizes have as ``feet``, and one.
-        fill: its entries to begin with.
-        whole: whether these are whole numbers.
+    It is of real or whole numbers, ``fill`` to begin with. In its shape ``"3 feet + 1"`` is three times what a record's
+    sizes have as ``feet``, and one.
     """
     return _Sized(shape, fill, whole)
 
@@ -179,11 +175,7 @@ def flag(record: Record, name: str) -> NDArray[np.bool_]:
 
 
 def same_layout(record: Record, own: Record) -> Record:
-    """A record that kernels take in the place of one's own.
-
-    Raises:
-        InputError: its fields have other names, types or shapes.
-    """
+    """A record that kernels take in the place of one's own; an :class:`InputError` where its fields are others."""
     if record.dtype != own.dtype or record.shape != own.shape:
         raise InputError("record must be that of the same robot and class", name="record", value=record)
     return record

@@ -27,8 +27,7 @@ from harpy_pin.model.urdf import check_file
 
 HARPY_FEET = ("left_foot", "right_foot")
 HARPY_THRUSTERS = ("left_thruster", "right_thruster")
-HARPY_THRUST_LIMIT = 53.0
-"""Hardware limit of one thruster, N (equations.md §3)."""
+HARPY_THRUST_LIMIT = 53.0  # hardware limit of one thruster, N (equations.md §3)
 ANY_DIRECTION = 0.1
 """Rotors push in any direction where the least singular value of their axes is above this share of the largest."""
 
@@ -348,15 +347,7 @@ def _links(model: pin.Model) -> str:
 
 
 def heavier(robot: Robot, error: float) -> Robot:
-    """A robot with 1 + error times the mass and inertia of its body, the legs as they are.
-
-    Args:
-        robot: stays as it is.
-        error: relative, above −1.
-
-    Raises:
-        InputError: the error is out of that range.
-    """
+    """A robot with 1 + error times the mass and inertia of its body, the legs as they are; the error is above −1."""
     error = checks.number("mass error", error, low=-1.0, strict=True)
     model = robot.model.copy()
     body = model.inertias[1]

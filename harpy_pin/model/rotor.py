@@ -73,8 +73,7 @@ def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
     rotors = d.rotor_axis.shape[0]
     free = force.shape[0] - rotors
     for k in range(free):
-        for i in range(3):
-            out[3 * k + i] = force[k, i]
+        out[3 * k : 3 * k + 3] = force[k]
     changed = 0
     for k in range(rotors):
         f, axis = force[free + k], d.rotor_axis[k]

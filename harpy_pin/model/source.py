@@ -37,8 +37,7 @@ def plain_source(value: Any) -> Any:
 def read_robot(source: Mapping[str, Any]) -> Robot:
     """The robot of a :attr:`Robot.source`, also as :func:`plain_source` writes it.
 
-    Args:
-        source: ``file``, a path or a name; other arguments of :func:`load_robot`; ``model``, arrays that are changed.
+    It has ``file``, a path or a name, other arguments of :func:`load_robot`, and ``model``, arrays that are changed.
     """
     for name in source:
         checks.one_of("entry of the robot", name, ENTRIES)

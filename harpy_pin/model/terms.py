@@ -43,8 +43,7 @@ def _base(t: TreeRecord, q: Vector, v: Vector) -> None:
     body_rotation(q, r)
     for c in range(3):
         t.drift[0, c] = -(r[0, c] * g[0] + r[1, c] * g[1] + r[2, c] * g[2])
-    for c in range(6):
-        t.twist[0, c] = v[c]
+    t.twist[0] = v[:6]
 
 
 @kernel
@@ -359,8 +358,7 @@ def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
     rotors = d.rotor_axis.shape[0]
     free = out.shape[0] - rotors
     for k in range(free):
-        for i in range(3):
-            out[k, i] = variables[3 * k + i]
+        out[k] = variables[3 * k : 3 * k + 3]
     for k in range(rotors):
         for i in range(3):
             out[free + k, i] = variables[3 * free + k] * d.rotor_axis[k, i]

@@ -55,17 +55,12 @@ class TreeRecord(RecordOf):
 def tree_record(model: pin.Model) -> Records[TreeRecord]:
     """A new :class:`TreeRecord`.
 
-    Raises:
-        RobotError: the root is no free flyer, or a joint has several axes, or one that both turns and slides.
+    A :class:`RobotError` says that the root is no free flyer, or that a joint has several axes, or turns and slides.
     """
     joints = list(model.joints)[1:]
     if joints[0].shortname() != "JointModelFreeFlyer" or not model.jointPlacements[1].isIdentity(0.0):
         raise RobotError(f"the root of '{model.name}' is not a free flyer with the base's own frame")
-    kinds, axes = [REVOLUTE], [np.zeros(3)]
-    for joint in joints[1:]:
-        kind, axis = _axis(joint, model)
-        kinds.append(kind)
-        axes.append(axis)
+    kinds, axes = zip((REVOLUTE, np.zeros(3)), *(_axis(joint, model) for joint in joints[1:]), strict=True)
     bodies = len(joints)
     inertias = list(model.inertias)[1:]
     placements = list(model.jointPlacements)[1:]

@@ -7,7 +7,8 @@ entities, answers most of what it refuses with errors of Python's, and brings lx
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +21,13 @@ _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
 """Pinocchio's reader calls itself once per link of a chain; its stack ends somewhere above 3000."""
 _MAX_NAME = 200
-_MAX_DEPTH = 50
-"""Most levels of elements inside elements; readers call themselves once for each."""
+_MAX_DEPTH = 50  # most levels of elements inside elements; readers call themselves once for each
 _LARGEST = 1e6
 """Largest masses, lengths and inertias, SI; larger ones overflow in the equations of motion."""
-_ROUNDING = 1e-12
-"""What files made by programs have below zero, kg·m²."""
+_ROUNDING = 1e-12  # what files made by programs have below zero, kg·m²
 
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed")
-_FIXED = ("parent", "child", "origin")
-"""Elements that mean something in a fixed joint."""
+_FIXED = ("parent", "child", "origin")  # elements that mean something in a fixed joint
 # Numbers of an element: how many in each attribute, the attributes it must have, those it may have.
 _NUMBERS: dict[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
     "mass": (1, ("value",), ()),
@@ -62,7 +60,7 @@ def build_model(path: Path) -> pin.Model:
     Raises:
         RobotError: the file is missing, too large, malformed, or describes what no body can be; always one line.
     """
-    try:
+    with robot_errors(path, "a URDF"):
         root = read_xml(path)
         if root.tag != "robot" or root.find("link") is None:
             raise RobotError(f"{_shown(path)} is not a URDF: it has no <robot> with links", path=path)
@@ -94,14 +92,21 @@ def build_model(path: Path) -> pin.Model:
             if not limited:
                 model.effortLimit[joint.idx_v] = model.velocityLimit[joint.idx_v] = np.inf
         check_bodies(model)
+    return model
+
+
+@contextmanager
+def robot_errors(path: Path, kind: str) -> Iterator[None]:
+    """A block in which a file of this kind is read: its errors become :class:`RobotError`."""
+    try:
+        yield
     except InputError as error:
         raise RobotError(f"{_shown(path)}: {error}", path=path) from error
     except OSError as error:
         raise RobotError(f"cannot read {_shown(path)}: {error.strerror or error}", path=path) from error
-    except (RuntimeError, ValueError) as error:
+    except (RuntimeError, ValueError, IndexError) as error:
         reason = " ".join(str(error).split())
-        raise RobotError(f"{_shown(path)} is not a URDF that Pinocchio can read: {reason}", path=path) from error
-    return model
+        raise RobotError(f"{_shown(path)} is not {kind} that Pinocchio can read: {reason}", path=path) from error
 
 
 def check_file(path: Path) -> None:

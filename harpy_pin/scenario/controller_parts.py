@@ -29,7 +29,8 @@ class ControllerPart(Part):
     Attributes:
         mu: friction coefficient that it assumes; the ground's static one by default.
         parameters: further settings that differ from their defaults, such as
-            ``{"solver": "daqp", "weights": {"swing": 0.5}}``, see :func:`harpy_pin.controllers.make_parameters`.
+            ``{"solver": "daqp", "weights": {"swing": 0.5}}``, by the names of
+            :class:`harpy_pin.controllers.WholeBodyParameters`.
     """
 
     further: ClassVar[type] = WholeBodyParameters
@@ -85,24 +86,14 @@ class ControllerPart(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Condensed(ControllerPart):
-    """The whole-body QP condensed to the contact forces, see :class:`harpy_pin.controllers.CondensedController`.
-
-    Attributes:
-        mu: friction coefficient that it assumes; the ground's static one by default.
-        parameters: further settings, by the names of :class:`harpy_pin.controllers.WholeBodyParameters`.
-    """
+    """The whole-body QP condensed to the contact forces, see :class:`harpy_pin.controllers.CondensedController`."""
 
     name = "condensed"
 
 
 @dataclass(frozen=True, kw_only=True)
 class WholeBody(ControllerPart):
-    """The whole-body QP, see :class:`harpy_pin.controllers.WholeBodyController`.
-
-    Attributes:
-        mu: friction coefficient that it assumes; the ground's static one by default.
-        parameters: further settings, by the names of :class:`harpy_pin.controllers.WholeBodyParameters`.
-    """
+    """The whole-body QP, see :class:`harpy_pin.controllers.WholeBodyController`."""
 
     name = "wbc"
 

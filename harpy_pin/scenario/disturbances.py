@@ -12,8 +12,7 @@ from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensors import Noise
 
-MAX_MASS_ERROR = 100.0
-"""As a share: far beyond any robot, and far from numbers that overflow."""
+MAX_MASS_ERROR = 100.0  # as a share: far beyond any robot, and far from numbers that overflow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,10 +48,12 @@ class Disturbances:
     def __post_init__(self) -> None:
         if not isinstance(self.pushes, list | tuple):
             raise InputError(f"pushes must be a list, got {shown(self.pushes)}", name="pushes", value=self.pushes)
+        noise: Any = self.noise
+        multiple = isinstance(noise, int | float) and not isinstance(noise, bool)
         checks.keep(
             self,
             pushes=tuple(read_record(Push, "push", push) for push in self.pushes),
-            noise=_read_noise(self.noise),
+            noise=Noise.typical(noise) if multiple else read_record(Noise, "noise", noise),
             delay=checks.number("delay", self.delay, low=0.0),
             mass_error=checks.number("mass_error", self.mass_error, low=-1.0, high=MAX_MASS_ERROR, strict=True),
             actuators=read_record(Actuators, "actuators", self.actuators),
@@ -65,10 +66,3 @@ class Disturbances:
         """Names and values, ready for JSON and exact."""
         values: dict[str, Any] = plain(asdict(self))
         return values
-
-
-def _read_noise(value: Any) -> Noise:
-    """Noise from itself, a mapping of its attributes, or a multiple of typical noise."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return Noise.typical(value)
-    return read_record(Noise, "noise", value)

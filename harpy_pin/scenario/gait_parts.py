@@ -26,8 +26,7 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import named_robot
 from harpy_pin.scenario.parts import Part
 
-MAX_SPEED = 100.0
-"""m/s: far beyond what any walker does, and far from numbers that overflow."""
+MAX_SPEED = 100.0  # m/s: far beyond what any walker does, and far from numbers that overflow
 
 
 @dataclass(frozen=True, kw_only=True)

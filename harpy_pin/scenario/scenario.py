@@ -22,8 +22,7 @@ from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.push import check_pushes
 
-TRUE, ESTIMATED = "true", "estimated"
-"""What a controller may know of the state."""
+TRUE, ESTIMATED = "true", "estimated"  # what a controller may know of the state
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
@@ -90,13 +89,14 @@ class Scenario:
     ) -> None:
         robot = named_robot(robot)
         checks.one_of("state", state, (TRUE, ESTIMATED))
+        sensors = Imu() if sensors is None and state == ESTIMATED else sensors
         values: dict[str, Any] = {
             "robot": robot,
             "gait": read_part(GAIT_PARTS, "gait", gait, gaits_of(robot)),
             "controller": read_part(CONTROLLER_PARTS, "controller", controller),
             "plant": read_part(PLANT_PARTS, "plant", plant),
             "disturbances": read_record(Disturbances, "disturbances", {} if disturbances is None else disturbances),
-            "sensors": _read_sensors(sensors, state),
+            "sensors": None if sensors is None else read_record(Imu, "sensors", sensors),
             "state": state,
             "duration": checks.number("duration", duration, low=0.0, strict=True),
             "period": checks.number("period", period, low=0.0, strict=True),
@@ -214,10 +214,3 @@ class Scenario:
             message = f"the run was walked with its own {parts or 'parts'}, which its scenario does not hold"
             raise InputError(f"{message}; Scenario.from_dict(run.metadata['scenario']) is the rest", name="run")
         return cls.from_dict(run.metadata["scenario"])
-
-
-def _read_sensors(value: Any, state: str) -> Imu | None:
-    """Sensors from themselves or a mapping of their attributes; the default ones where the state is to be estimated."""
-    if value is None:
-        return Imu() if state == ESTIMATED else None
-    return read_record(Imu, "sensors", value)

@@ -105,7 +105,7 @@ def _inside(record: Any, above: str, of: tuple[str, ...]) -> Iterator[Setting]:
 
 
 def _meanings(kind: type) -> dict[str, str]:
-    """What the attributes of a class mean, by its documentation."""
-    text = (inspect.getdoc(kind) or "").partition("Attributes:\n")[2]
-    found = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", text, re.M)
+    """What the attributes of a class mean, by its documentation and that of its bases."""
+    texts = (inspect.cleandoc(one.__doc__ or "").partition("Attributes:\n")[2] for one in reversed(kind.__mro__))
+    found = (pair for text in texts for pair in re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", text, re.M))
     return {name: " ".join(meaning.split()) for name, meaning in found}

@@ -19,10 +19,8 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.thrusters import Thrusters
 
-MAX_BANDWIDTH = 1e6
-"""Hz."""
-MAX_TORQUE = 1e6
-"""N·m, and N·m·s/rad."""
+MAX_BANDWIDTH = 1e6  # Hz
+MAX_TORQUE = 1e6  # N·m, and N·m·s/rad
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,19 +16,16 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.ground.ground import GroundRecord, stribeck
 from harpy_pin.model.cholesky import solve_transposed
-from harpy_pin.model.record import RecordOf, Records, make_record, sized
+from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.sole_contact import sole_step
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.step import StepRecord
 
-TINY = 1e-30
-"""Keeps quotients of two zeros finite."""
-ROUNDS = 200
-"""Most rounds of contact forces and joint friction in a step."""
-TOLERANCE = 1e-9
-"""Change of a joint's friction, as a share of its limit, that ends them."""
+TINY = 1e-30  # keeps quotients of two zeros finite
+ROUNDS = 200  # most rounds of contact forces and joint friction in a step
+TOLERANCE = 1e-9  # change of a joint's friction, as a share of its limit, that ends them
 
 
 @kernel
@@ -261,12 +258,6 @@ class JointFrictionRecord(RecordOf):
     torque: Vector = sized("joints")  # (joints,) of the last step, N·m
     columns: Vector = sized("nv", "joints")  # (nv, joints) L⁻ᵀ S, with M + dt B = Lᵀ L
     free: Vector = sized("contacts")  # (contacts,) velocities of the feet under it without contact forces, m/s
-
-
-def joint_friction_record(*, nv: int, contacts: int, limit: Vector) -> Records[JointFrictionRecord]:
-    """A new :class:`JointFrictionRecord`, with the Coulomb friction ``limit`` (joints,), N·m, in the joints."""
-    joints = len(limit) if limit.any() else 0
-    return make_record(JointFrictionRecord, {"nv": nv, "contacts": contacts, "joints": joints}, limit=limit[:joints])
 
 
 @kernel

@@ -52,10 +52,8 @@ GRAVITY = 9.81
 class Attachment(Protocol):
     """What acts on a plant besides commands and pushes, such as a battery behind its thrusters.
 
-    It reads and writes the plant's :attr:`~Plant.record`.
-
-    Attributes:
-        signals: for the log, by name: arrays that stay where they are.
+    It reads and writes the plant's :attr:`~Plant.record`. Its signals for the log are arrays, by name, that stay where
+    they are.
     """
 
     signals: Mapping[str, NDArray[Any]]

@@ -13,8 +13,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
 
-MAX_IMPULSE = 1e6
-"""N·s along an axis."""
+MAX_IMPULSE = 1e6  # N·s along an axis
 
 
 @dataclass(frozen=True)

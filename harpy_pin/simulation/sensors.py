@@ -16,8 +16,7 @@ from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 
-MAX_NOISE = 1e6
-"""Largest standard deviation, in its unit, and largest scale."""
+MAX_NOISE = 1e6  # largest standard deviation, in its unit, and largest scale
 
 
 @dataclass(frozen=True, kw_only=True)

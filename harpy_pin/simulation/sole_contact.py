@@ -25,12 +25,9 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     from harpy_pin.simulation.step import StepRecord
 
-CREEP = 1e-6
-"""Velocity at which friction is 0.71 of the largest, m/s."""
-ENGAGING = 1e-5
-"""Velocity over which the damper sets in at the surface, m/s."""
-SEARCHES = 30
-"""Most lengths of a step that are tried."""
+CREEP = 1e-6  # velocity at which friction is 0.71 of the largest, m/s
+ENGAGING = 1e-5  # velocity over which the damper sets in at the surface, m/s
+SEARCHES = 30  # most lengths of a step that are tried
 CALM = 100
 """Steps after which the largest friction changes by half of what is found only; by a quarter after twice as many."""
 
@@ -288,15 +285,9 @@ def _search(s: StepRecord, ground: GroundRecord) -> float:
 def sole_step(s: StepRecord, ground: GroundRecord, free: Vector, tolerance: float, most_steps: int) -> int:
     """Forces at the corners of all soles at the end of a step, and the loads of their modes.
 
-    Args:
-        s: with mobility and heights for the step, and the forces of the last one as the first guess.
-        ground: the element of :attr:`Ground.record`.
-        free: (6 soles,) velocities of the modes without contact forces, m/s.
-        tolerance: largest error of a load or of the largest friction, relative to 1 N + the largest force.
-        most_steps: limit of the iteration.
-
-    Returns:
-        Number of Newton's steps done; ``most_steps + 1`` if they did not converge.
+    The forces of the last step are the first guess. ``free`` (6 soles,) are the velocities of the modes without contact
+    forces, m/s, the tolerance is of a load or of the largest friction, relative to 1 N + the largest force. Returns the
+    number of Newton's steps done; ``most_steps + 1`` if they did not converge.
     """
     o, n = s.soles, free.shape[0]
     corners = o.mode.shape[0] * 6 // n

@@ -23,7 +23,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world
 from harpy_pin.ground.ground import GroundRecord, local_friction, local_stiffness
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
-from harpy_pin.log.slip import SlipRecord, note_slip, slip_record
+from harpy_pin.log.slip import SlipRecord, note_slip
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
@@ -33,24 +33,16 @@ from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import integrate, update_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
-from harpy_pin.simulation.implicit_contact import (
-    JointFrictionRecord,
-    contact_forces,
-    joint_friction_record,
-    step_with_friction,
-)
+from harpy_pin.simulation.implicit_contact import JointFrictionRecord, contact_forces, step_with_friction
 from harpy_pin.simulation.sole_contact import SolesRecord, sole_columns, turn_modes
 from harpy_pin.simulation.thrusters import ThrustersRecord, drive_thrusters, thrusters_record
 
 MIN_MOBILITY = 1e-9
 """Least inverse mass of a foot in any direction, 1/kg: a planar model cannot move its feet sideways at all."""
-MAX_SWEEPS = 500
-"""Limit of the contact solver's iteration."""
-MISFIT_COMMAND = -1
-"""What :func:`physics_steps` returns for a command that it refuses."""
+MAX_SWEEPS = 500  # limit of the contact solver's iteration
+MISFIT_COMMAND = -1  # what :func:`physics_steps` returns for a command that it refuses
 Kind = TypeVar("Kind", bound="PlantRecord")
-VERDICTS = ("completed", "fell", "diverged")
-"""How a run ends, by what :func:`stands` returns."""
+VERDICTS = ("completed", "fell", "diverged")  # how a run ends, by what :func:`stands` returns
 
 
 class PlantRecord(RecordOf):
@@ -102,7 +94,7 @@ def plant_record(
     return make_record(
         kind,
         sizes,
-        slip=slip_record(sizes["feet"]),
+        slip=make_record(SlipRecord, sizes),
         motors=motors_record(actuators, **motors),
         thrusters=thrusters_record(actuators.thrusters, **thrusters, dt=step),
         **own,
@@ -124,8 +116,8 @@ def step_record(
     sizes = {"thrusts": 0, "thrusters": 0, "soles": 0, **sizes}
     actuators, flat = Actuators() if actuators is None else actuators, sizes["soles"] > 0
     sizes |= {"contacts": 6 * sizes["soles"] if flat else 3 * sizes["feet"], "corners": sizes["feet"] if flat else 0}
-    limit = np.zeros(0) if friction is None else friction
-    joints = joint_friction_record(nv=sizes["nv"], contacts=sizes["contacts"], limit=limit)
+    limit = friction if friction is not None and friction.any() else np.zeros(0)
+    joints = make_record(JointFrictionRecord, {**sizes, "joints": len(limit)}, limit=limit)
     motors = {"peak": np.zeros(0)} if motors is None else motors
     soles = make_record(SolesRecord, sizes)
     return plant_record(StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints, soles=soles)

@@ -19,12 +19,9 @@ from harpy_pin.errors import InputError, shown
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-MAX_LAG = 1e3
-"""s."""
-MAX_THRUST = 1e6
-"""N, and N/s."""
-SMALL = 1e-9
-"""Thrust below which a command has no direction, N."""
+MAX_LAG = 1e3  # s
+MAX_THRUST = 1e6  # N, and N/s
+SMALL = 1e-9  # thrust below which a command has no direction, N
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,17 +53,14 @@ class Thrusters:
     failing: tuple[int, float, float] | None = None
 
     def __post_init__(self) -> None:
-        values = {
-            "lag": checks.number("thrusters' lag", self.lag, low=0.0, high=MAX_LAG),
-            "least": checks.number("thrusters' least", self.least, low=0.0, high=MAX_THRUST),
-            "turning_lag": checks.number("thrusters' turning_lag", self.turning_lag, low=0.0, high=MAX_LAG),
-        }
+        for name, high in (("lag", MAX_LAG), ("least", MAX_THRUST), ("turning_lag", MAX_LAG)):
+            checks.keep(self, **{name: checks.number(f"thrusters' {name}", getattr(self, name), low=0.0, high=high)})
         if self.rate is not None:
-            values["rate"] = checks.number("thrusters' rate", self.rate, low=0.0, high=MAX_THRUST, strict=True)
+            rate = checks.number("thrusters' rate", self.rate, low=0.0, high=MAX_THRUST, strict=True)
+            checks.keep(self, rate=rate)
         if self.largest is not None:
-            least = values["least"]
-            values["largest"] = checks.number("thrusters' largest", self.largest, low=least, high=MAX_THRUST)
-        checks.keep(self, **values)
+            largest = checks.number("thrusters' largest", self.largest, low=self.least, high=MAX_THRUST)
+            checks.keep(self, largest=largest)
         if self.failing is not None:
             checks.keep(self, failing=_read_failing(self.failing))
 

@@ -51,19 +51,12 @@ class _Loop(ctypes.Structure):
 
 
 class CompiledLoop:
-    """A controller and a simulator in a loop of C.
+    """A controller and a simulator of the library's own in a loop of C.
 
-    Args:
-        simulator: the library's own.
-        calls: of a tick of the controller, those of its gait included.
-        before_row: calls after them, before a row is logged.
-        command: (torque, thrust) that the controller writes.
-        signals: of the log, by name: arrays that stay where they are.
-        recorder: of the log; has its first row, with these signals.
-        start: time of the first tick, s.
-        period: between ticks, s.
-        substeps: physics steps of a tick.
-        fall_height: of the body, below which it has fallen, m.
+    A tick makes the ``calls`` of the controller, those of its gait included, then those before a row is logged. It
+    writes the ``command`` (torque, thrust), and all signals are arrays, by name, that stay where they are; the recorder
+    has its first row of them. ``start`` is the time of the first tick, and ``period`` the time between ticks, s, with
+    so many physics steps in each; below ``fall_height``, m, the body has fallen.
     """
 
     def __init__(

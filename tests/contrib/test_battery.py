@@ -10,9 +10,10 @@ from scipy.optimize import brentq
 
 import harpy_pin as hp
 from harpy_pin.contrib.battery import Battery
+from harpy_pin.contrib.power import Motors, power
 from harpy_pin.contrib.thrusters import SecondOrderThrusters
 from harpy_pin.errors import InputError
-from harpy_pin.log import Motors, Propulsion
+from harpy_pin.log import Propulsion
 
 ROBOT = hp.load_harpy()
 GAIT = hp.make_gait(ROBOT)
@@ -104,7 +105,7 @@ def test_energy_of_a_walk(plant):
     chemical, missing, inner, shaft, heat, joints, copper = energy[-1]
     assert missing == pytest.approx(0.0, abs=1e-6)
     assert chemical == pytest.approx(inner + shaft + heat + joints + copper, rel=1e-9)
-    logged = hp.log.power(run, motors=Motors(constant=0.6), propulsion=FAN)
+    logged = power(run, motors=Motors(constant=0.6), propulsion=FAN)
     # The log has the speeds at the beginning of each tick, the battery those of each step.
     assert shaft == pytest.approx(0.8 * (logged.thrust_shaft + logged.thrust_heat).sum() * 1e-3, rel=0.01)
     assert heat / shaft == pytest.approx(0.25, rel=1e-9)

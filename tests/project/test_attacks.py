@@ -1,7 +1,6 @@
 """Attacks on what is public, in one table: each is refused by an error of ours, or changes nothing."""
 
 import math
-import os
 import pickle
 import re
 import sys
@@ -18,7 +17,6 @@ from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.flight import flying_gait
 from harpy_pin.contrib.gym.batched_env import BatchedEnv
 from harpy_pin.contrib.shield_batch import ShieldBatch
-from harpy_pin.errors import RunFileWarning
 from harpy_pin.ground.terrain import HeightField
 
 ROBOT = hp.load_harpy()
@@ -84,24 +82,6 @@ def test_a_batch_is_stepped_by_one_thread_at_a_time():
     errors = together(work)
     assert errors
     assert {str(error).split(":")[0] for error in errors} == {"another thread is in a step of this batch"}
-
-
-def test_a_damaged_journal_says_so(tmp_path):
-    """The log of a run whose journal was cut short meanwhile."""
-    motion = hp.build(hp.Scenario(duration=2.5))
-    inner = motion.controller
-
-    class Damages:
-        period = inner.period
-
-        def step(self, state):
-            if abs(state.t - 1.5) < 1e-9:
-                os.truncate(tmp_path / "run.npz.part", 5000)
-            return inner.step(state)
-
-    with pytest.warns(RunFileWarning, match="was damaged while the run went on: 3 blocks of its log are lost"):
-        run = motion.simulator.run(Damages(), 2.5, save=tmp_path / "run.npz")
-    assert len(run) < 2500
 
 
 class BadExporter:

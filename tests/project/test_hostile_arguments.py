@@ -15,6 +15,7 @@ from public_calls import public_names
 import harpy_pin as hp
 from harpy_pin import checks
 from harpy_pin.contrib.shield_batch import ShieldBatch
+from harpy_pin.contrib.threads import selection
 from harpy_pin.errors import shown
 
 
@@ -68,10 +69,10 @@ def test_rows_that_a_task_returns_at_first(gait):
 def test_selections_of_a_batch(robot, which, says):
     with pytest.raises(hp.InputError, match=says):
         ShieldBatch(robot, 2, mu=0.25).reset(which)
-    np.testing.assert_array_equal(checks.selection("which", [False, True], 2), [1])
-    np.testing.assert_array_equal(checks.selection("which", None, 2), [0, 1])
-    np.testing.assert_array_equal(checks.selection("which", 1, 2), [1])
-    assert len(checks.selection("which", [], 2)) == 0
+    np.testing.assert_array_equal(selection("which", [False, True], 2), [1])
+    np.testing.assert_array_equal(selection("which", None, 2), [0, 1])
+    np.testing.assert_array_equal(selection("which", 1, 2), [1])
+    assert len(selection("which", [], 2)) == 0
 
 
 def test_one_name_is_not_its_letters(robot):

@@ -8,12 +8,13 @@ import pytest
 
 import harpy_pin as hp
 from harpy_pin.contrib.battery import Battery
+from harpy_pin.contrib.power import Motors
 from harpy_pin.controllers import GovernedParameters, JointGains, WholeBodyParameters
 from harpy_pin.governors import ContactForceFilterParameters, ForceRows
 from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 from harpy_pin.ground import HeightField, Plane, Ramp, Rough, Stairs
 from harpy_pin.ground.ground import MAX_STRIPS
-from harpy_pin.log import Motors, Propulsion
+from harpy_pin.log import Propulsion
 from harpy_pin.simulation.mujoco import SoftContact
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
 from reproduction.gait.planar_gait import PlanarGait

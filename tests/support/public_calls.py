@@ -22,6 +22,7 @@ import numpy as np
 import harpy_pin as hp
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.flight import Fly, FlyingGait
+from harpy_pin.contrib.power import Motors
 from harpy_pin.estimation import EstimatorSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -163,11 +164,12 @@ def values() -> dict[str, Any]:
         "wbc.AddedTasks.weight": 0.1,
         "walk.controller": None,
         "build.controller": None,
-        **{"log.Motors.constant": 0.6, "log.Propulsion.power": 1000.0, "log.Propulsion.thrust": 18.0},
+        **{"log.Propulsion.power": 1000.0, "log.Propulsion.thrust": 18.0},
         **{"log.Propulsion.thrusts": np.array([18.0, 2.0]), "log.Propulsion.area": 0.01},
         "log.Propulsion.figure_of_merit": 0.7,
-        "log.power.motors": hp.log.Motors(constant=0.6),
-        "log.power.propulsion": hp.log.Propulsion(thrust=18.0, power=1000.0),
+        "contrib.power.Motors.constant": 0.6,
+        "contrib.power.power.motors": Motors(constant=0.6),
+        "contrib.power.power.propulsion": hp.log.Propulsion(thrust=18.0, power=1000.0),
     }
 
 
@@ -189,7 +191,7 @@ def objects() -> dict[str, Any]:
 
 MADE_BY_THE_LIBRARY = (
     *("log.Measures", "governors.ShieldReport", "scenario.Setting", "contrib.batch.BatchTargets"),
-    *("export.Exportable", "export.Exported", "log.Power"),
+    *("export.Exportable", "export.Exported", "contrib.power.Power"),
     *("governors.GovernorStatus", "governors.ShieldAnswer", "model.IKResult", "Robot"),
     *("wbc.QPSolution", "scenario.Walk", "Interrupted"),
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions", "wbc.BuiltInTask"),

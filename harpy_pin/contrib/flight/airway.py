@@ -35,12 +35,9 @@ SWIFT = 10.0 / sqrt(3.0)
 
 
 class Quintic:
-    """A polynomial of fifth order through two states.
+    """A polynomial of fifth order through two states, each (3, n): position, velocity and acceleration.
 
-    Args:
-        start: (3, n) position, velocity and acceleration.
-        end: (3, n) position, velocity and acceleration.
-        duration: s; before and after it the way stands still.
+    Before and after its ``duration``, s, the way stands still.
     """
 
     def __init__(self, start: Vector, end: Vector, duration: float) -> None:
@@ -120,31 +117,20 @@ SPEED, SPIN, RATE = 0.3, 1.0, 2.0
 """Errors of the velocities that weigh as much as each other: m/s, rad/s, and rad/s of a joint."""
 THRUST, TORQUE = 1.0, 0.25
 """Inputs that weigh as much: as a share of the weight on each thruster, and of a motor's limit."""
-STEP = 1e-5
-"""Size of the differences by which the equations of motion become linear, m and rad."""
+STEP = 1e-5  # size of the differences by which the equations of motion become linear, m and rad
 NONE = 1e-6
 """Singular value, as a share of the largest, below which there is no thrust in a direction."""
 LIGHTEST = 5e-4
 """Least inertia of a joint that the feedback reckons with, kg·m² per N·m of its motor: lighter ones would be moved
 faster than a controller ticks."""
-HELD = 0.02
-"""Largest part of the weight that thrusts and torques may leave in hovering."""
+HELD = 0.02  # largest part of the weight that thrusts and torques may leave in hovering
 
 
 class Balance:
-    """Feedback of a robot in the air.
+    """Feedback of a robot with thrusters or rotors that hovers in a configuration q, (nq,); an error where it cannot.
 
-    Args:
-        robot: with thrusters or rotors.
-        q: (nq,) configuration in which it hovers.
-        weight: how many weights the thrusters carry there.
-
-    Attributes:
-        dynamics: terms at the state of the last :meth:`reachable`.
-        gain: (nv, 2 nv) acceleration per error of configuration and velocity.
-
-    Raises:
-        InputError: the robot cannot hover so.
+    The thrusters carry ``weight`` times the robot's weight there. The ``gain``, (nv, 2 nv), is acceleration per error
+    of configuration and velocity. The ``dynamics`` have the terms at the state of the last :meth:`reachable`.
     """
 
     def __init__(self, robot: Robot, q: Vector, *, weight: float = 1.0) -> None:
@@ -178,13 +164,7 @@ class Balance:
         self.gain: Vector = -acts[nv:] @ np.diag(inputs**2.0) @ acts.T @ cost
 
     def reachable(self, q: Vector, v: Vector, a: Vector) -> Vector:
-        """(nv,) The acceleration without what no thrust can give; the terms stay at this state.
-
-        Args:
-            q: (nq,) configuration.
-            v: (nv,) velocity.
-            a: (nv,) acceleration.
-        """
+        """(nv,) The acceleration without what no thrust can give; the terms stay at this state."""
         d = self.dynamics
         d.update(q, v)
         other = d.bias + self.robot.model.damping * v
@@ -213,8 +193,7 @@ def lacking_moments(d: Dynamics) -> Vector:
     return wrenches[:, np.linalg.norm(wrenches[:3], axis=0) < 0.5]
 
 
-FARTHEST = 0.1
-"""Error of the place to which the feedback answers at most, m."""
+FARTHEST = 0.1  # error of the place to which the feedback answers at most, m
 
 
 @dataclass(frozen=True)
@@ -256,8 +235,7 @@ def along(ways: tuple[Quintic, ...], t: float) -> Vector:
 ORIENTATION = (400.0, 40.0)
 """Gains of the body's orientation of the controllers, 1/s² and 1/s: its target leans so that they ask for what it
 should do."""
-MOST_LEAN = 0.5
-"""Largest angle between the body and its target, rad."""
+MOST_LEAN = 0.5  # largest angle between the body and its target, rad
 
 
 def ask_for(o: GaitTarget, d: Dynamics, q: Vector, v: Vector, a: Vector) -> None:

@@ -26,32 +26,23 @@ from harpy_pin.scenario.parts import Part, read_part
 CROUCH, RELEASE = 0.22, 0.14
 """How much lower than in standing the body is before the push, and how much higher at its end, in heights of the
 body."""
-PUSH = 0.9
-"""Duration of a push without lag, in √(height / g)."""
+PUSH = 0.9  # duration of a push without lag, in √(height / g)
 RECOIL = 0.7
 """Share of what the legs' swing will take from the velocity that the push gives in advance."""
-TICK, LONGEST = 2e-3, 30.0
-"""Period and longest duration of the preview, s."""
+TICK, LONGEST = 2e-3, 30.0  # period and longest duration of the preview, s
 TRIES, CLOSE, SLOPE = 8, 5e-3, 1.5
 """The search for the aim: how often, how near the feet must land, m, and how far they go per metre of aim."""
-HIGHEST, FARTHEST = 100.0, 1e4
-"""Largest height and distance of a flight, m."""
-MAX_FLIGHTS = 100
-"""Of one gait. A jump takes some tenths of a second to plan."""
+HIGHEST, FARTHEST = 100.0, 1e4  # largest height and distance of a flight, m
+MAX_FLIGHTS = 100  # of one gait. A jump takes some tenths of a second to plan.
 
 
 @dataclass(frozen=True, kw_only=True)
 class Flight(Part):
-    """What every flight has.
+    """What every flight has; an :class:`InputError` refuses a value out of its domain.
 
-    Attributes:
-        height: by which the body of a jump rises after the feet have left the ground, or at which the feet of a flight
-            are above the higher of the two places, m.
-        forward: from where the feet leave the ground to where they touch it, m.
-        left: the same to the left, m.
-
-    Raises:
-        InputError: a value out of its domain.
+    By its ``height``, m, the body of a jump rises after the feet have left the ground; the feet of a flight are by so
+    much above the higher of the two places. From where they leave the ground to where they touch it, the way is
+    ``forward`` and ``left``, m.
     """
 
     height: float = 0.3
@@ -100,13 +91,9 @@ class Fly(Flight):
 
 
 def read_flights(given: Any) -> tuple[Jump | Fly, ...]:
-    """Flights from themselves, their names, or mappings as :meth:`Part.to_dict` makes them.
+    """One or several flights from themselves, their names, or mappings as :meth:`Part.to_dict` makes them.
 
-    Args:
-        given: one, or a sequence of them.
-
-    Raises:
-        InputError: something else, none, or more than :data:`MAX_FLIGHTS`.
+    Something else, none, or more than :data:`MAX_FLIGHTS` are an :class:`InputError`.
     """
     several = given if isinstance(given, list | tuple) else [given]
     kinds: dict[str, type[Jump | Fly]] = {"jump": Jump, "fly": Fly}
@@ -129,11 +116,7 @@ class PlannedJump:
 
 
 def plan_jump(flyer: Flyer, jump: Jump) -> PlannedJump:
-    """The jump of which the feet land where they should.
-
-    Raises:
-        InputError: none does.
-    """
+    """The jump of which the feet land where they should; an :class:`InputError` where none does."""
     least = ABOVE - float(flyer.feet[2]) - _release(flyer)
     if jump.height < least:
         message = f"height of a jump of '{flyer.robot.name}' must be at least {least:.2g} m, got {jump.height:g} m"
@@ -241,8 +224,7 @@ def _fall(flyer: Flyer, jump: Jump, height: float, speed: float, ground: float) 
     return Fall(height, speed, end, TOUCHDOWN, flyer.brake, (1.0 - jump.carried) * GRAVITY, flyer.lag)
 
 
-SHORTEST = 0.4
-"""Shortest duration of a way, s."""
+SHORTEST = 0.4  # shortest duration of a way, s
 
 
 def stretch(flyer: Flyer, feet: Vector) -> tuple[Quintic, Quintic | None]:

@@ -15,43 +15,23 @@ from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-REACH = 0.25
-"""How much longer than in standing the legs are in the air, in heights of the body."""
-LEGS = 0.3
-"""Time after lift-off from which on legs are so, s."""
+REACH = 0.25  # how much longer than in standing the legs are in the air, in heights of the body
+LEGS = 0.3  # time after lift-off from which on legs are so, s
 SPARE, LEAST_SPARE = 0.5, 1.0
 """Share that rising and braking use of what thrusters can do beyond the weight, and the least that there must be,
 m/s²."""
-MOST_BRAKE = 8.0
-"""Largest acceleration with which flights rise and are braked, m/s²."""
+MOST_BRAKE = 8.0  # largest acceleration with which flights rise and are braked, m/s²
 SIDE = 0.82
 """Share of a free thruster's limit that whole-body controllers use upwards (``lateral_thrust``)."""
 TOUCHDOWN, ABOVE = 0.1, 0.03
 """Speed at which feet meet the ground, m/s, and height above it from which on they have it, m."""
 LED = 0.35
 """Share of the thrusts' lag with which they follow the plan, where their commands lead as far as limits allow."""
-BEND = 2.5
-"""Duration of a crouch, in √(height / g)."""
+BEND = 2.5  # duration of a crouch, in √(height / g)
 
 
 class Flyer:
-    """A robot that flies.
-
-    Args:
-        robot: with feet, and thrusters or rotors.
-        q: (nq,) configuration in which it stands, upright and facing x.
-
-    Attributes:
-        height: of the body in standing, m.
-        scale: √(height / g), s.
-        brake: acceleration upwards that flights use beyond the weight, m/s².
-        lag: with which thrusts follow the jumps' plan, s; zero unless a controller knows of one.
-        postures: in the air.
-        air: (nq,) that of landing.
-        feet: (3,) middle of the feet in it, about the body's origin, m.
-        stand: (3,) the same middle in standing, m.
-        over: (3,) the point below the centre of mass, about the body's origin, m.
-        balance: in the air.
+    """A robot with feet, and thrusters or rotors, that flies, and stands in ``q``, (nq,), upright and facing x.
 
     Raises:
         InputError: thrusters do not carry the robot, or its legs do not reach as far as flights need.
@@ -63,16 +43,16 @@ class Flyer:
         if spare < LEAST_SPARE:
             message = f"thrusters of '{robot.name}' must carry it with {LEAST_SPARE:g} m/s² to spare, have {spare:.2g}"
             raise InputError(message, name="robot", value=robot)
-        self.brake, self.scale = min(SPARE * spare, MOST_BRAKE), sqrt(self.height / GRAVITY)
+        self.brake, self.scale = min(SPARE * spare, MOST_BRAKE), sqrt(self.height / GRAVITY)  # m/s² upwards; s
         self.postures = AirPostures(robot, q)
-        self.air = self.postures.find(REACH * self.height)
-        self.feet: Vector = self.postures.places(self.air).mean(axis=0)
-        self.stand: Vector = self.postures.feet.mean(axis=0)
+        self.air = self.postures.find(REACH * self.height)  # (nq,) in which it lands
+        self.feet: Vector = self.postures.places(self.air).mean(axis=0)  # their middle then, about the body, m
+        self.stand: Vector = self.postures.feet.mean(axis=0)  # the same in standing
         centre = pin.centerOfMass(robot.model, robot.model.createData(), q) - q[:3]
-        self.over: Vector = np.array((centre[0], centre[1], self.stand[2]))
+        self.over: Vector = np.array((centre[0], centre[1], self.stand[2]))  # the point below the centre of mass
         self.balance = Balance(robot, self.air)
         self._gains = {1.0: self.balance.gain}
-        self.lag = 0.0
+        self.lag = 0.0  # with which thrusts follow the jumps' plan, s, where a controller knows of one
 
     def gain(self, weight: float) -> Vector:
         """Feedback where thrusters carry the robot's weight times a factor."""
@@ -95,19 +75,12 @@ def thrust_upwards(robot: Robot) -> float:
 
 STEPS, DAMPING, CLOSE, FURTHEST = 60, 1e-8, 1e-6, 0.2
 """Number of iterations, their damping and tolerance, and the longest step, rad."""
-CHANGE = 1e-6
-"""Change of the joints by which slopes are found, rad."""
-MOST_ERROR = 1e-3
-"""Largest error of a posture, m."""
+CHANGE = 1e-6  # change of the joints by which slopes are found, rad
+MOST_ERROR = 1e-3  # largest error of a posture, m
 
 
 class AirPostures:
-    """Joint angles of a robot in the air.
-
-    Args:
-        robot: with feet, and thrusters or rotors.
-        q: (nq,) configuration in which it stands, upright and facing x.
-    """
+    """Joint angles of a robot in the air, of one with feet that stands upright in ``q``, (nq,), facing x."""
 
     def __init__(self, robot: Robot, q: Vector) -> None:
         self.robot, self._q = robot, q.copy()
@@ -130,10 +103,8 @@ class AirPostures:
     def find(self, depth: float) -> Vector:
         """(nq,) configuration in which the robot can hover, its feet to the sides as in standing.
 
-        They are further below the body than in standing, by ``depth``, m.
-
-        Raises:
-            InputError: the legs do not reach so far.
+        They are further below the body than in standing, by ``depth``, m: an :class:`InputError` where the legs are
+        short.
         """
         q, joints = self._q.copy(), len(self.robot.joints)
         for _ in range(STEPS):
@@ -159,10 +130,8 @@ class AirPostures:
     def on_feet(self, feet: Vector, velocity: Vector) -> tuple[Vector, Vector]:
         """Configuration and velocity of an upright robot whose body moves with a velocity (3,), m/s.
 
-        Its feet rest on the ground, at places (feet, 3) about the body's origin, m.
-
-        Raises:
-            InputError: the legs do not reach.
+        Its feet rest on the ground, at places (feet, 3) about the body's origin, m: an :class:`InputError` if out of
+        reach.
         """
         d, nv = self._dynamics, self.robot.model.nv
         q, v = self._q.copy(), np.concatenate((velocity, np.zeros(nv - 3)))

@@ -45,14 +45,12 @@ from harpy_pin.scenario.gait_parts import GAIT_PARTS, Commanded, GaitPart
 
 PHASES = ("stand", "bend", "push", "unload", "air", "land", "gait")
 """Phases, in the order of the signal ``flight_phase``."""
-MOST_FORCE = 10.0
-"""Largest normal force of all feet, in weights of the robot."""
+MOST_FORCE = 10.0  # largest normal force of all feet, in weights of the robot
 SHARE, LANDING_SHARE = 0.4, 0.14
 """Shares of that force which a foot may take in standing and in landing."""
 LOADING, UNLOADING, LET_GO = 0.15, 0.3, 0.25
 """Times in which the load comes on the feet and goes off them, s; and the part of a push in which it does."""
-LANDING = 1.2
-"""Time from touchdown to standing, s."""
+LANDING = 1.2  # time from touchdown to standing, s
 
 
 class FlyingGait(KeepsViews):

@@ -17,23 +17,14 @@ from harpy_pin.model.state import State, Vector
 LOADED, MIN_LOADED = 0.1, 3.5
 """Normal force from which on a foot has landed, as a share of the weight, and least, N: seven times the noise of a
 typical sensor."""
-LEAST_SHARE = 0.05
-"""Share of the largest normal force that a foot may take when it lets go."""
+LEAST_SHARE = 0.05  # share of the largest normal force that a foot may take when it lets go
 
 
 class StandingFeet:
-    """The feet of a robot that stands, lets go of the ground, or lands.
+    """The feet of a robot that stands, lets go of the ground, or lands; without a terrain the ground is flat.
 
-    Args:
-        robot: whose they are.
-        begin: targets of the gait in standing.
-        terrain: of the ground; None for flat ground.
-
-    Attributes:
-        middle: (3,) of the feet about the body's target in standing, m.
-        place: (feet, 3) as measured, m.
-        home: (3,) middle of the feet where they have settled, m.
-        grounded: (feet,) whether each foot has landed.
+    Their ``middle``, (3,), is about the body's target in standing; ``place``, (feet, 3), as measured; ``home``, (3,),
+    the middle where they have settled, all in m. ``grounded``, (feet,), says whether each has landed.
     """
 
     def __init__(self, robot: Robot, begin: GaitTarget, terrain: Terrain | None) -> None:
@@ -105,14 +96,7 @@ class StandingFeet:
 
 
 class LandedGait:
-    """The targets of a gait, moved over the ground.
-
-    Args:
-        gait: whose they are.
-
-    Attributes:
-        target: of the last update.
-    """
+    """The targets of a gait, moved over the ground; ``target`` is that of the last update."""
 
     def __init__(self, gait: FullGait) -> None:
         self.gait, self.robot = gait, gait.robot

@@ -68,16 +68,12 @@ from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.simulation.step import StepRecord, physics_steps, upright
 
 ACTIONS, OBSERVATIONS = 12, 39
-MOST = 10.0
-"""Largest entry of an observation."""
-SPRING, DAMPER = 400.0, 3.0
-"""Stiffness and damping of the joints, N·m/rad and N·m·s/rad."""
+MOST = 10.0  # largest entry of an observation
+SPRING, DAMPER = 400.0, 3.0  # stiffness and damping of the joints, N·m/rad and N·m·s/rad
 ANGLE, SPREAD = 0.5, 0.05
 """What an action of one does to a joint, and how far joints start from the posture at most, rad."""
-THRUST = 0.5
-"""What an action of one is, in weights of the robot."""
-TOLERANCE, EFFORT = 0.25, 0.1
-"""Width of the reward of velocity, m/s, and the price of thrust."""
+THRUST = 0.5  # what an action of one is, in weights of the robot
+TOLERANCE, EFFORT = 0.25, 0.1  # width of the reward of velocity, m/s, and the price of thrust
 
 
 def default_scenario() -> Scenario:
@@ -99,26 +95,12 @@ class SettingsRecord(LimitsRecord):
 class BatchedEnv(KeepsViews):
     """n copies of a scenario's robot on its ground.
 
-    Of the scenario, robot, mass error, ground, start velocity, pushes, period, step, duration and the speed count;
-    the rest of the gait, and the controller, are the learner's business.
+    Of the scenario, robot, mass error, ground, start velocity, pushes, period, step, duration and the speed count; the
+    rest of the gait, and the controller, are the learner's business. With a ``shield``, which knows the ground's
+    friction, commands pass it. At most ``threads`` step at a time, by default one for each core.
 
-    Args:
-        n: how many.
-        scenario: what they are.
-        shield: whether commands pass a shield, which knows the ground's friction.
-        threads: most that step at a time; one for each core by default.
-
-    Attributes:
-        q: (n, nq) configurations.
-        v: (n, nv) generalised velocities.
-        t: (n,) times, s.
-        observation: (n, 39) of the last step or reset.
-        reward: (n,) of the last step.
-        fallen: (n,) whether each robot has fallen.
-
-    Raises:
-        InputError: n is no positive integer, or the scenario has another engine, noise, delay or other
-            actuators, which are not here.
+    An :class:`InputError` refuses an n that is no positive integer, and a scenario with another engine, noise, delay or
+    other actuators, which are not here.
     """
 
     n = property(attrgetter("_n"))
@@ -159,9 +141,9 @@ class BatchedEnv(KeepsViews):
         self._ground = s.ground.record
         self._dynamics, self._step, self._terms, self._governor = (np.repeat(part, n) for part in parts)
         self._steps = checks.multiple("period", s.period, "physics step", s.dt)
-        self.q, self.v = (np.tile(array, (n, 1)).copy() for array in self._start)
+        self.q, self.v = (np.tile(array, (n, 1)).copy() for array in self._start)  # (n, nq) and (n, nv)
         self.t = np.zeros(n)
-        self.observation, self.reward = np.zeros((n, OBSERVATIONS)), np.zeros(n)
+        self.observation, self.reward = np.zeros((n, OBSERVATIONS)), np.zeros(n)  # of the last step
         self.fallen = np.zeros(n, dtype=np.bool_)
         self._no_action, self._no_push = np.zeros(ACTIONS), np.zeros((n, self._steps, 3))
         self._threads = Threads(n, threads)
@@ -175,12 +157,7 @@ class BatchedEnv(KeepsViews):
         return records, (self.q, self.v, action, push, idle), (self.observation, self.reward, self.fallen)
 
     def reset(self, i: int, random: np.random.Generator) -> None:
-        """Stand robot i at the start, its joints drawn within ±0.05 rad of the posture.
-
-        Args:
-            i: which world.
-            random: draws; six numbers.
-        """
+        """Stand robot i at the start, its joints drawn within ±0.05 rad of the posture, by six numbers."""
         i, (q, v) = checks.whole("i", i, high=self.n - 1), self._start
         self.q[i], self.v[i], self.t[i] = q, v, 0.0
         self.q[i, 7:] += random.uniform(-SPREAD, SPREAD, len(q) - 7)
@@ -191,12 +168,8 @@ class BatchedEnv(KeepsViews):
     def step(self, action: ArrayLike, idle: NDArray[np.bool_]) -> None:
         """One period: apply the action, step the physics, observe and compute the reward.
 
-        Args:
-            action: (n, 12), clipped to ±1.
-            idle: (n,) worlds that stay as they are.
-
-        Raises:
-            InputError: wrong shape, or an action that is not finite.
+        The action, (n, 12), is clipped to ±1; one of another shape, or not finite, is an :class:`InputError`. Worlds
+        that are ``idle``, (n,), stay as they are.
         """
         clipped = np.clip(checks.vector("action", action, (self.n, ACTIONS)), -1.0, 1.0)
         if not (isinstance(idle, np.ndarray) and idle.dtype == np.bool_ and idle.shape == (self.n,)):

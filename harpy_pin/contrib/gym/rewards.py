@@ -32,44 +32,27 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.plant import GRAVITY
 
-WIDTH = 0.25
-"""Widths of the rewards of velocity and turning, m/s and rad/s."""
-RISE = 0.1
-"""Unit of the height, m."""
-SMALLEST_LIMIT = 1e-6
-"""Smallest limit of a joint's torque, N·m: some files give none."""
+WIDTH = 0.25  # widths of the rewards of velocity and turning, m/s and rad/s
+RISE = 0.1  # unit of the height, m
+SMALLEST_LIMIT = 1e-6  # smallest limit of a joint's torque, N·m: some files give none
 REWARDS: Mapping[str, float] = {"velocity": 1.0, "turning": 0.5, "torque": -0.1, "action_rate": -0.01}
 """Scales by default."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What a reward may look at.
-
-    Attributes:
-        robot: of the environment.
-        state: true, at the end of the step.
-        command: of the controller at its end.
-        torque: (joints,) at its end, N·m: where the command has the motors' own law, what they add is in it.
-        action: of the step.
-        last_action: of the step before.
-        velocity: (3,) of the body in the frame of its heading: forward, to the left, m/s; turning, rad/s.
-        desired: (3,) velocity that is asked for, in the same frame.
-        standing_height: of the body, m.
-        slip: path of all feet on the ground in this step, m.
-        fell: whether the robot fell.
-    """
+    """What a reward may look at."""
 
     robot: Robot
-    state: State
-    command: Command
-    torque: Vector
+    state: State  # true, at the end of the step
+    command: Command  # of the controller, at its end
+    torque: Vector  # (joints,) at its end, N·m, with what the motors add where the command has their own law
     action: Vector
-    last_action: Vector
-    velocity: Vector
-    desired: Vector
-    standing_height: float
-    slip: float
+    last_action: Vector  # of the step before
+    velocity: Vector  # (3,) of the body in the frame of its heading: forward, to the left, m/s; turning, rad/s
+    desired: Vector  # (3,) velocity that is asked for, in the same frame
+    standing_height: float  # of the body, m
+    slip: float  # path of all feet on the ground in this step, m
     fell: bool
 
 
@@ -117,11 +100,8 @@ TERMS: Mapping[str, Callable[[Step], float]] = {
 def make_reward(reward: Reward | None) -> Callable[[Step], tuple[float, dict[str, float]]]:
     """A function from a step to its reward, and to what each term adds to it.
 
-    Args:
-        reward: a function of the step; or scales by name, of :data:`REWARDS` by default.
-
-    Raises:
-        InputError: neither of both, an unknown name, or a scale that is not finite.
+    It comes from a function of the step, or from scales by name, of :data:`REWARDS` by default; an :class:`InputError`
+    refuses anything else, an unknown name, and a scale that is not finite.
     """
     if callable(reward):
         return partial(_of_function, reward)

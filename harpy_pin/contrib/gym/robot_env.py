@@ -53,19 +53,14 @@ from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.sensors import Sensors
 
 Numbers = NDArray[np.float32]
-ACTION_KINDS = ("velocity", "joints")
-"""What an action is."""
-TICKS = 20
-"""Control ticks of a step."""
-MOST = 10.0
-"""Largest entry of an observation."""
+ACTION_KINDS = ("velocity", "joints")  # what an action is
+TICKS = 20  # control ticks of a step
+MOST = 10.0  # largest entry of an observation
 ANGLE, SPREAD, DAMPING = 0.5, 0.05, 0.03
 """What an action of one does to a joint, rad; how far joints start from the posture at most, rad; and the dampers in
 their springs, s."""
-TURN = 1.0
-"""What an action of one asks for, rad/s."""
-ASKED = 0.5
-"""Share of the gait's largest velocity, and of 1 rad/s, that is asked for at most."""
+TURN = 1.0  # what an action of one asks for, rad/s
+ASKED = 0.5  # share of the gait's largest velocity, and of 1 rad/s, that is asked for at most
 
 
 class RobotEnv(gymnasium.Env[Numbers, Numbers]):

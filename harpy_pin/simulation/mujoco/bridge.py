@@ -294,9 +294,7 @@ def read_state(
     place_bodies(r.dynamics.tree, q, v)
     point_terms(r.dynamics, q)
     for k in range(position.shape[0]):
-        for i in range(3):
-            position[k, i] = r.dynamics.foot_position[k, i]
-            velocity[k, i] = r.dynamics.foot_velocity[k, i]
+        position[k], velocity[k] = r.dynamics.foot_position[k], r.dynamics.foot_velocity[k]
 
 
 @kernel
@@ -336,9 +334,7 @@ def write_controls(
     c, m = r.conventions, r.motors
     m.has_law = has_law
     if has_law:
-        for row in range(4):
-            for j in range(torque.shape[0]):
-                m.law[row, j] = law[row, j]
+        m.law[:] = law
         from_mujoco(c, qpos, qvel, r.q, r.v)
     drive_motors(m, torque, r.q, r.v, 1.0)
     if not all_finite(m.mean_torque):

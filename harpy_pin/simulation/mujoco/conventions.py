@@ -27,10 +27,7 @@ from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
-from harpy_pin.simulation.mujoco.differences import AtZero
-
-ROOT = 1
-"""Index of the floating base's joint in Pinocchio's model."""
+from harpy_pin.simulation.mujoco.differences import ROOT, AtZero
 
 
 def installed_version() -> str | None:
@@ -39,11 +36,7 @@ def installed_version() -> str | None:
 
 
 def import_mujoco() -> Any:
-    """The module ``mujoco``.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """The module ``mujoco``; an :class:`InputError` where it is not installed."""
     try:
         import mujoco
     except ImportError as error:

@@ -15,20 +15,14 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 
-ROOT = 1
-"""Index of the floating base's joint in Pinocchio's model."""
-SHARE = 0.01
-"""Share by which numbers may differ."""
-LENGTH = 1e-3
-"""Distance by which places may differ, m."""
-ANGLE = 1e-2
-"""Angle by which axes may differ, rad."""
+ROOT = 1  # index of the floating base's joint in Pinocchio's model
+SHARE = 0.01  # share by which numbers may differ
+LENGTH = 1e-3  # distance by which places may differ, m
+ANGLE = 1e-2  # angle by which axes may differ, rad
 MAX_TURN, MAX_SHIFT = 0.2, 0.05
 """Difference of axes, and distance, m, beyond which a joint has another direction, axis or zero."""
-HINGE, SLIDE = 3, 2
-"""``mujoco.mjtJoint``."""
-LEAST = 1e-6
-"""Masses, inertias and friction below it are none."""
+HINGE, SLIDE = 3, 2  # ``mujoco.mjtJoint``
+LEAST = 1e-6  # masses, inertias and friction below it are none
 
 
 class AtZero:
@@ -56,11 +50,7 @@ class AtZero:
         self.foot: Vector = np.array(places).reshape(-1, 3)
 
     def check_joints(self) -> None:
-        """Joints turn or slide, about the robot's axes, in its direction and from its zero.
-
-        Raises:
-            InputError: one does not.
-        """
+        """Refuse joints that do not turn or slide about the robot's axes, in its direction and from its zero."""
         robot, model = self.robot, self.model
         for joint, name, own in zip(self.joints, robot.joints, list(robot.model.joints)[ROOT + 1 :], strict=True):
             kind = SLIDE if "JointModelP" in own.shortname() else HINGE

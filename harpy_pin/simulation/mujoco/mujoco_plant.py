@@ -47,14 +47,11 @@ from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import PlantRecord
 from harpy_pin.simulation.thrusters import drive_thrusters
 
-FOOT_RADIUS = 1e-4
-"""Radius of the spheres that find the contacts, m."""
-IMPRATIO = 1e4
-"""Ratio of the regularisation of the normal force to that of friction."""
+FOOT_RADIUS = 1e-4  # radius of the spheres that find the contacts, m
+IMPRATIO = 1e4  # ratio of the regularisation of the normal force to that of friction
 ITERATIONS = 100
 TOLERANCE = 1e-12
-RUNAWAY = 1e6
-"""Sum of speeds, m/s and rad/s, at which stepping on is of no use."""
+RUNAWAY = 1e6  # sum of speeds, m/s and rad/s, at which stepping on is of no use
 
 
 class MujocoPlant(Plant):

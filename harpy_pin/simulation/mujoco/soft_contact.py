@@ -29,10 +29,8 @@ from harpy_pin.errors import InputError
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.state import Vector
 
-LEAST, MOST = 1e-4, 0.9999
-"""Impedances that MuJoCo takes."""
-SMALLEST = 1e-15
-"""Square of a friction coefficient."""
+LEAST, MOST = 1e-4, 0.9999  # impedances that MuJoCo takes
+SMALLEST = 1e-15  # square of a friction coefficient
 HALVINGS = 60
 
 

@@ -9,9 +9,9 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
+from harpy_pin.contrib.power import Motors, power
 from harpy_pin.errors import InputError
-from harpy_pin.log import Motors, Propulsion, power
-from harpy_pin.log.power import PRESETS
+from harpy_pin.log.power import PRESETS, Propulsion
 
 ROBOT = hp.load_harpy()
 GAIT = hp.make_gait(ROBOT)
