@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from needs import needs_robots
+from walks import walked
 
 import harpy_pin as hp
 from harpy_pin.controllers.tasks import BRAKE, MARGIN, NEAR, STIFFER, _stay_in_range
@@ -67,17 +68,8 @@ def test_pushed_forward_and_aside_the_torso_stays_in_its_range(kind, side):
     """It would come to its ends, 0.1 rad into what stops it in MuJoCo, and fall when pushed to the right."""
     robot = hp.load_robot("icub")
     push = hp.Push(2.1, (0.28 * robot.mass, side * 0.28 * robot.mass, 0.0))
-    run = hp.walk(
-        hp.Scenario(
-            robot="icub",
-            plant="mujoco",
-            controller=kind,
-            gait=hp.Walking(schedule="step"),
-            ground=hp.Ground(mu_s=0.6),
-            disturbances=hp.Disturbances(pushes=(push,)),
-            duration=3.5,
-        )
-    )
+    gait = hp.Walking(schedule="step")
+    run = walked(robot="icub", plant="mujoco", controller=kind, gait=gait, mu_s=0.6, pushes=(push,), duration=3.5)
     assert run.ending == "completed"
     torso = [j for j, name in enumerate(robot.joints) if "torso" in name]
     beyond = np.maximum(robot.joint_lower - run["q"][:, 7:], run["q"][:, 7:] - robot.joint_upper)[:, torso]

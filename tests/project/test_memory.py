@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import re
 import warnings
 from contextlib import suppress
 
@@ -115,9 +116,20 @@ def test_a_copy_goes_on_like_the_original_and_without_it(name, way):
         copied = made
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in CASES if "governed" in name or "Controller" in name or "Filter" in name]
-)
+CONTROLLERS = [name for name in CASES if re.search(r"^(governed|condensed|wbc|estimating)|Controller|Filter$", name)]
+
+
+@pytest.mark.parametrize("name", [*CONTROLLERS, "Shield", "ShieldBatch", "CondensedBatch", "Sensors"])
+def test_what_is_reset_is_new(name):
+    make, use = CASES[name]
+    made = make()
+    use(made)
+    made.reset()
+    for answer, wanted in zip(use(made), use(make()), strict=True):
+        np.testing.assert_array_equal(answer, wanted)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
 def test_samples_from_a_pickle_are_samples(name, monkeypatch):
     """Their arrays have a type that is equal to float64 and another object."""
     make, use = CASES[name]

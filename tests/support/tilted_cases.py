@@ -77,18 +77,3 @@ def targets_in_world(targets: WholeBodyTargets, frames: np.ndarray) -> WholeBody
         getattr(world, name)[:] = getattr(targets, name)
     world.feet[:] = np.einsum("kij,kj->ki", frames, targets.feet)
     return world
-
-
-def foot_terms(q: np.ndarray, v: np.ndarray):
-    """Jacobians and drifts of the feet, world axes, by Pinocchio."""
-    model, data = ROBOT.model, ROBOT.model.createData()
-    pin.forwardKinematics(model, data, q, v, np.zeros(NV))
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    found = []
-    for name in ROBOT.feet:
-        i = model.getFrameId(name)
-        jacobian = pin.getFrameJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)[:3].copy()
-        drift = pin.getFrameClassicalAcceleration(model, data, i, pin.LOCAL_WORLD_ALIGNED).linear.copy()
-        found.append((jacobian, drift))
-    return found

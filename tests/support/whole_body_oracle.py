@@ -5,6 +5,7 @@ from __future__ import annotations
 import daqp
 import numpy as np
 import pinocchio as pin
+from forward_dynamics import frame_terms, mass_matrix
 
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights
@@ -35,21 +36,10 @@ def oracle(q, v, targets, limits, weights=None, *, frames=None):
 
     All in world axes; the pyramids are about the third axes of ``frames`` (feet, 3, 3), by default the world's.
     """
-    model, data = ROBOT.model, ROBOT.model.createData()
-    weights = weights or WholeBodyWeights()
-    mass, bias = pin.crba(model, data, q).copy(), pin.nle(model, data, q, v).copy()
-    pin.forwardKinematics(model, data, q, v, np.zeros(NV))
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-
-    def frame(name):
-        i = model.getFrameId(name)
-        jacobian = pin.getFrameJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)[:3].copy()
-        return jacobian, pin.getFrameClassicalAcceleration(model, data, i, pin.LOCAL_WORLD_ALIGNED).linear.copy()
-
-    feet = [frame(name) for name in ROBOT.feet]
-    mounts = [frame(name)[0] for name in ROBOT.thrusters]
-    base_jacobian, base_drift = frame("base")
+    model, weights = ROBOT.model, weights or WholeBodyWeights()
+    mass, bias = mass_matrix(model, q), pin.nle(model, model.createData(), q, v)
+    jacobians, drifts = frame_terms(model, (*ROBOT.feet, "base", *ROBOT.thrusters), q, v)
+    (*feet, (base_jacobian, base_drift)), mounts = [*zip(jacobians[:3], drifts[:3], strict=True)], jacobians[3:]
     n = NV + 12
     rows, values = [], []
 

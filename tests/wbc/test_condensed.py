@@ -8,29 +8,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from condensed_cases import NV, ROBOT, SUPPORTS, WEIGHTS, random_case
-from forward_dynamics import demand_of_centre
+from forward_dynamics import constrained_dynamics, demand_of_centre
+from walks import states_of, walked
 
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 from harpy_pin.wbc.condensed.force_program import into_cones
 from reproduction.chattering import chattering
-
-
-def sticking_forces(dynamics, v, held, torque, thrust, accelerations):
-    """Contact forces of the rigid robot whose held feet get the given accelerations: one dense linear system."""
-    rows = np.flatnonzero(np.repeat(held, 3))
-    jacobian = dynamics.foot_jacobian[rows]
-    n = len(rows)
-    system = np.zeros((NV + n, NV + n))
-    system[:NV, :NV] = np.tril(dynamics.mass_matrix) + np.tril(dynamics.mass_matrix, -1).T
-    system[:NV, NV:], system[NV:, :NV] = -jacobian.T, jacobian
-    drive = thrust @ dynamics.thruster_jacobian - dynamics.bias - ROBOT.model.damping * v
-    drive[6:] += torque
-    solution = np.linalg.solve(system, np.concatenate((drive, accelerations.ravel()[rows] - dynamics.foot_drift[rows])))
-    forces = np.zeros(6)
-    forces[rows] = solution[NV:]
-    return forces.reshape(2, 3), solution[:NV]
 
 
 def test_promise_for_every_state_and_target(fuzz):
@@ -59,7 +44,8 @@ def test_promise_for_every_state_and_target(fuzz):
         seen |= condensed.status
         if condensed.status & CondensedStatus.TORQUE_CLIPPED:
             continue
-        force, acceleration = sticking_forces(dynamics, v, targets.held, inputs[6:], inputs[:6], targets.feet)
+        command = hp.Command(inputs[6:], inputs[:6].reshape(2, 3))
+        force, acceleration = constrained_dynamics(ROBOT, q, v, command, targets.held, desired=targets.feet)
         scale = 1.0 + np.abs(force).max() + np.abs(inputs).max()
         np.testing.assert_allclose(condensed.force, force, rtol=0, atol=1e-8 * scale)
         np.testing.assert_allclose(
@@ -207,9 +193,7 @@ def test_no_chattering():
     period; a smooth one as often as before."""
     reversals = []
     for period in (1e-3, 2.5e-4):
-        run = hp.walk(
-            hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.15), duration=2.0, period=period, dt=2.5e-4)
-        )
+        run = walked(mu_s=0.15, duration=2.0, period=period, dt=2.5e-4)
         assert run.ending == "completed"
         signals = np.concatenate((run["torque"], run["thrust"].reshape(len(run), -1)), axis=1)
         reversals.append(chattering(signals, period=period).reversals_per_s)
@@ -218,16 +202,8 @@ def test_no_chattering():
 
 def test_walks_like_the_whole_body_program():
     """Torques of one second of a pushed walk on slippery ground; the same slip in the end."""
-    runs = []
-    for controller in ("condensed", "wbc"):
-        scenario = hp.Scenario(
-            controller=controller,
-            ground=hp.Ground(mu_s=0.15),
-            duration=2.0,
-            disturbances=hp.Disturbances(pushes=(hp.Push(0.6, (0.0, 4.0, 0.0)),)),
-        )
-        runs.append(hp.walk(scenario))
-    condensed, wbc = runs
+    pushes = (hp.Push(0.6, (0.0, 4.0, 0.0)),)
+    condensed, wbc = (walked(controller=name, mu_s=0.15, duration=2.0, pushes=pushes) for name in ("condensed", "wbc"))
     assert condensed.ending == wbc.ending == "completed"
     np.testing.assert_allclose(condensed["q"], wbc["q"], rtol=0, atol=2e-4)
     a, b = hp.measure(condensed), hp.measure(wbc)
@@ -256,8 +232,7 @@ def test_the_first_tick_has_no_command_to_hold(name):
 def test_where_no_forces_are_within_reach_the_last_command_is_held():
     """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
     there; both hold the last command for a while, and go on as if nothing had been."""
-    states: list[hp.State] = []
-    hp.walk(hp.Scenario(controller="condensed", duration=0.53), on_tick=lambda state: states.append(state.copy()))
+    states = states_of(walked(duration=0.53))
     condensed, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("condensed", "wbc"))
     for state in states:
         good = condensed.step(state).torque.copy()
