@@ -159,9 +159,3 @@ def test_second_order_is_the_differential_equation(ratio):
     exact = solve_ivp(rate, (0.0, steps * plant.dt), [3.0, 0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
     np.testing.assert_allclose(record["level"][0, 0], exact[:2], rtol=1e-6, atol=1e-6)
     assert impulse == pytest.approx(exact[2], rel=1e-6)
-
-
-def test_second_order_needs_a_lag():
-    for values in ({"lag": 0.0}, {"damping_ratio": 0.0}):
-        with pytest.raises(InputError):
-            SecondOrderThrusters(**values)

@@ -79,7 +79,7 @@ def test_commands_are_those_of_an_independent_program(name, fuzz):
 
 
 @given(seed=seeds)
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=15)
 def test_normals_that_are_vertical_change_no_bit(seed):
     results = []
     for normal in (None, (0.0, 0.0, 1.0), (-0.0, 0.0, 1.0)):

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from forward_dynamics import ContactForceMap, constrained_dynamics, mass_matrix
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_robots
 from walks import scenario, states_of
@@ -189,6 +189,7 @@ def test_gains_are_in_units_of_the_robot_and_light_joints_have_less():
 
 
 @given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30)
 def test_a_law_changes_contact_forces_by_its_torques_times_the_map(seed):
     """At any state, for any errors: δf = −Λ J M⁻¹ S (k_p e + k_d ė) where feet stick; a foot's is bounded by norms."""
     rng = np.random.default_rng(seed)

@@ -1,8 +1,10 @@
 """Controllers that know that thrusts lag: the thrusts they count on, the forces that follow, law and QP."""
 
+from functools import cache
+
 import numpy as np
 import pytest
-from needs import PLANTS, needs_robots
+from needs import needs_mujoco, needs_robots
 from random_states import draw
 from walks import started, walked
 
@@ -45,17 +47,24 @@ def test_thrusts_are_those_of_the_plant(turning_lag):
     assert np.abs(command.thrust.ravel() - controller.solver.inputs[:6]).max() > 0.1  # the command is another
 
 
-@pytest.mark.parametrize(("lag", "turning_lag"), [(0.1, 0.0), (0.3, 0.0), (0.1, 0.05)])
-@pytest.mark.parametrize("plant", PLANTS)
-def test_slip_is_within_twice_that_without_lag(plant, lag, turning_lag):
-    def slip(lag, turning_lag, *, known=True):
-        fans = {"lag": lag, "turning_lag": turning_lag}
-        tells = {"thrust_lag": lag, "thrust_turning_lag": turning_lag} if known else {}
-        late = {"actuators": Actuators(torque_share=1.0, thrusters=fans), "plant": plant, "mu_s": MU}
-        return hp.measure(walked(controller=hp.Condensed(parameters=tells), duration=3.0, **late)).slip_mm_per_step
+@cache
+def slip(plant, lag, turning_lag, known=True):
+    fans = Actuators(torque_share=1.0, thrusters={"lag": lag, "turning_lag": turning_lag})
+    part = hp.Condensed(parameters={"thrust_lag": lag, "thrust_turning_lag": turning_lag} if known else {})
+    return hp.measure(walked(controller=part, actuators=fans, plant=plant, mu_s=MU, duration=3.0)).slip_mm_per_step
 
-    none = slip(0.0, 0.0)
-    assert slip(lag, turning_lag) < 2.0 * none < slip(lag, turning_lag, known=False)
+
+@pytest.mark.parametrize(
+    ("plant", "lag", "turning_lag"),
+    [
+        *(("compliant", lag, 0.0) for lag in (0.1, 0.3)),
+        ("compliant", 0.1, 0.05),
+        pytest.param("mujoco", 0.1, 0.05, marks=needs_mujoco),
+    ],
+)
+def test_slip_is_within_twice_that_without_lag(plant, lag, turning_lag):
+    none = slip(plant, 0.0, 0.0)
+    assert slip(plant, lag, turning_lag) < 2.0 * none < slip(plant, lag, turning_lag, known=False)
 
 
 @pytest.mark.parametrize("values", [(3.0, -1.0, 4.0), (0.5, 0.0, 0.2), (0.0, 30.0, 40.0)])

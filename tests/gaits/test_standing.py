@@ -11,6 +11,7 @@ import pytest
 from long import long_but
 from needs import needs_robots
 from places import places
+from walks import walked
 
 import harpy_pin as hp
 from comparison.studies.robots import friction_used, run_standing, stood, terms_error
@@ -33,13 +34,9 @@ def solo() -> hp.Robot:
 
 
 def stand(gait, controller, *, friction, push=None, duration=2.0, **parameters):
-    scenario = hp.Scenario(
-        controller={"name": controller, "parameters": {**LIGHT, **parameters}},
-        ground=hp.Ground(mu_s=friction),
-        duration=duration,
-        disturbances=hp.Disturbances(pushes=() if push is None else (hp.Push(0.3, (*push, 0.0)),)),
-    )
-    return hp.walk(scenario, gait=gait)
+    part = {"name": controller, "parameters": {**LIGHT, **parameters}}
+    pushes = () if push is None else (hp.Push(0.3, (*push, 0.0)),)
+    return walked(gait, controller=part, mu_s=friction, duration=duration, pushes=pushes)
 
 
 @needs_robots

@@ -57,16 +57,6 @@ def test_course_start_and_stop():
 
 
 @needs_robots
-def test_loop_in_c_and_loop_in_python_give_the_same_bits():
-    runs = []
-    for on_tick in (None, lambda state: None):
-        gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=((0.0, 0.3, 0.1, 0.3), (1.0, 0.0, 0.1, 0.0)))
-        runs.append(walk(gait, duration=2.0, on_tick=on_tick))
-    for name in ("q", "v", "torque", "path", "foothold", "pressure", "steps", "command"):
-        np.testing.assert_array_equal(runs[0][name], runs[1][name])
-
-
-@needs_robots
 @pytest.mark.parametrize("mu", [0.3, 0.15])
 def test_walks_on_slippery_ground(mu):
     run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0)), mu=mu)

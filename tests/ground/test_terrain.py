@@ -96,22 +96,6 @@ def test_all_kinds_have_one_layout():
     assert set(TERRAINS) == {terrain.name for terrain in EXAMPLES}
 
 
-@pytest.mark.parametrize(
-    "ground",
-    [
-        hp.Ground(slope=0.2),
-        hp.Ground(friction_strips=((0.5, 1.0, 0.2),), stiffness_strips=((0.5, 1.0, 2e3), (1.0, 2.0, 32e3))),
-        *(hp.Ground(terrain=terrain) for terrain in EXAMPLES),
-    ],
-    ids=str,
-)
-def test_a_scenario_keeps_its_ground(ground):
-    scenario = hp.Scenario(ground=ground)
-    again = hp.Scenario.from_dict(json.loads(json.dumps(scenario.to_dict())))
-    assert again.ground == ground
-    assert again == scenario
-
-
 def test_slope_is_a_plane():
     assert hp.Ground(slope=0.2).record.tobytes() == hp.Ground(terrain=Plane(slope=0.2)).record.tobytes()
     assert hp.Ground(slope=0.2).surface == Plane(slope=0.2)

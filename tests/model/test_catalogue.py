@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import mass_matrix
 from needs import needs_robots
+from places import places
 
 import harpy_pin as hp
 from harpy_pin.cli.app import main
@@ -27,16 +29,9 @@ REFUSED = {
     "ur_description/urdf/ur3.urdf": "it has no <robot> with links",
 }
 SRDFS = {
-    "solo8": ("solo_description/srdf/solo.srdf", "standing"),
-    "solo12": ("solo_description/srdf/solo.srdf", "standing"),
-    "bolt": ("bolt_description/srdf/bolt.srdf", "standing"),
-    "a1": ("a1_description/srdf/a1.srdf", "standing"),
-    "b1": ("b1_description/srdf/b1.srdf", "standing"),
-    "go1": ("go1_description/srdf/go1.srdf", "standing"),
-    "go2": ("go2_description/srdf/go2.srdf", "standing"),
-    "anymal_b": ("anymal_b_simple_description/srdf/anymal.srdf", "standing"),
-    "anymal_c": ("anymal_c_simple_description/srdf/anymal.srdf", "standing"),
-    "hyq": ("hyq_description/srdf/hyq.srdf", "standing"),
+    **{x: (f"{x}_description/srdf/{x}.srdf", "standing") for x in ("bolt", "a1", "b1", "go1", "go2", "hyq")},
+    **dict.fromkeys(("solo8", "solo12"), ("solo_description/srdf/solo.srdf", "standing")),
+    **{f"anymal_{x}": (f"anymal_{x}_simple_description/srdf/anymal.srdf", "standing") for x in "bc"},
     "talos": ("talos_data/srdf/talos.srdf", "half_sitting"),
 }
 
@@ -67,8 +62,7 @@ def in_plain_terms(plain, model, q):
 
 def terms(model, q, v):
     """Symmetric mass matrix, and bias."""
-    matrix = np.triu(pin.crba(model, model.createData(), q))
-    return matrix + np.triu(matrix, 1).T, pin.rnea(model, model.createData(), q, v, np.zeros(model.nv))
+    return mass_matrix(model, q), pin.rnea(model, model.createData(), q, v, np.zeros(model.nv))
 
 
 @needs_robots
@@ -112,12 +106,10 @@ def test_catalogue_stands(name):
     q, v = hp.Standing(robot).initial_state()
     np.testing.assert_array_equal(q[7:], robot.posture)
     assert not v.any()
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    feet = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
+    feet = places(robot, q)
     assert feet[:, 2].min() == pytest.approx(0.0, abs=1e-12)
     assert np.ptp(feet[:, 2]) <= (3e-4 if robot.flat_feet else 1e-5)  # Standing allows 2e-3
-    centre = pin.centerOfMass(robot.model, data, q)
+    centre = pin.centerOfMass(robot.model, robot.model.createData(), q)
     if len(feet) == 4:
         assert (feet[:, :2].min(axis=0) < centre[:2]).all()
         assert (feet[:, :2].max(axis=0) > centre[:2]).all()
@@ -147,8 +139,7 @@ def test_icub_stands_on_level_soles_with_its_centre_of_mass_above_their_middle()
     assert sorted(robot.joints[j] for j in different) == sorted(sagittal)
     q = np.concatenate((np.zeros(6), [1.0], robot.posture))
     centre = pin.centerOfMass(model, data, q)
-    pin.updateFramePlacements(model, data)
-    corners = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
+    corners = places(robot, q)
     assert np.ptp(corners[:, 2]) < 1e-3
     assert abs(centre[0] - corners[:, 0].mean()) < 0.01
 

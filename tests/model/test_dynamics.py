@@ -3,22 +3,17 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import forward_dynamics, generalised_force
+from forward_dynamics import forward_dynamics, frame_terms, generalised_force
 from hypothesis import given
 from hypothesis import strategies as st
+from places import places
 from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
 from harpy_pin import Command, Dynamics, Simulator
 
 seeds = st.integers(0, 2**32 - 1)
-WORLD = pin.LOCAL_WORLD_ALIGNED
 NO_COMMAND = Command(np.zeros(6), np.zeros((2, 3)))
-
-
-@pytest.fixture(scope="module")
-def dynamics(robot):
-    return Dynamics(robot)
 
 
 def draw_forces(rng):
@@ -27,13 +22,8 @@ def draw_forces(rng):
 
 def generalised(robot, q, torque, foot_force, thrust):
     """S τ + J_fᵀ f + J_tᵀ u_t from Pinocchio's frame Jacobians."""
-    data = robot.model.createData()
-    total = np.concatenate((np.zeros(6), torque))
-    for names, forces in ((robot.feet, foot_force), (robot.thrusters, thrust)):
-        for name, force in zip(names, forces, strict=True):
-            jacobian = pin.computeFrameJacobian(robot.model, data, q, robot.frame_id(name), WORLD)
-            total += jacobian[:3].T @ force
-    return total
+    jacobian, _ = frame_terms(robot.model, (*robot.feet, *robot.thrusters), q, np.zeros(12))
+    return np.concatenate((np.zeros(6), torque)) + np.vstack(jacobian).T @ np.ravel((foot_force, thrust))
 
 
 @given(seed=seeds)
@@ -65,24 +55,12 @@ def test_feet_move_as_pinocchio_says(robot, draw_state, seed):
     dynamics.update(*draw_state(rng))  # nothing may be left of an earlier state
     q, v = draw_state(rng)
     dynamics.update(q, v)
-    model, data = robot.model, robot.model.createData()
-    pin.forwardKinematics(model, data, q, v, np.zeros(12))
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    axes = pin.LOCAL_WORLD_ALIGNED
-    for k, name in enumerate(robot.feet):
-        i, rows = model.getFrameId(name), slice(3 * k, 3 * k + 3)
-        drift = pin.getFrameClassicalAcceleration(model, data, i, axes).linear
-        np.testing.assert_allclose(dynamics.foot_position[k], data.oMf[i].translation, rtol=0, atol=1e-13)
-        np.testing.assert_allclose(
-            dynamics.foot_velocity[k], pin.getFrameVelocity(model, data, i, axes).linear, atol=1e-12
-        )
-        np.testing.assert_allclose(dynamics.foot_drift[rows], drift, rtol=1e-12, atol=1e-11)
-        np.testing.assert_allclose(
-            dynamics.foot_jacobian[rows], pin.getFrameJacobian(model, data, i, axes)[:3], rtol=0, atol=1e-13
-        )
-    mounts = [pin.getFrameJacobian(model, data, model.getFrameId(name), axes)[:3] for name in robot.thrusters]
-    np.testing.assert_allclose(dynamics.thruster_jacobian, np.vstack(mounts), rtol=0, atol=1e-13)
+    jacobian, drift = frame_terms(robot.model, (*robot.feet, *robot.thrusters), q, v)
+    np.testing.assert_allclose(dynamics.foot_position, places(robot, q), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(dynamics.foot_velocity, jacobian[:2] @ v, atol=1e-12)
+    np.testing.assert_allclose(dynamics.foot_drift, drift[:2].ravel(), rtol=1e-12, atol=1e-11)
+    np.testing.assert_allclose(dynamics.foot_jacobian, np.vstack(jacobian[:2]), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(dynamics.thruster_jacobian, np.vstack(jacobian[2:]), rtol=0, atol=1e-13)
 
 
 def rate(robot, force):
@@ -142,17 +120,6 @@ def test_simulated_flight_converges_with_order_one(robot, undamped, draw_state, 
         errors.append(np.linalg.norm(np.concatenate((position, end_v - true_v))))
     assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.15)
     assert errors[1] / errors[2] == pytest.approx(2.0, abs=0.08)
-
-
-def test_thrust_acts_at_the_mounts(robot):
-    """Opposite vertical thrusts make a pure roll moment of arm 0.2 m; equal ones lift without turning."""
-    dynamics = Dynamics(robot)
-    q = np.array([0, 0, 1, 0, 0, 0, 1.0, 0, 0, 0, 0, 0, 0])
-    dynamics.update(q, np.zeros(12))
-    couple = generalised_force(dynamics, np.zeros(6), np.zeros((2, 3)), np.array([[0, 0, 3.0], [0, 0, -3.0]]))
-    np.testing.assert_allclose(couple, [0, 0, 0, 0.6, 0, 0, *np.zeros(6)], atol=1e-14)
-    lift = generalised_force(dynamics, np.zeros(6), np.zeros((2, 3)), np.array([[0, 0, 3.0], [0, 0, 3.0]]))
-    np.testing.assert_allclose(lift, [0, 0, 6.0, 0, 0, 0, *np.zeros(6)], atol=1e-14)
 
 
 def test_robot_without_thrusters(robot):

@@ -7,14 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from needs import needs_mujoco
 
 import harpy_pin as hp
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
-from harpy_pin.simulation.mujoco import installed_version
 
 ROBOT = hp.load_harpy()
 Q, V = hp.make_gait(ROBOT).initial_state()
-NEEDS_MUJOCO = pytest.mark.skipif(installed_version() is None, reason="MuJoCo is not installed")
 
 
 def floating(actuators: Actuators, *, dt: float = 5e-4, v: np.ndarray | None = None) -> hp.Simulator:
@@ -125,15 +124,12 @@ def test_friction_and_contact_satisfy_both_conditions():
     assert simulator.counts[1] == 0
 
 
-@NEEDS_MUJOCO
+@needs_mujoco
 @pytest.mark.parametrize(
     "actuators",
     [
-        Actuators(bandwidth=50.0),
-        Actuators(viscous_friction=1.0),
-        Actuators(coulomb_friction=0.3),
-        Actuators(thrusters={"lag": 0.03}),
-        Actuators(thrusters={"lag": 0.03, "turning_lag": 0.05}),
+        *(Actuators(bandwidth=50.0), Actuators(viscous_friction=1.0), Actuators(coulomb_friction=0.3)),
+        *(Actuators(thrusters={"lag": 0.03, "turning_lag": turning_lag}) for turning_lag in (0.0, 0.05)),
     ],
 )
 def test_both_engines_agree(actuators):
@@ -154,14 +150,6 @@ def test_both_engines_agree(actuators):
         ends.append(plant.v.copy())
     assert np.abs(ends[0][6:]).max() > 0.3
     assert np.allclose(*ends, rtol=0.02, atol=0.02)
-
-
-def test_scenario_has_them_and_walks():
-    actuators = Actuators(bandwidth=100.0, coulomb_friction=0.1, thrusters={"lag": 0.05})
-    scenario = hp.Scenario(disturbances=hp.Disturbances(actuators=actuators), ground=hp.Ground(mu_s=0.5), duration=0.2)
-    assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
-    run = hp.walk(scenario)
-    assert run.ending == "completed"
 
 
 def test_torque_falls_with_speed():

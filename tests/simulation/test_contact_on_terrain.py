@@ -32,41 +32,6 @@ def place(simulator: Simulator, x: float = 0.0, y: float = 0.0) -> None:
     simulator.reset(q, np.zeros(6))
 
 
-def slide(sled: hp.Robot, slope: float, heading: float, *, duration: float = 1.0, **ground) -> Simulator:
-    """A block that lay on a plane for a time."""
-    terrain = Plane(slope=slope, heading=heading)
-    simulator = Simulator(sled, hp.Ground(**{"mu_s": MU, "terrain": terrain, **ground}), dt=5e-4)
-    place(simulator)
-    simulator.advance(NOTHING, steps=round(duration / simulator.dt))
-    return simulator
-
-
-@pytest.mark.parametrize("heading", HEADINGS)
-def test_it_sticks_up_to_the_angle_of_friction(sled, heading):
-    limit = np.arctan(MU)
-    held = slide(sled, limit - 1e-3, heading, duration=5.0)
-    assert held.slip_path[0] < 1e-9
-    np.testing.assert_allclose(held.state.foot_force[0], (0.0, 0.0, MASS * G), atol=1e-6)
-    assert slide(sled, limit + 1e-3, heading).slip_path[0] > 1e-4
-
-
-@pytest.mark.parametrize("heading", HEADINGS)
-@pytest.mark.parametrize("degrees", [20.0, 40.0])
-def test_it_slides_as_coulomb_says(sled, heading, degrees):
-    """Without Stribeck's and viscous friction: g (sin − μ_c cos) along the slope, and μ_c of the normal force."""
-    slope = np.radians(degrees)
-    simulator = slide(sled, slope, heading, mu_c=MU, mu_v=0.0)
-    acceleration = G * (np.sin(slope) - MU * np.cos(slope))
-    down = -np.array([np.cos(slope) * np.cos(heading), np.cos(slope) * np.sin(heading), np.sin(slope)])
-    np.testing.assert_allclose(simulator.v[:3], acceleration * down, atol=2e-3 * acceleration)
-    assert simulator.slip_path[0] == pytest.approx(0.5 * acceleration, rel=2e-3)
-    assert simulator.slip_net[0] == pytest.approx(simulator.slip_path[0], rel=1e-6)
-    normal = rotation(slope, heading)[:, 2]
-    force = simulator.state.foot_force[0]
-    assert force @ normal == pytest.approx(MASS * G * np.cos(slope), rel=1e-6)
-    np.testing.assert_allclose(force - (force @ normal) * normal, -MU * (force @ normal) * down, atol=1e-6)
-
-
 @pytest.mark.parametrize("cone", ["circular", "per_axis"])
 @pytest.mark.parametrize(("slope", "heading"), [(0.2, 0.0), (-0.5, 0.7), (1.0, 2.5)])
 def test_a_robot_moves_as_on_flat_ground_under_tilted_gravity(robot, cone, slope, heading):

@@ -5,9 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
+from walks import walked
 
 import harpy_pin as hp
-from harpy_pin import Command, Ground, InputError, Simulator
+from harpy_pin import Command, InputError, Simulator
 from harpy_pin.simulation.push import Push
 
 IMPULSE = (0.7, -1.3, 0.4)
@@ -39,14 +40,7 @@ def test_a_walk_is_pushed_where_it_was_asked_to_be():
     ways = {}
     for y in (-1.0, 0.0, 1.0):
         pushes = (Push(0.3, (0.0, y, 0.0)),) if y else ()
-        run = hp.walk(
-            hp.Scenario(
-                controller=hp.Governed(governor="none"),
-                ground=Ground(mu_s=0.8),
-                duration=0.5,
-                disturbances=hp.Disturbances(pushes=pushes),
-            )
-        )
+        run = walked(controller=hp.Governed(governor="none"), mu_s=0.8, duration=0.5, pushes=pushes)
         assert [p["impulse"][1] for p in run.metadata["pushes"]] == ([y] if y else [])
         ways[y] = run["q"][:, 1]
     np.testing.assert_array_equal(ways[1.0][:301], ways[0.0][:301])
