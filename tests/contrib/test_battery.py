@@ -7,6 +7,7 @@ import pytest
 from needs import PLANTS
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from walks import scenario
 
 import harpy_pin as hp
 from harpy_pin.contrib.battery import Battery
@@ -93,10 +94,7 @@ def test_empty_battery_has_no_thrust():
 def test_energy_of_a_walk(plant):
     """Chemical energy is shafts and heat; each part is what torques, speeds and thrusts of the log say."""
     fans = hp.Actuators(thrusters=hp.Thrusters(largest=53.0))
-    scenario = hp.Scenario(
-        plant={"name": plant}, ground=hp.Ground(mu_s=0.25), disturbances=hp.Disturbances(actuators=fans), duration=1.0
-    )
-    made = hp.scenario.build(scenario)
+    made = hp.build(scenario(plant=plant, actuators=fans, duration=1.0))
     battery = Battery(capacity=2.0, resistance=0.01, propulsion=FAN, motors=Motors(constant=0.6))
     made.simulator.attach(battery)
     run = made.run()

@@ -6,6 +6,7 @@ import pytest
 from forward_dynamics import constrained_dynamics, frame_terms, mass_matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from optimality import Programs, optima_from
 from tilted_cases import GivenTargets, fill, parameters, random_state, smallest_rotation, targets_in_world
 from whole_body_oracle import MU, NV, ROBOT, oracle, solve_oracle
 
@@ -16,19 +17,6 @@ from harpy_pin.wbc import FORMULATIONS, FootForceTask, WholeBodyLimits
 
 LIMITS = WholeBodyLimits(mu=MU, give_way=1.0)
 seeds = st.integers(0, 2**32 - 1)
-
-
-def refined(case, z):
-    """The optimum to rounding: the equations of its active set, solved densely."""
-    a, b, equality, value, inequality, upper = case
-    active = inequality @ z > upper - 1e-5
-    rows = np.vstack((equality, inequality[active]))
-    right = np.concatenate((value, upper[active]))
-    system = np.block([[a.T @ a, rows.T], [rows, np.zeros((len(rows), len(rows)))]])
-    found = np.linalg.lstsq(system, np.concatenate((a.T @ b, right)), rcond=1e-14)[0]
-    better, multiplier = found[: len(z)], found[len(z) + len(equality) :]
-    fits = (inequality @ better <= upper + 1e-7).all() and (multiplier >= -1e-7).all()
-    return better if fits else None
 
 
 def inputs_of(q, v, z):
@@ -58,9 +46,10 @@ def test_commands_are_those_of_an_independent_program(name, fuzz):
         np.testing.assert_array_equal(targets.held, target.stance)
         case = oracle(state.q, state.v, targets, LIMITS, controller.parameters.weights, frames=frames)
         z, flag = solve_oracle(case)
-        z = refined(case, z) if flag > 0 else None
-        if z is None:
+        optimum = optima_from(Programs.of([case]), z[None]) if flag > 0 else None
+        if optimum is None or not optimum.fits[0]:
             continue
+        z = optimum.z[0]  # to rounding: the equations of its active set, solved densely
         thrust, torque = inputs_of(state.q, state.v, z)
         at_limit = (case[4][-24:] @ z > case[5][-24:] - 1e-6).any()
         if name == "contact_force" and at_limit:  # this formulation has limits of its own

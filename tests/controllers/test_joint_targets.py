@@ -69,9 +69,8 @@ def test_the_leak_is_a_low_pass(a, leak, n):
 
 
 def test_without_a_solution_targets_are_what_is_measured():
-    run = hp.walk(
-        hp.Scenario(controller={"name": "condensed", "limits": {"torque_scale": 0.03}, **MOTORS}, duration=0.5)
-    )
+    weak = {"name": "condensed", "limits": {"torque_scale": 0.03}, **MOTORS}
+    run = hp.walk(hp.Scenario(controller=weak, duration=0.5))
     none = run["condensed_status"].astype(int) & CondensedStatus.TORQUE_CLIPPED != 0
     assert none.any()
     np.testing.assert_array_equal(run["motor_law"][none, 1], run["v"][none, 6:])

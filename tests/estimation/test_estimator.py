@@ -13,23 +13,18 @@ from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.simulation.sensing import Sensing
 
 STANDING = np.array([0.0, 0.0, 9.81])
+POSTURE = hp.make_gait(hp.load_harpy()).initial_state()[0][7:]
 LEVEL = np.eye(3)
 SLOPE = EstimatorSettings(height_noise=np.inf)
 NAMES = ("gyroscope", "accelerometer", "joint_position", "joint_velocity")
 EXACT = {name: 0.0 for name in ("gyroscope_bias", "accelerometer_bias", "encoder_resolution", "torque_error")}
 
 
-@pytest.fixture(scope="module")
-def robot():
-    return hp.load_harpy()
-
-
 def still(robot, t=0.0, *, tilt=LEVEL):
     """Readings of a robot at rest, tilted about its feet, without noise."""
-    q, joints = hp.make_gait(robot).initial_state()[0], len(robot.joints)
-    zero = np.zeros(joints)
+    zero = np.zeros(len(robot.joints))
     quiver = np.full(3, 1e-9 * np.sin(1e5 * t))  # a gyroscope that says always the same is stuck
-    return hp.Readings(t, quiver, tilt.T @ STANDING, q[7:].copy(), zero, zero, None, np.full(2, 25.0))
+    return hp.Readings(t, quiver, tilt.T @ STANDING, POSTURE.copy(), zero, zero.copy(), None, np.full(2, 25.0))
 
 
 def rotations(q):

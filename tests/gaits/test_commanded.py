@@ -3,10 +3,10 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import places
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_mujoco
-from places import places
 from walks import walked
 
 import harpy_pin as hp

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import frame_terms
+from forward_dynamics import frame_terms, places
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from places import places
 from scipy.interpolate import BPoly
 
 import harpy_pin as hp

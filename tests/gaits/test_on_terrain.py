@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import places
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from long import long_but
 from needs import PLANTS, needs_mujoco, needs_robots
-from places import places
 from walks import slip_per_step, walked
 
 import harpy_pin as hp
@@ -39,20 +39,6 @@ def test_stance_feet_are_as_high_above_the_ground_as_on_flat_ground(terrain, beg
         np.testing.assert_allclose(z, on_flat[down, 2] + terrain.height(x, y), atol=1e-12)
         np.testing.assert_allclose(b.normal[down], terrain.normal(x, y), atol=1e-12)
         np.testing.assert_allclose(b.ground_height[down], terrain.height(x, y), atol=1e-12)
-
-
-def test_targets_move_as_their_velocities_say():
-    """On a plane every target is the integral of its velocity, and that of its acceleration."""
-    gait, step = OnTerrain(hp.make_gait(ROBOT), TERRAINS[0]), 1e-5
-    for t in np.linspace(0.31, 2.3, 9):
-        rows = []
-        for at in (t - step, t, t + step):
-            target = gait.update(at)
-            feet = target.foot_position + target.body[:3], target.foot_velocity + target.body[3:6]
-            rows.append((target.body.copy(), *feet))
-        moved = [(rows[2][i] - rows[0][i]) / (2 * step) for i in range(3)]
-        np.testing.assert_allclose(moved[0][:6], rows[1][0][3:], atol=1e-3)
-        np.testing.assert_allclose(moved[1], rows[1][2], atol=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -308,21 +294,20 @@ def test_footholds_keep_their_distance_from_risers(start, rise):
             at[k] = x
 
 
-def test_feet_move_as_their_velocities_say():
-    """Beside a riser, too, along the ground: places are the integral of velocities, these of accelerations."""
-    stairs, step = Stairs(rise=0.05, depth=0.3, start=0.47), 1e-4
-    gait = OnTerrain(hp.make_gait(ROBOT), stairs)
-    rows = []
+@pytest.mark.parametrize("terrain", [TERRAINS[0], Stairs(rise=0.05, depth=0.3, start=0.47)], ids=("plane", "riser"))
+def test_targets_move_as_their_velocities_say(terrain):
+    """Places are the integral of velocities, these of accelerations; beside a riser along the ground, without jumps."""
+    gait, step, rows = OnTerrain(hp.make_gait(ROBOT), terrain), 1e-4, []
     for t in np.arange(0.5, 4.0, step):
         target = gait.update(float(t))
-        moving = target.foot_velocity + target.body[3:6]
-        rows.append((target.foot_position + target.body[:3], moving, target.foot_acceleration + target.body[6:9]))
-    place, velocity, acceleration = (np.array(part) for part in zip(*rows, strict=True))
-    for value, rate in ((place, velocity), (velocity, acceleration)):
+        body = target.body.reshape(3, 1, 3)
+        feet = np.stack((target.foot_position, target.foot_velocity, target.foot_acceleration)) + body
+        rows.append(np.concatenate((body, feet), axis=1))
+    place, velocity, acceleration = np.moveaxis(rows, 1, 0)
+    for value, rate, axes in ((place, velocity, 3 if terrain.name == "plane" else 2), (velocity, acceleration, 2)):
         sums = step * np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0)
-        np.testing.assert_allclose((value[1:] - value[0])[..., :2], sums[..., :2], atol=5e-3)
-    drops = np.abs(np.diff(place[..., 2], axis=0)).max()
-    assert drops < 2.5 * step  # no jumps: 2.5 m/s
+        np.testing.assert_allclose((value[1:] - value[0])[..., :axes], sums[..., :axes], atol=5e-3)
+    assert np.abs(np.diff(place[..., 2], axis=0)).max() < 2.5 * step  # 2.5 m/s
 
 
 @given(x=st.floats(0.2, 1.4), start=starts, rise=rises)

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import places
 from long import long_but
 from needs import needs_robots
-from places import places
 from walks import walked
 
 import harpy_pin as hp
@@ -31,12 +31,6 @@ WEIGHTS = WholeBodyWeights(posture=1e-10)
 @pytest.fixture(scope="module")
 def solo() -> hp.Robot:
     return hp.load_robot("solo12")
-
-
-def stand(gait, controller, *, friction, push=None, duration=2.0, **parameters):
-    part = {"name": controller, "parameters": {**LIGHT, **parameters}}
-    pushes = () if push is None else (hp.Push(0.3, (*push, 0.0)),)
-    return walked(gait, controller=part, mu_s=friction, duration=duration, pushes=pushes)
 
 
 @needs_robots
@@ -134,7 +128,9 @@ def test_two_feet_with_thrusters_stand():
     thrusters = ("FL_SHOULDER", "FR_SHOULDER")
     bolt = hp.load_robot("bolt", thrusters=thrusters, thrust_limit=20.0)
     gait = hp.Standing(bolt, BOLT, shift=(0.0, 0.01, 0.0))
-    runs = [stand(gait, name, friction=0.4, push=(0.1, 0.2), duration=1.5) for name in ("condensed", "wbc")]
+    parts = [{"name": name, "parameters": LIGHT} for name in ("condensed", "wbc")]
+    pushes = (hp.Push(0.3, (0.1, 0.2, 0.0)),)
+    runs = [walked(gait, controller=part, mu_s=0.4, duration=1.5, pushes=pushes) for part in parts]
     assert runs[0].ending == runs[1].ending == "completed"
     np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-3)
 

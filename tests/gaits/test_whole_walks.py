@@ -57,9 +57,15 @@ def test_course_start_and_stop():
 
 
 @needs_robots
-@pytest.mark.parametrize("mu", [0.3, 0.15])
-def test_walks_on_slippery_ground(mu):
-    run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0)), mu=mu)
+@pytest.mark.parametrize(
+    ("name", "velocity", "mu"),
+    [
+        *(("go2", (0.4, 0.0, 0.0), mu) for mu in (0.3, 0.15)),
+        *((name, (0.5, 0.0, 0.3), 0.6) for name in ("go1", "laikago", "anymal_b", "b1", "hyq")),
+    ],
+)
+def test_trots_on_slippery_ground_and_turning(name, velocity, mu):
+    run = walk(hp.WalkingGait(hp.load_robot(name), velocity=velocity), mu=mu)
     assert run.ending == "completed"
     assert slip_per_step(run) < 1.0
 
@@ -238,14 +244,6 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
     beyond = np.maximum(robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit)
     assert beyond[:, 7:].max() < 0.05
     assert not gait.walking
-
-
-@needs_robots
-@pytest.mark.parametrize("name", ["go1", "laikago", "anymal_b", "b1", "hyq"])
-def test_other_quadrupeds_trot(name):
-    run = walk(hp.WalkingGait(hp.load_robot(name), velocity=(0.5, 0.0, 0.3)))
-    assert run.ending == "completed"
-    assert slip_per_step(run) < 1.0
 
 
 @needs_robots

@@ -86,7 +86,8 @@ def test_form_in_files(terrain):
 @pytest.mark.parametrize("terrain", FLAT, ids=str)
 def test_no_slope_is_flat_ground(terrain):
     assert terrain.record["level"][0] == 1
-    assert hp.Ground(terrain=terrain).record.tobytes() == hp.Ground().record.tobytes()
+    for ground in (hp.Ground(terrain=terrain), hp.Ground(slope=0.0)):
+        assert ground.record.tobytes() == hp.Ground().record.tobytes()
     np.testing.assert_array_equal(terrain.height([0.3, -2.0], [1.0, 5.0]), [0.0, 0.0])
     np.testing.assert_array_equal(terrain.normal(0.3, 1.0), [0.0, 0.0, 1.0])
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import mass_matrix
+from forward_dynamics import mass_matrix, places
 from needs import needs_robots
-from places import places
 
 import harpy_pin as hp
 from harpy_pin.cli.app import main

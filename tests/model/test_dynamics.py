@@ -3,10 +3,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import forward_dynamics, frame_terms, generalised_force
+from forward_dynamics import forward_dynamics, frame_terms, generalised_force, places
 from hypothesis import given
 from hypothesis import strategies as st
-from places import places
 from scipy.integrate import solve_ivp
 
 import harpy_pin as hp

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import generalised_force
+from forward_dynamics import generalised_force, places
 from needs import needs_robots
 from pages import content_of
-from places import places
+from walks import walked
 
 import harpy_pin as hp
 from harpy_pin.controllers.tasks import MAX_LEAN, lean, limit_push
@@ -201,9 +201,7 @@ def test_a_push_is_answered(flyer, controller, tmp_path):
     """An impulse that gives 1 m/s sideways: back within 5 cm, thrusts within limits, balanced at the end."""
     gait = hp.Hovering(flyer, height=1.2)
     push = hp.Push(0.5, (0.6 * MASS, -0.8 * MASS, 0.0))
-    run = hp.walk(
-        hp.Scenario(controller=controller, duration=5.0, disturbances=hp.Disturbances(pushes=(push,))), gait=gait
-    )
+    run = walked(gait, controller=controller, duration=5.0, pushes=(push,))
     assert run.ending == "completed"
     assert run.metadata["thrusts_projected"] == 0
     away = np.linalg.norm(run["q"][:, :3] - (0.0, 0.0, 1.2), axis=1)

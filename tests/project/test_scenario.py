@@ -110,6 +110,7 @@ def scenarios(draw):
 
 
 @given(scenarios())
+@settings(max_examples=60)
 def test_what_is_written_down_is_what_is_read(scenario):
     data = scenario.to_dict()
     read = hp.Scenario.from_dict(json.loads(json.dumps(data)))
@@ -120,7 +121,7 @@ def test_what_is_written_down_is_what_is_read(scenario):
 
 
 @given(st.data())
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_every_part_is_written_down(data):
     """Two scenarios that differ in one attribute have different dictionaries."""
     a, b = data.draw(scenarios()), data.draw(scenarios())

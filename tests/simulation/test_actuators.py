@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from needs import needs_mujoco
+from walks import started
 
 import harpy_pin as hp
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
@@ -109,8 +110,8 @@ def test_friction_holds_a_joint_still():
 def test_friction_and_contact_satisfy_both_conditions():
     """On the ground: every joint is at rest under friction within its limit, or has the whole of it against it."""
     limit, rng = 0.4, np.random.default_rng(3)
-    simulator = hp.Simulator(ROBOT, hp.Ground(mu_s=0.3), actuators=Actuators(coulomb_friction=limit))
-    simulator.reset(*hp.make_gait(ROBOT).initial_state(penetration=simulator.static_penetration))
+    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=0.3), actuators=Actuators(coulomb_friction=limit))
+    simulator = started(plant, hp.make_gait(ROBOT))
     torque = simulator.record["joints"]["torque"][0]
     stuck = 0
     for _ in range(300):

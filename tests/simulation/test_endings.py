@@ -78,7 +78,7 @@ def test_interrupt_in_the_controller_keeps_the_log(robot, tick):
 @pytest.mark.parametrize("tick", [0, 5])
 def test_failing_controller_hands_over_the_log(robot, tick):
     simulator, _ = standing(robot)
-    with pytest.raises(ControlError, match="out of ideas") as caught:
+    with pytest.raises(ControlError, match="controller failed: ZeroDivisionError: out of ideas") as caught:
         simulator.run(from_tick(tick, lambda: throw(ZeroDivisionError("out of ideas"))), 1.0)
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
     assert caught.value.time == pytest.approx(tick * 1e-3)

@@ -48,6 +48,13 @@ def constrained_dynamics(robot, q, v, command, touching, *, damping=0.0, desired
     return force, np.array(acceleration)
 
 
+def places(robot, q, names=None):
+    """(frames, 3) places of frames in a configuration, m; those of the feet where none are named."""
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    return np.array([data.oMf[robot.frame_id(name)].translation for name in (robot.feet if names is None else names)])
+
+
 def forward_dynamics(dynamics, q, v, force):
     """The acceleration under a generalised force."""
     return np.array(pin.aba(dynamics.model, dynamics.model.createData(), q, v, force))

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from whole_body_oracle import NV, ROBOT, STANDING
+from whole_body_oracle import NV, ROBOT, STANDING, SUPPORTS, WEIGHTS
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.model.state import State
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets
 
-WEIGHTS = WholeBodyWeights(posture=1e-10)
 LOAD = 20.0
 """Measured on a foot that is held, along its normal, N."""
 
@@ -51,7 +50,7 @@ def fill(target: GaitTarget, rng: np.random.Generator, *, steepest: float = 0.7,
     target.body[:3] = STANDING[:3]
     target.body[6:] = rng.uniform(-size, size, 3)
     target.foot_acceleration[:] = rng.uniform(-size, size, (2, 3))
-    target.stance[:] = [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)][rng.integers(4)]
+    target.stance[:] = (*SUPPORTS[:3], SUPPORTS[0])[rng.integers(4)]
     target.phase[:] = np.where(target.stance > 0.0, 0.5, 0.2)
     target.ground_height[:] = -10.0  # what touches is said by the forces
     for normal in target.normal:

@@ -14,6 +14,9 @@ ROBOT = hp.load_harpy()
 NV = 12
 MU = 0.5
 STANDING = hp.make_gait(ROBOT).initial_state()[0]
+SUPPORTS = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
+WEIGHTS = WholeBodyWeights(posture=1e-10)
+"""The condensed controller has no posture task: limbs leave no posture free. The whole-body program must have one."""
 
 
 def random_case(seed: int):
@@ -26,8 +29,22 @@ def random_case(seed: int):
     targets.orientation[:] = rng.uniform(-5.0, 5.0, 3)
     targets.feet[:] = rng.uniform(-5.0, 5.0, (2, 3))
     targets.joints[:] = rng.uniform(-5.0, 5.0, 6)
-    targets.held[:] = [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0)][seed % 4]
+    targets.held[:] = SUPPORTS[seed % 4]
     targets.force_range[:] = (5.0, 150.0)
+    return q, v, targets
+
+
+def wild_case(rng, *, spread):
+    """A state around standing, targets however far from what is possible, and which feet are held."""
+    q = pin.integrate(ROBOT.model, STANDING, spread * rng.standard_normal(NV))
+    v = 3.0 * spread * rng.standard_normal(NV)
+    targets = WholeBodyTargets(ROBOT)
+    size = 10.0 ** rng.uniform(-1.0, 2.0)
+    targets.body[:] = size * rng.standard_normal(3)
+    targets.orientation[:] = 3.0 * size * rng.standard_normal(3)
+    targets.feet[:] = size * rng.standard_normal((2, 3))
+    targets.held[:] = SUPPORTS[rng.integers(4)]
+    targets.force_range[:] = (rng.uniform(0.0, 20.0), 200.0)
     return q, v, targets
 
 

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from condensed_cases import NV, ROBOT, SUPPORTS, WEIGHTS, random_case
 from forward_dynamics import constrained_dynamics, demand_of_centre
 from walks import states_of, walked
+from whole_body_oracle import NV, ROBOT, SUPPORTS, WEIGHTS, wild_case
 
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
@@ -21,15 +21,15 @@ from reproduction.chattering import chattering
 def test_promise_for_every_state_and_target(fuzz):
     """The force on every held foot is the one intended, and it is in its pyramid and range: whatever was asked for.
 
-    ``--fuzz 250`` looks at a million states.
+    ``--fuzz 500`` looks at a million states.
     """
     dynamics = hp.Dynamics(ROBOT)
     rng = np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
     condensed = CondensedSolver(ROBOT, WEIGHTS, limits)
     seen = CondensedStatus.OPTIMAL
-    for _ in range(4000 * fuzz):
-        q, v, targets = random_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
+    for _ in range(2000 * fuzz):
+        q, v, targets = wild_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
         dynamics.update(q, v)
         inputs = condensed.solve(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
         assert np.isfinite(inputs).all()
@@ -110,8 +110,8 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, centred, fu
     lower, upper = (bound[:12] for bound in (problem.program.lower, problem.program.upper))
     seen: dict[CondensedStatus, int] = {}
     binding = 0
-    for _ in range(1000 * fuzz):
-        q, v, targets = random_case(rng, spread=0.05)
+    for _ in range(500 * fuzz):
+        q, v, targets = wild_case(rng, spread=0.05)
         dynamics.update(q, v)
         if centred:
             demand_of_centre(targets, dynamics)
@@ -134,15 +134,15 @@ def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, centred, fu
         binding += bool((limits.pyramid @ contact[targets.held > 0].T < 1e-6).any())
         np.testing.assert_allclose(condensed.force, contact, rtol=0, atol=2e-5 * scale)
         np.testing.assert_allclose(inputs, best, rtol=0, atol=2e-5 * scale)
-    assert seen[CondensedStatus.OPTIMAL] > 200
-    assert seen[CondensedStatus.THRUST_LIMITED] > 20
-    assert sum(count for status, count in seen.items() if status & CondensedStatus.TORQUE_LIMITED) > 20
-    assert binding > 50
+    assert seen[CondensedStatus.OPTIMAL] > 100
+    assert seen[CondensedStatus.THRUST_LIMITED] > 10
+    assert sum(count for status, count in seen.items() if status & CondensedStatus.TORQUE_LIMITED) > 10
+    assert binding > 25
 
 
 def the_way(dynamics, condensed, rng):
     """A function of the place on the way from one random state and target to another: inputs and status."""
-    q, v, targets = random_case(rng, spread=0.05)
+    q, v, targets = wild_case(rng, spread=0.05)
     far_q = pin.integrate(ROBOT.model, q, 0.2 * rng.standard_normal(NV))
     far_v = v + 0.3 * rng.standard_normal(NV)
     fields = (targets.body, targets.orientation, targets.feet)

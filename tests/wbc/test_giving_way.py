@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from condensed_cases import ROBOT, WEIGHTS, random_case
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from walks import started, walked
+from whole_body_oracle import ROBOT, WEIGHTS, wild_case
 
 import harpy_pin as hp
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
@@ -39,10 +40,10 @@ def test_condensed_and_programs_have_the_same_optimum(formulation, fuzz):
     solver = make_solver("daqp", problem.program)
     seen = {"compared": 0, "beyond": 0}
 
-    @settings(max_examples=300 * fuzz, deadline=None, derandomize=True)
+    @settings(max_examples=150 * fuzz, deadline=None, derandomize=True)
     @given(SEEDS)
     def check(seed):
-        q, v, targets = random_case(np.random.default_rng(seed), spread=0.05)
+        q, v, targets = wild_case(np.random.default_rng(seed), spread=0.05)
         dynamics.update(q, v)
         given_range = targets.force_range.copy()
         inputs = condensed.solve(dynamics, v, dynamics.rotation, targets)
@@ -71,7 +72,7 @@ def test_objective_and_least_forces_are_the_ones_defined(formulation):
     problem = make_problem(formulation, ROBOT, WEIGHTS, limits)
     peak, swung = 0.3 * ROBOT.torque_limit, 0
     for _ in range(100):
-        q, v, targets = random_case(rng, spread=0.05)
+        q, v, targets = wild_case(rng, spread=0.05)
         dynamics.update(q, v)
         problem.build(dynamics, v, dynamics.rotation, targets)
         size = len(problem.program.gradient)
@@ -108,7 +109,7 @@ def test_nothing_changes_where_no_limit_is_near():
     controllers = [CondensedSolver(ROBOT, WEIGHTS, WholeBodyLimits(mu=0.4, give_way=share)) for share in (0.003, 1.0)]
     same = differ = 0
     for _ in range(500):
-        q, v, targets = random_case(rng, spread=0.05)
+        q, v, targets = wild_case(rng, spread=0.05)
         dynamics.update(q, v)
         for condensed in controllers:
             condensed.reset()
@@ -130,8 +131,7 @@ def test_controllers_agree_on_a_walk(formulation):
     condensed = CondensedController(gait, WholeBodyParameters(limits=limits))
     parameters = WholeBodyParameters(limits=limits, formulation=formulation, weights=WEIGHTS)
     general = WholeBodyController(gait, parameters)
-    simulator = hp.Simulator(DAMPED, hp.Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
+    simulator = started(hp.Simulator(DAMPED, hp.Ground(mu_s=0.8)), gait)
     limited = 0
     for n in range(1000):
         simulator.t = 1e-3 * n
@@ -151,9 +151,8 @@ def test_stands_with_strong_damping(friction):
     """At friction 0.8 the condensed controller in which nothing gives way falls."""
     ends = []
     for share in (0.003, 1.0):
-        controller = hp.Condensed(parameters={"limits": {"give_way": share}})
-        scenario = hp.Scenario(controller=controller, ground=hp.Ground(mu_s=friction), duration=3.0)
-        run = hp.walk(scenario, gait=hp.make_gait(DAMPED))
+        part = hp.Condensed(parameters={"limits": {"give_way": share}})
+        run = walked(hp.make_gait(DAMPED), controller=part, mu_s=friction, duration=3.0)
         ends.append(run.ending)
         if share < 1.0:
             assert hp.measure(run).slip_mm_per_step < 1.0
@@ -164,14 +163,8 @@ def test_stands_with_strong_damping(friction):
 
 @pytest.mark.parametrize("name", ["condensed", "wbc"])
 def test_stands_with_weak_motors(name):
-    limits = {"torque_scale": 0.3}
-    scenario = hp.Scenario(
-        controller={"name": name, "parameters": {"limits": limits}},
-        ground=hp.Ground(mu_s=0.25),
-        disturbances=hp.Disturbances(actuators=hp.Actuators(torque_share=0.3)),
-        duration=2.0,
-    )
-    run = hp.walk(scenario)
+    part = {"name": name, "parameters": {"limits": {"torque_scale": 0.3}}}
+    run = walked(controller=part, actuators=hp.Actuators(torque_share=0.3), duration=2.0)
     assert run.ending == "completed"
     assert (np.abs(run["torque"]) <= 0.3 * ROBOT.torque_limit + 1e-9).all()
     assert hp.measure(run).slip_mm_per_step < 1.0

@@ -212,21 +212,21 @@ def test_many_ranges_are_active_and_some_contradict():
     """So that the test above means something."""
     solved = 0
     changed = 0
-    for seed in range(60):
+    for seed in range(30):
         plain, with_ranges = (compare(seed, "input_space", ranges=ranges)[0] for ranges in (False, True))
         if isinstance(with_ranges, bool):
             continue
         solved += 1
         changed += np.abs(plain - with_ranges).max() > 1e-3
-    assert 20 < solved < 60
-    assert changed > 10
+    assert 10 < solved < 30
+    assert changed > 5
 
 
 def test_forces_alone_take_tasks_on_forces():
     """The optimum of the general program, wherever no motor is at its limit (see the module ``wbc.force``)."""
     equal = 0
     box = np.tile((0.4 * 53.0, 0.4 * 53.0, 53.0 * np.sqrt(0.68)), 2)
-    for seed in range(120):
+    for seed in range(60):
         found, expected, inputs = compare(seed, "contact_force", ranges=seed % 2 == 0, force_only=True, weights=LOOSE)
         if isinstance(found, bool) or seed % 4 == 3:  # in the air there is nothing to choose
             continue
@@ -235,7 +235,7 @@ def test_forces_alone_take_tasks_on_forces():
             continue
         equal += 1
         np.testing.assert_allclose(found, expected, rtol=0, atol=2e-6 * (1.0 + np.abs(expected).max()))
-    assert equal > 40
+    assert equal > 20
 
 
 def test_forces_alone_refuse_tasks_on_accelerations():
@@ -362,7 +362,8 @@ class Given:
         (lambda: hp.FrameTask("left_knee"), {"weight": 1e9}, "weight must be"),
         (lambda: hp.FrameTask("left_knee"), {"weight": (1.0, 2.0)}, r"shape \(3,\)"),
         (lambda: hp.FrameTask("left_knee"), {"lower": 1.0, "upper": 0.0}, "above upper"),
-        (lambda: hp.FrameTask("left_knee"), {"lower": np.nan}, "numbers"),
+        *((lambda: hp.FrameTask("left_knee"), {"lower": bad}, "must be numbers or") for bad in (np.nan, np.inf)),
+        (lambda: hp.FrameTask("left_knee"), {"upper": -np.inf}, "must be numbers or"),
         (lambda: hp.FrameTask("left_knee", gains=(1.0, 0.0)), {"weight": 1.0}, "k_p needs a position"),
         (lambda: hp.FrameTask("left_knee", part="orientation", gains=(1.0, 0.0)), {"weight": 1.0}, "needs a rotation"),
         (lambda: hp.FrameTask("left_knee", position=(0.0, 0.0, 1.0)), {"weight": 1.0}, r"gain k_p, .*\(100, 20\)"),
@@ -381,21 +382,6 @@ def test_bad_tasks_are_refused(task, how, match):
     with pytest.raises(hp.InputError, match=match):
         controller.add(task(), **how)
     assert controller.added is None
-
-
-def test_rows_that_change_are_refused_in_the_tick():
-    controller = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4)
-    task = Given(np.zeros((1, 12)), np.zeros(1))
-    controller.add(task, weight=1.0)
-    q, v = controller.gait.initial_state()
-    state = sample(q, v)
-    controller.step(state)
-    task.now = (np.zeros((2, 12)), np.zeros(2))
-    with pytest.raises(hp.InputError, match="rows of Given had shapes"):
-        controller.step(state)
-    task.now = (np.zeros((1, 12)), np.array([np.inf]))
-    with pytest.raises(hp.InputError, match="rows of Given must be finite"):
-        controller.step(state)
 
 
 def test_condensed_controller_says_that_it_takes_none():
