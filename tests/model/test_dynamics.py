@@ -1,18 +1,15 @@
-"""Equations of motion and feet against Pinocchio, and simulated flight against an integrator of order eight."""
+"""Equations of motion and feet against Pinocchio."""
 
 import numpy as np
 import pinocchio as pin
-import pytest
-from forward_dynamics import forward_dynamics, frame_terms, generalised_force, places
+from forward_dynamics import frame_terms, generalised_force, places
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
-from harpy_pin import Command, Dynamics, Simulator
+from harpy_pin import Dynamics
 
 seeds = st.integers(0, 2**32 - 1)
-NO_COMMAND = Command(np.zeros(6), np.zeros((2, 3)))
 
 
 def draw_forces(rng):
@@ -60,65 +57,6 @@ def test_feet_move_as_pinocchio_says(robot, draw_state, seed):
     np.testing.assert_allclose(dynamics.foot_drift, drift[:2].ravel(), rtol=1e-12, atol=1e-11)
     np.testing.assert_allclose(dynamics.foot_jacobian, np.vstack(jacobian[:2]), rtol=0, atol=1e-13)
     np.testing.assert_allclose(dynamics.thruster_jacobian, np.vstack(jacobian[2:]), rtol=0, atol=1e-13)
-
-
-def rate(robot, force):
-    """dy/dt of y = (q, v), quaternion embedded in R⁴, by the library's forward dynamics."""
-    dynamics = Dynamics(robot)
-
-    def slope(_, y):
-        q, v = y[:13].copy(), y[13:]
-        q[3:7] /= np.linalg.norm(q[3:7])
-        quaternion = pin.Quaternion(q[3:7])
-        turn = 0.5 * (quaternion * pin.Quaternion(0.0, *v[3:6])).coeffs()
-        q_dot = np.concatenate((quaternion.matrix() @ v[:3], turn, v[6:]))
-        return np.concatenate((q_dot, forward_dynamics(dynamics, q, v, force - robot.model.damping * v)))
-
-    return slope
-
-
-def fly(robot, q, v, times, force=0.0):
-    found = solve_ivp(
-        rate(robot, force * np.ones(12) if np.isscalar(force) else force),
-        (0, times[-1]),
-        np.concatenate((q, v)),
-        method="DOP853",
-        t_eval=times,
-        rtol=1e-11,
-        atol=1e-12,
-    )
-    assert found.success
-    return found.y[:13].T, found.y[13:].T
-
-
-def simulate_flight(robot, q, v, dt, duration):
-    simulator = Simulator(robot, dt=dt)
-    high = q.copy()
-    high[2] += 50.0  # nowhere near the ground
-    simulator.reset(high, v)
-    for _ in range(round(duration / dt)):
-        simulator.advance(NO_COMMAND)
-    np.testing.assert_array_equal(simulator.state.foot_force, 0.0)
-    end = simulator.q.copy()
-    end[2] -= 50.0
-    return end, simulator.v.copy()
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("damped", [False, True])
-def test_simulated_flight_converges_with_order_one(robot, undamped, draw_state, seed, damped):
-    """Against an integrator of order eight; with and without the joint damping, which the step takes implicitly."""
-    flyer = robot if damped else undamped
-    q, v = draw_state(np.random.default_rng(seed))
-    v *= 0.3
-    true_q, true_v = (path[-1] for path in fly(flyer, q, v, np.array([0.0, 0.2])))
-    errors = []
-    for dt in (1e-3, 5e-4, 2.5e-4):
-        end_q, end_v = simulate_flight(flyer, q, v, dt, 0.2)
-        position = pin.difference(flyer.model, true_q, end_q)
-        errors.append(np.linalg.norm(np.concatenate((position, end_v - true_v))))
-    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.15)
-    assert errors[1] / errors[2] == pytest.approx(2.0, abs=0.08)
 
 
 def test_robot_without_thrusters(robot):

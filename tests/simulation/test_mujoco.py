@@ -49,28 +49,6 @@ def own_matrix(model, data):
     return full
 
 
-def test_robot_is_the_one_that_mujoco_reads_itself(robot, draw_state):
-    """MuJoCo's own reading of the URDF has the same mass matrix and the same feet at any configuration."""
-    spec = mujoco.MjSpec.from_file(str(robot.urdf))
-    spec.compiler.discardvisual = True
-    spec.bodies[1].add_freejoint()
-    own = spec.compile()
-    own.dof_armature[:] = robot.model.armature
-    other = mujoco.MjData(own)
-    ours = MujocoModel(robot, friction=0.8, dt=5e-4, gravity=G, foot_radius=1e-4)
-    assert (ours.model.nq, ours.model.nv, ours.model.npair) == (13, 12, 2)
-    np.testing.assert_array_equal(ours.model.dof_damping, robot.model.damping)
-    rng = np.random.default_rng(0)
-    for _ in range(5):
-        q, v = draw_state(rng)
-        ours.reset(q, v)
-        other.qpos[:] = np.concatenate((q[:3], q[[6, 3, 4, 5]], q[7:]))
-        np.testing.assert_allclose(own_matrix(ours.model, ours.data), own_matrix(own, other), rtol=0, atol=1e-12)
-        feet = hp.Dynamics(robot)
-        feet.update(q, v)
-        np.testing.assert_allclose(ours.data.geom_xpos[ours.feet], feet.foot_position, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_state_of_any_tree_comes_back_and_means_the_same(seed):
     """Every kind of joint, in any order: the state returns, and the frames and energies are Pinocchio's."""

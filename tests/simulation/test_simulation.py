@@ -1,11 +1,10 @@
-"""The simulator against reference integrations, and its convergence."""
+"""The simulator: rest, convergence, momentum and energy, and what a run is made of."""
 
 from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.integrate import solve_ivp
 from scripted import NO_COMMAND, Script, idle, standing
 from walks import started, walked
 
@@ -13,50 +12,6 @@ import harpy_pin as hp
 from harpy_pin import Command, Ground, Simulator
 
 MASS = 2.0
-
-
-def drop_exactly(ground, height, times):
-    """The condensed controller, integrated phase by phase: in the air, going down in the ground, coming up in it."""
-
-    def slope(_, y):
-        inside = -ground.stiffness * y[0] - ground.damping * min(y[1], 0.0)
-        return [y[1], -9.81 + (max(inside, 0.0) if y[0] <= 0.0 else 0.0) / MASS]
-
-    found = solve_ivp(slope, (0, times[-1]), [height, 0.0], rtol=1e-9, atol=1e-12, max_step=2e-4, t_eval=times)
-    return found.y.T
-
-
-def drop(sled, ground, height, dt, times):
-    simulator = Simulator(sled, ground, dt=dt)
-    q = pin.neutral(sled.model)
-    q[2] = height
-    simulator.reset(q, np.zeros(6))
-    rows, every = [], round((times[1] - times[0]) / dt)
-    for i in range(round(times[-1] / dt) + 1):
-        if i % every == 0:
-            rows.append([simulator.q[2], simulator.v[2]])
-        simulator.advance(NO_COMMAND)
-    return np.array(rows)
-
-
-GROUNDS = {k: Ground(stiffness=1e3 * k, mu_s=0.8) for k in (4, 8, 16, 40, 80)}
-"""By stiffness in kN/m, from grass to concrete under a rubber foot; the damping ratio is that of the paper's ground."""
-
-
-@pytest.mark.parametrize("ground", [*(Ground(damping=d) for d in (0.0, 40.0, 268.3)), GROUNDS[4], GROUNDS[80]])
-def test_drop_converges_to_the_explicit_law_with_order_one(sled, ground):
-    """Height and velocity through touchdown, compression and rebound; mean over drop heights, as each touchdown
-    falls somewhere in a step."""
-    times = np.linspace(0.0, 0.16, 81)
-    errors = np.zeros((4, 2))
-    for height in np.linspace(0.01, 0.03, 7):
-        exact = drop_exactly(ground, height, times)
-        assert exact[:, 0].min() < -MASS * 9.81 / ground.stiffness  # it did land
-        for k, dt in enumerate((2e-4, 1e-4, 5e-5, 2.5e-5)):
-            errors[k] += np.abs(drop(sled, ground, height, dt, times) - exact).mean(axis=0)
-    ratios = errors[:-1] / errors[1:]
-    np.testing.assert_allclose(ratios, 2.0, atol=0.3)
-    assert errors[-1, 0] / 7 < 2e-5
 
 
 @pytest.mark.parametrize("slope", [0.0, np.pi / 6.0])
@@ -91,7 +46,8 @@ def test_bouncing_never_gains_height(sled):
 
 @pytest.mark.parametrize("stiffness", [4, 8, 80])
 def test_walks_on_every_ground_converge_with_order_one(stiffness):
-    ground = GROUNDS[stiffness]
+    """From grass to concrete under a rubber foot, kN/m; the damping ratio is that of the paper's ground."""
+    ground = Ground(stiffness=1e3 * stiffness, mu_s=0.8)
     ungoverned = hp.Governed(governor="none")
     runs = [walked(controller=ungoverned, ground=ground, dt=1e-3 / n, duration=1.5) for n in (1, 2, 4, 8)]
     assert [run.ending for run in runs] == ["completed"] * 4
