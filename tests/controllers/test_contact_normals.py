@@ -7,8 +7,8 @@ from forward_dynamics import constrained_dynamics, frame_terms, mass_matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from optimality import Programs, optima_from
-from tilted_cases import GivenTargets, fill, parameters, random_state, smallest_rotation, targets_in_world
-from whole_body_oracle import MU, NV, ROBOT, oracle, solve_oracle
+from tilted_cases import GivenTargets, fill, parameters, random_state, sloped_case, smallest_rotation
+from whole_body_oracle import MU, NV, ROBOT, solve_oracle
 
 from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.governors import ContactForceFilter, ContactForceFilterParameters
@@ -36,15 +36,8 @@ def test_commands_are_those_of_an_independent_program(name, fuzz):
     rng = np.random.default_rng(5)
     compared = binding = 0
     for _ in range(60 * fuzz):
-        target = controller.gait.target
-        fill(target, rng)
-        state = random_state(rng, target, spread=0.02 if name == "contact_force" else 0.1)
-        controller.reset()
-        command = controller.step(state)
-        frames = np.array([smallest_rotation(normal) for normal in target.normal])
-        targets = targets_in_world(controller.targets, frames)
-        np.testing.assert_array_equal(targets.held, target.stance)
-        case = oracle(state.q, state.v, targets, LIMITS, controller.parameters.weights, frames=frames)
+        state, command, case = sloped_case(controller, rng, spread=0.02 if name == "contact_force" else 0.1)
+        np.testing.assert_array_equal(controller.targets.held, controller.gait.target.stance)
         z, flag = solve_oracle(case)
         optimum = optima_from(Programs.of([case]), z[None]) if flag > 0 else None
         if optimum is None or not optimum.fits[0]:

@@ -1,5 +1,7 @@
 """The estimate of the friction coefficient: its bounds, what slides and sticks teach it, and who follows it."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -150,36 +152,29 @@ def test_other_arrays_are_refused(velocity):
 @pytest.mark.parametrize("name", [*FORMULATIONS, "condensed"])
 def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
     """Program (or forces) for μ = 0.8 with 0.2 under the feet are those for μ = 0.2; nothing is left of it after."""
-    rng = np.random.default_rng(5)
-    high, low = WholeBodyLimits(mu=0.8), WholeBodyLimits(mu=0.2)
-    if name == "condensed":
-        made = [CondensedSolver(robot, limits=limits) for limits in (high, low)]
-    else:
-        made = [make_problem(name, robot, limits=limits) for limits in (high, low)]
+    rng, different = np.random.default_rng(5), 0
+    limits = [WholeBodyLimits(mu=mu) for mu in (0.8, 0.2)]
+    kind = partial(CondensedSolver, robot) if name == "condensed" else partial(make_problem, name, robot)
+    high, low = (kind(limits=one) for one in limits)
 
-    def results(case):
-        dynamics, v, targets = case
-        for one in made:
-            if isinstance(one, CondensedSolver):
-                one.reset()
-                one.solve(dynamics, v, dynamics.rotation, targets)
-                yield one.force.copy()
-            else:
-                one.build(dynamics, v, dynamics.rotation, targets)
-                yield np.column_stack((one.program.inequality, one.program.lower, one.program.upper))
+    def result(one, friction=np.inf):
+        targets.friction[:] = friction
+        if name == "condensed":
+            one.reset()
+            one.solve(dynamics, v, dynamics.rotation, targets)
+            return one.force.copy()
+        one.build(dynamics, v, dynamics.rotation, targets)
+        return np.column_stack((one.program.inequality, one.program.lower, one.program.upper))
 
-    different = 0
     for _ in range(10):
         q, v, targets = wild_case(rng, spread=0.2)
-        case = (Dynamics(robot), v, targets)
-        case[0].update(q, v)
-        plain, limited = results(case)
+        dynamics = Dynamics(robot)
+        dynamics.update(q, v)
+        plain, limited = result(high), result(low)
         different += np.abs(plain - limited).max() > 1e-3
-        case[2].friction[:] = 0.2
-        for result in results(case):
-            np.testing.assert_array_equal(result, limited)
-        case[2].friction[:] = 0.9
-        np.testing.assert_array_equal(next(results(case)), plain)
+        for one in (high, low):
+            np.testing.assert_array_equal(result(one, 0.2), limited)
+        np.testing.assert_array_equal(result(high, 0.9), plain)
     assert different >= 5
 
 

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from forward_dynamics import mass_matrix, places
 from needs import needs_robots
+from random_trees import random_state
 
 import harpy_pin as hp
 from harpy_pin.cli.app import main
@@ -38,15 +39,6 @@ SRDFS = {
 def plain_model(file):
     """Pinocchio's own model of the file."""
     return pin.buildModelFromUrdf(str(FOLDER / file), pin.JointModelFreeFlyer())
-
-
-def random_state(model, seed):
-    """A state of a model whose joints have one number each."""
-    rng = np.random.default_rng(seed)
-    q = pin.neutral(model)
-    q[:3], q[3:7] = rng.normal(size=3), pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
-    q[7:] = rng.uniform(-3.0, 3.0, model.nq - 7)
-    return q, rng.normal(size=model.nv)
 
 
 def in_plain_terms(plain, model, q):
@@ -79,7 +71,7 @@ def test_robot_is_pinocchios(file, capfd):
     np.testing.assert_array_equal(np.isfinite(robot.joint_upper), one_number)
     assert (model == plain) == all(one_number)
     for seed in range(5):
-        q, v = random_state(model, seed)
+        q, v = random_state(model, np.random.default_rng(seed))
         for ours, theirs in zip(terms(model, q, v), terms(plain, in_plain_terms(plain, model, q), v), strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9 * (1.0 + np.abs(theirs).max()))
 

@@ -42,7 +42,7 @@ def test_default_is_what_mujoco_sets_itself(sled):
 
 @pytest.mark.parametrize("name", CONTACTS)
 @pytest.mark.parametrize("mu", [0.25, 0.8])
-@pytest.mark.parametrize("share", [0.2, 0.45, 0.9])
+@pytest.mark.parametrize("share", [0.2, 0.9])
 def test_a_block_inside_the_cone_creeps_as_the_closed_form_says(sled, name, mu, share):
     contact = CONTACTS[name]
     plant = rest(sled, contact, mu, np.arctan(share * mu))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
-from whole_body_oracle import NV, ROBOT, STANDING, SUPPORTS, WEIGHTS
+from whole_body_oracle import NV, ROBOT, STANDING, SUPPORTS, WEIGHTS, oracle
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.model.state import State
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets
+from harpy_pin.wbc import WholeBodyLimits
 
 LOAD = 20.0
 """Measured on a foot that is held, along its normal, N."""
@@ -69,10 +71,16 @@ def parameters(limits: WholeBodyLimits, **settings) -> WholeBodyParameters:
     return WholeBodyParameters(weights=WEIGHTS, limits=limits, **settings)
 
 
-def targets_in_world(targets: WholeBodyTargets, frames: np.ndarray) -> WholeBodyTargets:
-    """A controller's targets, those of the feet turned back by frames of the test's own."""
-    world = WholeBodyTargets(ROBOT)
-    for name in ("body", "orientation", "joints", "held", "force_range", "friction"):
-        getattr(world, name)[:] = getattr(targets, name)
-    world.feet[:] = np.einsum("kij,kj->ki", frames, targets.feet)
-    return world
+def sloped_case(controller, rng: np.random.Generator, *, spread: float = 0.1):
+    """A random state on random normals, the command at it, and the independent program that it should solve."""
+    target = controller.gait.target
+    fill(target, rng)
+    state = random_state(rng, target, spread=spread)
+    controller.reset()
+    command = controller.step(state)
+    frames = np.array([smallest_rotation(normal) for normal in target.normal])
+    own, given = controller.targets, controller.parameters
+    feet = np.einsum("kij,kj->ki", frames, own.feet)
+    others = {name: getattr(own, name) for name in ("body", "orientation", "joints", "held", "force_range")}
+    world = SimpleNamespace(feet=feet, **others)
+    return state, command, oracle(state.q, state.v, world, given.limits, given.weights, frames=frames)
