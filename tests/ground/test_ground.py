@@ -1,11 +1,11 @@
 """Ground: the law of equations.md E1 and E2 as properties, its implicit step against the law, and a sled on a slope."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from walks import put
 
 from harpy_pin import Command, Ground, InputError, Simulator
 from harpy_pin.simulation.implicit_contact import contact_step
@@ -151,10 +151,7 @@ def slide(sled, ground, slope, heading, dt, duration):
     """Sled at rest on a slope that falls along ``heading``; returns path and velocity along the ground."""
     down = 9.81 * np.sin(slope)
     gravity = np.array([down * np.cos(heading), down * np.sin(heading), -9.81 * np.cos(slope)])
-    simulator = Simulator(sled, ground, dt=dt, gravity=gravity)
-    q = pin.neutral(sled.model)
-    q[2] = MASS * gravity[2] / ground.stiffness
-    simulator.reset(q, np.zeros(6))
+    simulator = put(Simulator(sled, ground, dt=dt, gravity=gravity), z=MASS * gravity[2] / ground.stiffness)
     for _ in range(round(duration / dt)):
         simulator.advance(NO_COMMAND)
         assert simulator.sweeps <= 500

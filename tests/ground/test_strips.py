@@ -1,9 +1,8 @@
 """Ground whose friction and stiffness change along the way."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from walks import walked
+from walks import put, walked
 
 import harpy_pin as hp
 from harpy_pin import Command, Condensed, Ground, Scenario, Simulator
@@ -14,16 +13,9 @@ NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = 9.81
 
 
-def place(plant, *, x=0.0, z=None, speed=0.0):
-    """Put a sled of one point on the ground, or at a height."""
-    q, v = pin.neutral(plant.robot.model), np.zeros(6)
-    q[0], q[2], v[0] = x, -plant.static_penetration if z is None else z, speed
-    plant.reset(q, v)
-
-
 def slide_to_rest(plant, speed):
     """Where a sled of one point comes to rest that slides from x = 0."""
-    place(plant, speed=speed)
+    put(plant, v=(speed, 0.0, 0.0, 0.0, 0.0, 0.0))
     while plant.v[0] > 1e-6:
         plant.advance(NOTHING)
     return float(plant.q[0])
@@ -52,7 +44,7 @@ def test_mujoco_slides_with_the_friction_of_the_place(sled):
     """At every step in which the sled slides, ratio of forces by where it was when the step began."""
     ground = Ground(mu_s=0.3, friction_strips=((0.1, 0.3, 0.05),))
     plant = MujocoPlant(sled, ground)
-    place(plant, speed=1.0)
+    put(plant, v=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     seen = {0.3: 0, 0.05: 0}
     while plant.v[0] > 0.01:
         mu = float(ground.friction(plant.q[0]))
@@ -116,8 +108,7 @@ SOFT = Ground(mu_s=0.5, stiffness_strips=((0.5, 1.0, 2000.0), (1.0, 2.0, 32000.0
 @pytest.mark.parametrize(("x", "stiffness"), [(0.0, 8000.0), (0.7, 2000.0), (1.0, 32000.0), (2.0, 8000.0)])
 def test_it_rests_as_deep_as_the_place_is_soft(sled, kind, x, stiffness):
     assert float(SOFT.stiffness_at(x)) == stiffness
-    plant = kind(sled, SOFT)
-    place(plant, x=x, z=0.0)
+    plant = put(kind(sled, SOFT), x=x, z=0.0)
     plant.advance(NOTHING, steps=2000)
     assert -plant.q[2] == pytest.approx(sled.mass * G / stiffness, rel=1e-3)
 
@@ -127,8 +118,7 @@ def test_a_strip_is_a_ground_of_its_stiffness(sled, kind):
     """A mass that drops onto it moves as on a ground with that stiffness, whose damping has the usual ratio."""
     paths = []
     for ground in (SOFT, Ground(mu_s=0.5, stiffness=2000.0)):
-        plant = kind(sled, ground)
-        place(plant, x=0.7, z=0.02)
+        plant = put(kind(sled, ground), x=0.7, z=0.02)
         path = []
         for _ in range(400):
             plant.advance(NOTHING)

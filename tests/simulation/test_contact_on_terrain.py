@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from walks import put
 
 import harpy_pin as hp
 from harpy_pin.ground.terrain import HeightField, Plane, Ramp, Stairs
@@ -67,10 +68,7 @@ def test_a_tread_is_flat_ground_that_is_higher(sled):
     on = Simulator(sled, hp.Ground(terrain=stairs))
     flat = Simulator(sled, hp.Ground())
     for simulator, height in ((flat, 0.0), (on, 0.125)):
-        q = pin.neutral(sled.model)
-        q[2] = height + 0.01
-        simulator.reset(q, np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.0]))
-        simulator.advance(NOTHING, steps=1000)
+        put(simulator, z=height + 0.01, v=(0.2, 0.1, 0.0, 0.0, 0.0, 0.0)).advance(NOTHING, steps=1000)
     np.testing.assert_allclose(on.v, flat.v, atol=1e-12)
     np.testing.assert_allclose(on.q[:2], flat.q[:2], atol=1e-12)
     assert on.q[2] - flat.q[2] == pytest.approx(0.125, abs=1e-12)
@@ -118,10 +116,7 @@ def test_mujoco_holds_and_slides_as_coulomb_says(sled, heading, degrees):
     plant = MujocoPlant(sled, hp.Ground(mu_s=MU, terrain=Plane(slope=slope, heading=heading)))
     flat = MujocoPlant(sled, hp.Ground(mu_s=MU), gravity=r.T @ (0.0, 0.0, -G))
     place(plant)
-    q = pin.neutral(sled.model)
-    q[2] = -flat.static_penetration
-    flat.reset(q, np.zeros(6))
-    for one in (plant, flat):
+    for one in (plant, put(flat)):
         one.advance(NOTHING, steps=1000)
     np.testing.assert_allclose(plant.state.foot_position, flat.state.foot_position @ r.T, atol=1e-9)
     np.testing.assert_allclose(plant.state.foot_force, flat.state.foot_force @ r.T, atol=1e-6)
@@ -141,10 +136,7 @@ def test_both_plants_have_the_same_stairs(sled):
     stairs = Stairs(rise=0.1, depth=0.4, steps=3, start=0.0)
     for kind in (Simulator, MujocoPlant):
         for step in range(3):
-            plant = kind(sled, hp.Ground(terrain=stairs))
-            q = pin.neutral(sled.model)
-            q[0], q[2] = 0.4 * step + 0.2, 0.1 * (step + 1) + 0.005
-            plant.reset(q, np.zeros(6))
+            plant = put(kind(sled, hp.Ground(terrain=stairs)), x=0.4 * step + 0.2, z=0.1 * (step + 1) + 0.005)
             plant.advance(NOTHING, steps=4000)
             assert plant.q[2] == pytest.approx(0.1 * (step + 1) - plant.static_penetration, abs=1e-6)
             assert plant.q[0] == pytest.approx(0.4 * step + 0.2, abs=1e-6)

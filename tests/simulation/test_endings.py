@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from needs import needs_mujoco
 from scripted import NO_COMMAND, Script, idle, standing
-from walks import started
+from walks import put, started
 
 import harpy_pin as hp
 from harpy_pin import Command, ControlError, InputError, Interrupted, Simulator
@@ -152,11 +152,7 @@ def test_telemetry_is_logged(robot):
 
 def test_low_start_is_not_a_fall(sled):
     """A robot whose origin rests in the ground (height ≤ 0) has not fallen by standing still."""
-    simulator = Simulator(sled)
-    q = pin.neutral(sled.model)
-    q[2] = -simulator.static_penetration
-    simulator.reset(q, np.zeros(6))
-    run = simulator.run(Script(lambda tick, state: NO_COMMAND), 0.05)
+    run = put(Simulator(sled)).run(Script(lambda tick, state: NO_COMMAND), 0.05)
     assert run.ending == "completed"
 
 

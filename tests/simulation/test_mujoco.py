@@ -10,7 +10,7 @@ from forward_dynamics import mass_matrix
 from needs import needs_robots
 from random_trees import BODIES, random_model, random_state
 from scipy.integrate import solve_ivp
-from walks import walked
+from walks import put, walked
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, InputError, Mujoco, Push, Robot, Scenario, Simulator
@@ -140,10 +140,7 @@ def test_presets_have_the_stiffness_and_damping_they_state(sled, preset):
     assert exact[:, 0].min() < -0.5 * mass * 9.81 / k  # it went in
     errors = []
     for dt in (4e-4, 2e-4, 1e-4):
-        plant = MujocoPlant(sled, ground, dt=dt)
-        q = pin.neutral(sled.model)
-        q[2] = 0.005
-        plant.reset(q, np.zeros(6))
+        plant = put(MujocoPlant(sled, ground, dt=dt), z=0.005)
         rows = []
         for _ in times:
             rows.append([plant.q[2], plant.v[2]])
@@ -162,10 +159,7 @@ def test_a_sliding_foot_is_lifted(sled, preset):
     """MuJoCo's contact is convex: at sliding speed s the normal force has μ (d + k Δt) s beside spring and damper."""
     angle, mu = np.radians(20), 0.25
     ground = preset_ground(Ground(mu_s=mu), preset)
-    plant = MujocoPlant(sled, ground, gravity=9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)]))
-    q = pin.neutral(sled.model)
-    q[2] = -plant.static_penetration
-    plant.reset(q, np.zeros(6))
+    plant = put(MujocoPlant(sled, ground, gravity=9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)])))
     plant.advance(NOTHING, steps=60)
     k, d = ground.stiffness, ground.damping
     law = -k * plant.q[2] - d * plant.v[2]
@@ -180,10 +174,7 @@ def roll(pole, monkeypatch, *, radius, moved):
     if not moved:
         monkeypatch.setattr(MujocoPlant, "_move_contacts", lambda plant: None)
     plant = MujocoPlant(pole, Ground(mu_s=1.0))
-    q, v = pin.neutral(pole.model), np.zeros(6)
-    q[2] = 0.4 - plant.static_penetration
-    v[0], v[4] = 0.4 * 2.0, 2.0  # turns about its foot
-    plant.reset(q, v)
+    put(plant, z=0.4 - plant.static_penetration, v=(0.4 * 2.0, 0.0, 0.0, 0.0, 2.0, 0.0))  # turns about its foot
     start = plant.state.foot_position[0].copy()
     while plant.q[4] < np.sin(0.2):
         plant.advance(NOTHING)
@@ -207,11 +198,9 @@ def test_feet_are_points(pole, monkeypatch):
 def test_spheres_roll_and_that_is_no_slip(pole):
     """A pole that falls about a sphere moves its centre by radius times angle, and its lowest point by nothing."""
     radius = 0.02
-    plant = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
-    q, v = pin.neutral(pole.model), np.zeros(6)
-    q[2] = 0.4 - plant.static_penetration
-    v[0], v[4] = (0.4 + radius) * 2.0, 2.0
-    plant.reset(q, v)
+    plant, still = (MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius) for _ in range(2))
+    height = 0.4 - plant.static_penetration
+    put(plant, z=height, v=((0.4 + radius) * 2.0, 0.0, 0.0, 0.0, 2.0, 0.0))
     start = plant.state.foot_position[0, 0]
     while plant.q[4] < np.sin(0.1):
         plant.advance(NOTHING)
@@ -219,9 +208,7 @@ def test_spheres_roll_and_that_is_no_slip(pole):
     # A contact lies half-way between plane and sphere, so that it rolls over half the penetration less.
     assert plant.state.foot_position[0, 0] - start == pytest.approx(radius * angle, rel=0.1)
     assert plant.slip_path[0] < 0.02 * radius * angle
-    still = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
-    still.reset(q, np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    still.advance(NOTHING, steps=4)
+    put(still, z=height, v=(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)).advance(NOTHING, steps=4)
     assert still.slip_path[0] > 0.0
 
 
@@ -295,8 +282,7 @@ ARM = """<robot name="arm"><link name="base"><inertial><mass value="100"/>
 @pytest.mark.parametrize(("torque", "end"), [(2.0, 0.5), (-2.0, -0.2)])
 def test_joints_end_where_the_robot_says(tmp_path, torque, end):
     (tmp_path / "arm.urdf").write_text(ARM)
-    plant = MujocoPlant(hp.load_robot(tmp_path / "arm.urdf", feet=()), dt=1e-3, gravity=np.zeros(3))
-    plant.reset(pin.neutral(plant.robot.model), np.zeros(7))
+    plant = put(MujocoPlant(hp.load_robot(tmp_path / "arm.urdf", feet=()), dt=1e-3, gravity=np.zeros(3)), z=0.0)
     angles = []
     for _ in range(2000):
         plant.advance(Command(np.array([torque]), np.zeros((0, 3))))

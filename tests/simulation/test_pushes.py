@@ -3,9 +3,8 @@
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from walks import walked
+from walks import put, walked
 
 import harpy_pin as hp
 from harpy_pin import Command, InputError, Simulator
@@ -17,10 +16,7 @@ IMPULSE = (0.7, -1.3, 0.4)
 @pytest.mark.parametrize("duration", [1e-4, 0.0123, 0.1])
 def test_the_impulse_is_whole_whatever_the_step(sled, duration):
     """A body pushed at its centre of mass gains exactly the impulse, however the push and the steps meet."""
-    simulator = Simulator(sled, gravity=(0.0, 0.0, 0.0))
-    q = pin.neutral(sled.model)
-    q[2] = 1.0
-    simulator.reset(q, np.zeros(6))
+    simulator = put(Simulator(sled, gravity=(0.0, 0.0, 0.0)), z=1.0)
     pushes = (Push(0.0102, IMPULSE, duration), Push(0.03, IMPULSE, duration))
     for _ in range(300):
         simulator.advance(Command(np.zeros(0), np.zeros((0, 3))), pushes)

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scripted import NO_COMMAND, Script, idle, standing
-from walks import started, walked
+from walks import put, started, walked
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, Simulator
@@ -18,10 +18,7 @@ MASS = 2.0
 def test_rest_is_the_static_sink(sled, slope):
     """Of the load normal to the ground; a friction of 1 holds it."""
     gravity = 9.81 * np.array([np.sin(slope), 0.0, -np.cos(slope)])
-    simulator = Simulator(sled, Ground(mu_s=1.0), dt=1e-3, gravity=gravity)
-    q = pin.neutral(sled.model)
-    q[2] = 0.01 * (slope == 0.0)
-    simulator.reset(q, np.zeros(6))
+    simulator = put(Simulator(sled, Ground(mu_s=1.0), dt=1e-3, gravity=gravity), z=0.01 * (slope == 0.0))
     simulator.advance(NO_COMMAND, steps=3000)
     assert simulator.static_penetration == pytest.approx(MASS * 9.81 * np.cos(slope) / 8000.0)
     assert simulator.q[2] == pytest.approx(-simulator.static_penetration, abs=1e-9)
@@ -30,11 +27,7 @@ def test_rest_is_the_static_sink(sled, slope):
 
 def test_bouncing_never_gains_height(sled):
     ground = Ground(damping=0.0)  # elastic: the worst case
-    simulator = Simulator(sled, ground, dt=5e-4)
-    q = pin.neutral(sled.model)
-    q[2] = 0.05
-    simulator.reset(q, np.zeros(6))
-    energies = []
+    simulator, energies = put(Simulator(sled, ground, dt=5e-4), z=0.05), []
     for _ in range(4000):
         simulator.advance(NO_COMMAND)
         z, w = simulator.q[2], simulator.v[2]

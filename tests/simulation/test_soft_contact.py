@@ -2,8 +2,8 @@
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
+from walks import put
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, Mujoco, Scenario
@@ -16,10 +16,7 @@ WEIGHT = 2.0 * 9.81
 def rest(sled, contact, mu, angle, heading=0.0):
     """The sled after two seconds on a slope that falls towards a heading."""
     slope = (np.sin(angle) * np.cos(heading), np.sin(angle) * np.sin(heading), -np.cos(angle))
-    plant = MujocoPlant(sled, Ground(mu_s=mu), gravity=9.81 * np.array(slope), contact=contact)
-    q = pin.neutral(sled.model)
-    q[2] = -plant.static_penetration
-    plant.reset(q, np.zeros(6))
+    plant = put(MujocoPlant(sled, Ground(mu_s=mu), gravity=9.81 * np.array(slope), contact=contact))
     plant.advance(NOTHING, steps=4000)
     return plant
 

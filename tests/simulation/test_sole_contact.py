@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from walks import put
 
 from harpy_pin import Command, FlatFoot, Ground, Simulator, load_robot
 from harpy_pin.ground.contact_frame import contact_frame
@@ -130,10 +131,7 @@ def flat_sled(sled):
 
 def slide(robot, ground, slope, dt, duration):
     gravity = 9.81 * np.array([np.sin(slope), 0.0, -np.cos(slope)])
-    simulator = Simulator(robot, ground, dt=dt, gravity=gravity)
-    q = pin.neutral(robot.model)
-    q[2] = 2.0 * gravity[2] / (4 * ground.stiffness)
-    simulator.reset(q, np.zeros(6))
+    simulator = put(Simulator(robot, ground, dt=dt, gravity=gravity), z=2.0 * gravity[2] / (4 * ground.stiffness))
     for _ in range(round(duration / dt)):
         simulator.advance(Command(np.zeros(0), np.zeros((0, 3))))
     assert simulator.counts[1] == 0

@@ -3,6 +3,7 @@
 from dataclasses import fields
 
 import numpy as np
+import pinocchio as pin
 
 import harpy_pin as hp
 
@@ -27,6 +28,14 @@ def walked(own_gait=None, *, make=None, on_tick=None, **settings):
 def started(plant, gait):
     """The plant, with its robot where the gait begins."""
     plant.reset(*gait.initial_state(penetration=plant.static_penetration))
+    return plant
+
+
+def put(plant, *, x=0.0, z=None, v=None):
+    """The plant, with its robot in its neutral posture: as deep in the ground as it sinks, or at a height, m."""
+    q = pin.neutral(plant.robot.model)
+    q[0], q[2] = x, -plant.static_penetration if z is None else z
+    plant.reset(q, np.zeros(plant.robot.model.nv) if v is None else np.array(v))
     return plant
 
 
