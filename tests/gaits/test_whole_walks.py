@@ -3,8 +3,6 @@
 ``--long`` walks more robots: kernels are compiled for each size of robot.
 """
 
-from copy import deepcopy
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from long import long_but
 from needs import PLANTS, needs_robots
-from walks import made_state, path_error, slip_per_step, walk
+from walks import path_error, slip_per_step, walk
 
 import harpy_pin as hp
 from harpy_pin.gaits.on_terrain import OnTerrain
@@ -253,21 +251,6 @@ def test_random_commands_do_not_fell_it(commands):
     rows = tuple((0.3 + 0.7 * n, *command) for n, command in enumerate(commands))
     run = walk(hp.WalkingGait(hp.load_robot("go2"), velocity=rows), duration=0.7 * len(rows) + 1.0)
     assert run.ending == "completed"
-
-
-@needs_robots
-def test_a_copy_walks_alone():
-    gait = hp.WalkingGait(hp.load_robot("solo12"))
-    other = deepcopy(gait)
-    other.command = (0.2, 0.0, 0.0, 0.0)
-    state = made_state(gait, force=6.0)
-    for each in (gait, other):
-        for t in np.arange(0.0, 0.6, 1e-3):
-            each.observe(state)
-            each.update(float(t))
-    assert other.walking
-    assert not gait.walking
-    assert not np.shares_memory(gait.record, other.command)
 
 
 SIDES = [45 * k for k in range(8)]
