@@ -173,7 +173,7 @@ def within_limits(robot, q):
 
 
 @given(seed=seeds)
-def test_feet_of_harpy(robot, draw_state, legs, seed):
+def test_feet_of_harpy(robot, draw_state, seed):
     desired, _ = draw_state(np.random.default_rng(seed))
     start = middle(robot)
     start[:7] = desired[:7]

@@ -245,7 +245,7 @@ def test_logged_forces_are_those_that_move_the_robot(robot):
     assert np.abs(impulse).sum(axis=0).min() > 0.3
 
 
-def test_slip_in_the_log_is_that_of_the_steps(robot):
+def test_slip_in_the_log_is_that_of_the_steps():
     """The log of every step, summed by its definition."""
     run = walked(**WALK, duration=1.2, period=5e-4)
     way = np.linalg.norm(np.diff(run["foot_position"][:, :, :2], axis=0), axis=2)

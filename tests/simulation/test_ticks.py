@@ -66,7 +66,7 @@ def test_every_digit_is_that_of_the_loop_in_python(name, ticks_in_c, tmp_path):
     assert (compiled["tick_ns"] > 0).all()
 
 
-def test_progress_is_told(ticks_in_c):
+def test_progress_is_told():
     times = []
     hp.build(hp.Scenario(duration=2.5)).run(on_piece=times.append)
     assert times == sorted(times)
@@ -84,7 +84,7 @@ def test_python_makes_every_tick_where_it_has_something_to_say(ticks_in_c):
     assert ticks_in_c == []
 
 
-def test_steps_of_another_state_go_on(ticks_in_c):
+def test_steps_of_another_state_go_on():
     """A simulator may be run again from where it is."""
     runs = []
     for on_tick in (None, lambda state: None):
