@@ -55,17 +55,12 @@ def grid(gait, periods=2, rows=1501):
     return t[(np.abs(phase - p.double_support * p.step_duration) > 2e-6) & (phase > 2e-6)]
 
 
-def evaluate(points, s, duration):
-    out = np.zeros((3, 3))
-    bezier(points, s, duration, out[0], out[1], out[2])
-    return out
-
-
 @given(points=coordinates, s=st.floats(0, 1), duration=st.floats(0.1, 3.0))
 def test_bezier_against_bernstein(points, s, duration):
     polynomial = BPoly(points[:, None, :], [0.0, duration])
     t = s * duration
-    position, velocity, acceleration = evaluate(points, s, duration)
+    position, velocity, acceleration = out = np.zeros((3, 3))
+    bezier(points, s, duration, *out)
     np.testing.assert_allclose(position, polynomial(t), rtol=0, atol=1e-13)
     np.testing.assert_allclose(velocity, polynomial.derivative(1)(t), rtol=0, atol=1e-11 / duration)
     np.testing.assert_allclose(acceleration, polynomial.derivative(2)(t), rtol=0, atol=1e-10 / duration**2)

@@ -36,11 +36,6 @@ SRDFS = {
 }
 
 
-def plain_model(file):
-    """Pinocchio's own model of the file."""
-    return pin.buildModelFromUrdf(str(FOLDER / file), pin.JointModelFreeFlyer())
-
-
 def in_plain_terms(plain, model, q):
     """The same configuration with cosine and sine of each continuous joint."""
     result = pin.neutral(plain)
@@ -59,7 +54,10 @@ def terms(model, q, v):
 @needs_robots
 @pytest.mark.parametrize("file", [file for file in URDFS if file not in REFUSED])
 def test_robot_is_pinocchios(file, capfd):
-    robot, plain = hp.load_robot(FOLDER / file, feet=()), plain_model(file)
+    robot, plain = (
+        hp.load_robot(FOLDER / file, feet=()),
+        pin.buildModelFromUrdf(str(FOLDER / file), pin.JointModelFreeFlyer()),
+    )
     model = robot.model
     assert list(model.names) == list(plain.names)
     assert model.nv == plain.nv == model.nq - 1

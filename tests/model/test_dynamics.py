@@ -12,30 +12,21 @@ from harpy_pin import Dynamics
 seeds = st.integers(0, 2**32 - 1)
 
 
-def draw_forces(rng):
-    return rng.uniform(-8, 8, 6), rng.uniform(-40, 40, (2, 3)), rng.uniform(-50, 50, (2, 3))
-
-
-def generalised(robot, q, torque, foot_force, thrust):
-    """S τ + J_fᵀ f + J_tᵀ u_t from Pinocchio's frame Jacobians."""
-    jacobian, _ = frame_terms(robot.model, (*robot.feet, *robot.thrusters), q, np.zeros(12))
-    return np.concatenate((np.zeros(6), torque)) + np.vstack(jacobian).T @ np.ravel((foot_force, thrust))
-
-
 @given(seed=seeds)
 def test_equation_of_motion_against_aba(robot, draw_state, seed):
     """For any gravity, which leaves the robot as it is."""
     rng = np.random.default_rng(seed)
     q, v = draw_state(rng)
-    torque, foot_force, thrust = draw_forces(rng)
-    force = generalised(robot, q, torque, foot_force, thrust)
+    torque, forces = rng.uniform(-8, 8, 6), rng.uniform(-50, 50, (4, 3))
+    jacobian, _ = frame_terms(robot.model, (*robot.feet, *robot.thrusters), q, np.zeros(12))
+    force = np.concatenate((np.zeros(6), torque)) + np.vstack(jacobian).T @ forces.ravel()  # S τ + J_fᵀ f + J_tᵀ u_t
     model = robot.model.copy()
     model.gravity.linear = rng.uniform(-10, 10, 3)
     acceleration = pin.aba(model, model.createData(), q, v, force)
     dynamics = Dynamics(robot, gravity=model.gravity.linear)
     dynamics.update(q, v)
     np.testing.assert_array_equal(robot.model.gravity.linear, [0, 0, -9.81])
-    right = generalised_force(dynamics, torque, foot_force, thrust)
+    right = generalised_force(dynamics, torque, forces[:2], forces[2:])
     np.testing.assert_allclose(right, force, rtol=0, atol=1e-11)
     np.testing.assert_array_equal(dynamics.mass_matrix, dynamics.mass_matrix.T)
     residual = dynamics.mass_matrix @ acceleration + dynamics.bias - right

@@ -28,10 +28,6 @@ from reproduction.gait.planar_walk import (
 )
 
 
-def random_state(rng):
-    return np.concatenate((rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 4))), rng.uniform(-3, 3, 7)
-
-
 def in_space(q, v):
     """Configuration and velocity of the free-flying robot for a planar state, and the map S with v3 = S v, Ṡ v."""
     c, s = np.cos(q[2]), np.sin(q[2])
@@ -51,7 +47,7 @@ def in_space(q, v):
 def test_planar_model_is_the_robot_held_in_the_plane(robot, model, seed):
     """Mass matrix, bias, feet and accelerations of the 3D model projected onto the plane."""
     rng = np.random.default_rng(seed)
-    q, v = random_state(rng)
+    q, v = np.concatenate((rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 4))), rng.uniform(-3, 3, 7)
     q3, v3, rows, drift = in_space(q, v)
     space = Dynamics(robot)
     space.update(q3, v3)
