@@ -74,7 +74,7 @@ def test_joints_are_learned_in_swings():
     gait = hp.Walking(velocity=(0.4, 0.0, 0.0))
     disturbances = hp.Disturbances(actuators=actuators)
     law = hp.Condensed(parameters={"joint_stiffness": 1.0, "joint_damping": 0.3, "contact_damping": 20.0})
-    how = {"ground": hp.Ground(mu_s=0.6), "controller": law, "duration": 4.0}
+    how = {"ground": hp.Ground(mu_s=0.6), "controller": law, "duration": 2.0}
     walk = hp.build(hp.Scenario(robot="go2", gait=gait, sensors=hp.Imu(**EXACT), disturbances=disturbances, **how))
     walk.run()
     found = walk.sensors.estimator.record["contact"]["joint"][0].reshape(4, 3, 3)[:, 1:]  # thighs and calves
@@ -207,18 +207,20 @@ def test_a_gap_is_made_up_for(robot):
     np.testing.assert_allclose(state.v, 0.0, atol=1e-3)
 
 
-@pytest.mark.parametrize("orientation", [(0.4, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 1.5), (np.pi, 0.0, 0.0)])
-def test_a_wrong_mounting_is_said(orientation):
+def test_a_wrong_mounting_is_said(robot):
     run = hp.walk(hp.Scenario(sensors=hp.Imu(), duration=3.0))
-    robot = hp.load_harpy()
-    wrong = hp.Estimator(robot, hp.Imu(orientation=orientation))
-    wrong.reset(run["q"][0], run["v"][0])
-    sensing, said = Sensing(robot, hp.Imu(), period=1e-3), []
+    mounted = [(0.4, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 1.5), (np.pi, 0.0, 0.0)]
+    wrong = [hp.Estimator(robot, hp.Imu(orientation=orientation)) for orientation in mounted]
+    for each in wrong:
+        each.reset(run["q"][0], run["v"][0])
+    sensing, said = Sensing(robot, hp.Imu(), period=1e-3), np.zeros(len(wrong))
     for n, t in enumerate(run["t"]):
         state = hp.State(t, *(run[name][n] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")))
-        wrong.step(sensing.read(state, run["torque"][max(n - 1, 0)], run["thrust"][max(n - 1, 0)]))
-        said.append(wrong.status)
-    assert said.count("readings contradict each other") > 100
+        readings = sensing.read(state, run["torque"][max(n - 1, 0)], run["thrust"][max(n - 1, 0)])
+        for each in wrong:
+            each.step(readings)
+        said += [each.status == "readings contradict each other" for each in wrong]
+    assert (said > 100).all()
 
 
 @needs_robots
