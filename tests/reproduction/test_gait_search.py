@@ -15,7 +15,7 @@ from reproduction.gait.search import SEARCHES, PlanarTask
 
 @pytest.fixture(autouse=True)
 def few_draws(monkeypatch):
-    """So that a short search, too, comes to CMA-ES, with eleven candidates at a time."""
+    """So that a short search, too, comes to CMA-ES, with seven candidates at a time."""
     monkeypatch.setattr(optimise, "DRAWS", 10)
 
 
