@@ -7,6 +7,7 @@ import pytest
 from needs import PLANTS
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
+from walks import scenario
 
 import harpy_pin as hp
 from harpy_pin.contrib.battery import Battery
@@ -94,10 +95,7 @@ def test_empty_battery_has_no_thrust():
 def test_energy_of_a_walk(plant):
     """Chemical energy is shafts and heat; each part is what torques, speeds and thrusts of the log say."""
     fans = hp.Actuators(thrusters=hp.Thrusters(largest=53.0))
-    scenario = hp.Scenario(
-        plant={"name": plant}, ground=hp.Ground(mu_s=0.25), disturbances=hp.Disturbances(actuators=fans), duration=1.0
-    )
-    made = hp.scenario.build(scenario)
+    made = hp.build(scenario(plant=plant, actuators=fans, duration=1.0))
     battery = Battery(capacity=2.0, resistance=0.01, propulsion=FAN, motors=Motors(constant=0.6))
     made.simulator.attach(battery)
     run = made.run()
@@ -160,9 +158,3 @@ def test_second_order_is_the_differential_equation(ratio):
     exact = solve_ivp(rate, (0.0, steps * plant.dt), [3.0, 0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
     np.testing.assert_allclose(record["level"][0, 0], exact[:2], rtol=1e-6, atol=1e-6)
     assert impulse == pytest.approx(exact[2], rel=1e-6)
-
-
-def test_second_order_needs_a_lag():
-    for values in ({"lag": 0.0}, {"damping_ratio": 0.0}):
-        with pytest.raises(InputError):
-            SecondOrderThrusters(**values)

@@ -1,12 +1,12 @@
 """Jumps and flights in the plants, against momentum, ballistics and friction cones; and what is refused."""
 
-from dataclasses import replace
-
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from needs import needs_robots
+from walks import walked
 
 import harpy_pin as hp
 from harpy_pin.contrib.flight import Fly, Flying, FlyingGait, Jump
@@ -16,19 +16,17 @@ FRICTION = 0.6
 WEIGHT = 4.02 * 9.81
 
 
-def walked(flights, *, controller="condensed", plant="compliant", duration=3.2, noise=False, **more):
-    disturbances = hp.Disturbances(noise=hp.Noise.typical() if noise else hp.Noise())
-    ground = hp.Ground(mu_s=FRICTION, terrain=more.pop("terrain", None))
-    return hp.walk(
-        hp.Scenario(
-            gait=Flying(flights=flights, **more),
-            controller=controller,
-            plant=plant,
-            ground=ground,
-            duration=duration,
-            disturbances=disturbances,
-        )
-    )
+def flown(flights, *, duration=3.2, noise=False, velocity=None, **how):
+    gait = Flying(flights=flights, **({} if velocity is None else {"velocity": velocity}))
+    return walked(gait=gait, mu_s=FRICTION, noise=hp.Noise.typical(float(noise)), duration=duration, **how)
+
+
+def assert_lands(run, place, within=0.03):
+    """Where it should, and softly."""
+    air, land = ticks(run, "air"), ticks(run, "land")
+    assert run.ending == "completed"
+    assert (middle(run, land[-1]) - middle(run, air[0]))[:2] == pytest.approx(place, abs=within)
+    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
 
 
 def ticks(run, phase):
@@ -41,7 +39,7 @@ def middle(run, tick):
 
 @pytest.fixture(scope="module")
 def jumped():
-    return walked(Jump(height=0.31, forward=0.4))
+    return flown(Jump(height=0.31, forward=0.4))
 
 
 def test_a_jump_is_as_high_and_as_far_as_asked_for_and_stands(jumped):
@@ -84,7 +82,7 @@ def test_momentum_in_the_air_changes_by_thrust_and_gravity_alone(jumped):
 @pytest.mark.parametrize(("controller", "plant"), [("condensed", "compliant"), ("wbc", "mujoco")])
 def test_forces_stay_in_their_cones_at_take_off_and_landing(controller, plant):
     """Those asked for at every tick, those of the plant within Coulomb's; and no more than twice the weight."""
-    run = walked(Jump(height=0.31, forward=0.42), controller=controller, plant=plant, noise=True)
+    run = flown(Jump(height=0.31, forward=0.42), controller=controller, plant=plant, noise=True)
     assert run.ending == "completed"
     on_ground = np.concatenate([ticks(run, phase) for phase in ("bend", "push", "land")])
     desired = run["desired_force"].reshape(len(run), -1, 3)[on_ground]
@@ -98,31 +96,17 @@ def test_forces_stay_in_their_cones_at_take_off_and_landing(controller, plant):
     assert (run["slip_path"][land[-1]] - run["slip_path"][land[0]]).sum() < 1e-3
 
 
-@settings(max_examples=3, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(height=st.floats(0.12, 0.42), forward=st.floats(-0.3, 0.4), left=st.floats(-0.1, 0.1))
 def test_jumps_land_where_they_should(height, forward, left):
     """Higher ones miss by up to 4 cm, see docs/flight.md."""
-    run = walked(Jump(height=height, forward=forward, left=left), duration=3.8)
-    air, land = ticks(run, "air"), ticks(run, "land")
-    assert run.ending == "completed"
-    assert (middle(run, land[-1]) - middle(run, air[0]))[:2] == pytest.approx((forward, left), abs=0.03)
-    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
+    assert_lands(flown(Jump(height=height, forward=forward, left=left), duration=3.8), (forward, left))
 
 
 def test_a_jump_whose_lag_is_known_lands_softly_where_it_should():
-    fans = hp.Actuators(thrusters=hp.Thrusters(lag=0.1))
-    scenario = hp.Scenario(
-        gait=Flying(flights=Jump(height=0.31, forward=0.42)),
-        controller=hp.Condensed(parameters={"thrust_lag": 0.1}),
-        ground=hp.Ground(mu_s=FRICTION),
-        disturbances=hp.Disturbances(noise=hp.Noise.typical(), actuators=fans),
-        duration=3.6,
-    )
-    run = hp.walk(scenario)
-    air, land = ticks(run, "air"), ticks(run, "land")
-    assert run.ending == "completed"
-    assert (middle(run, land[-1]) - middle(run, air[0]))[:2] == pytest.approx((0.42, 0.0), abs=0.03)
-    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT
+    part, fans = hp.Condensed(parameters={"thrust_lag": 0.1}), hp.Actuators(thrusters=hp.Thrusters(lag=0.1))
+    jump = Jump(height=0.31, forward=0.42)
+    assert_lands(flown(jump, controller=part, duration=3.6, noise=True, actuators=fans), (0.42, 0.0))
 
 
 def test_the_plan_is_that_of_the_controllers_lag():
@@ -137,7 +121,7 @@ def test_the_plan_is_that_of_the_controllers_lag():
 
 
 def test_hovering_with_noise_stays_within_two_centimetres():
-    run = walked(Fly(hover=1.5), duration=6.0, noise=True)
+    run = flown(Fly(hover=1.5), duration=6.0, noise=True)
     air = ticks(run, "air")
     still = air[np.ptp(np.stack([run["body_plan"][air - 1], run["body_plan"][air]]), axis=0).max(axis=1) == 0.0][500:]
     assert len(still) > 500
@@ -148,13 +132,8 @@ def test_hovering_with_noise_stays_within_two_centimetres():
 
 def test_it_flies_to_a_slope_and_walks_on():
     slope = np.radians(15.0)
-    run = walked(
-        Fly(forward=1.2, acceleration=2.0),
-        terrain=hp.ground.Ramp(slope=slope, start=0.6, length=3.0),
-        velocity=((0.0, 0.3, 0.0, 0.0),),
-        duration=9.0,
-        noise=True,
-    )
+    ramp, ahead = hp.ground.Ramp(slope=slope, start=0.6, length=3.0), ((0.0, 0.3, 0.0, 0.0),)
+    run = flown(Fly(forward=1.2, acceleration=2.0), terrain=ramp, velocity=ahead, duration=9.0, noise=True)
     assert run.ending == "completed"
     land = ticks(run, "land")
     feet = middle(run, land[-1])
@@ -170,7 +149,7 @@ def test_touchdown_is_felt_where_the_ground_is_not_as_expected(rise):
     robot = hp.load_harpy()
     terrain = hp.ground.Ramp(slope=float(np.arctan(rise / 0.1)), start=0.4, length=0.1)
     gait = FlyingGait(hp.make_commanded_gait(robot), Fly(forward=0.8, acceleration=2.0))
-    run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=FRICTION, terrain=terrain), duration=7.0), gait=gait)
+    run = walked(gait, mu_s=FRICTION, terrain=terrain, duration=7.0)
     assert run.ending == "completed"
     assert middle(run, -1)[2] == pytest.approx(rise, abs=0.005)
     assert run["q"][-1, 2] == pytest.approx(run["q"][0, 2] + rise, abs=0.02)
@@ -231,76 +210,27 @@ def test_bad_samples_are_ignored_and_times_refused():
         gait.update(float("inf"))
 
 
-LEGS = {"fl": (1, 1), "fr": (1, -1), "hl": (-1, 1), "hr": (-1, -1)}
-WEIGHT_ROTORS = 1.52 * 9.81
+def rotorcraft(limit: float) -> FlyingGait:
+    """Solo12 with a rotor at each shoulder, which flies half a metre ahead."""
+    turns = {"FL": 1, "FR": -1, "HL": -1, "HR": 1}
+    rotors = [hp.Rotor(f"{leg}_SHOULDER", limit=(0.0, limit), drag=0.02 * turn) for leg, turn in turns.items()]
+    return FlyingGait(hp.Standing(hp.load_robot("solo12", rotors=rotors)), Fly(height=0.3, forward=0.5, hover=0.5))
 
 
-def link(name, mass=0.0, inertia=1e-5, below=0.0):
-    if mass == 0.0:
-        return f'<link name="{name}"/>'
-    moments = f'<inertia ixx="{inertia}" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/>'
-    return (
-        f'<link name="{name}"><inertial><origin xyz="0 0 {-below}"/><mass value="{mass}"/>{moments}</inertial></link>'
-    )
-
-
-def joint(name, parent, child, place, axis=None):
-    turns = "" if axis is None else f'<axis xyz="{axis}"/><limit lower="-2.5" upper="2.5" effort="3" velocity="20"/>'
-    kind = "fixed" if axis is None else "revolute"
-    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{place}"/>'
-    return f'<joint name="{name}" type="{kind}">{ends}{turns}</joint>'
-
-
-@pytest.fixture(scope="module")
-def robot(tmp_path_factory):
-    parts = [link("base", 1.2, 0.012)]
-    for leg, (x, y) in LEGS.items():
-        parts += [
-            link(f"{leg}_rotor"),
-            joint(f"{leg}_mount", "base", f"{leg}_rotor", f"{0.15 * x} {0.15 * y} 0.03"),
-            link(f"{leg}_thigh", 0.05, 1e-4, 0.05),
-            joint(f"{leg}_hip", "base", f"{leg}_thigh", f"{0.1 * x} {0.1 * y} 0", "0 1 0"),
-            link(f"{leg}_side", 0.01),
-            joint(f"{leg}_roll", f"{leg}_thigh", f"{leg}_side", "0 0 0", "1 0 0"),
-            link(f"{leg}_shank", 0.02, 2e-5, 0.05),
-            joint(f"{leg}_knee", f"{leg}_side", f"{leg}_shank", "0 0 -0.1", "0 1 0"),
-            link(f"{leg}_foot"),
-            joint(f"{leg}_tip", f"{leg}_shank", f"{leg}_foot", "0 0 -0.1"),
-        ]
-    path = tmp_path_factory.mktemp("urdf") / "quad.urdf"
-    path.write_text(f'<robot name="quad">{"".join(parts)}</robot>')
-    turns = dict(zip(LEGS, (1, -1, -1, 1), strict=True))
-    rotors = [hp.Rotor(f"{leg}_rotor", limit=(0.0, 9.0), drag=0.02 * turn) for leg, turn in turns.items()]
-    return hp.load_robot(path, feet=[f"{leg}_foot" for leg in LEGS], rotors=rotors)
-
-
-def flown(robot, flight, duration):
-    gait = FlyingGait(hp.Standing(robot, [0.7, 0.0, -1.4] * 4), flight)
-    scenario = hp.Scenario(
-        ground=hp.Ground(mu_s=0.6, stiffness=4000.0),
-        duration=duration,
-        disturbances=hp.Disturbances(noise=hp.Noise.typical()),
-    )
-
-    def make(gait):
-        return hp.make_controller("condensed", gait, mu=0.6)
-
-    return hp.walk(scenario, gait=gait, controller=make)
-
-
-def test_a_rotorcraft_with_legs_flies_to_a_place_and_stands(robot):
-    run = flown(robot, Fly(height=0.3, forward=0.5, hover=0.5), 7.0)
-    phase = run["flight_phase"].ravel()
-    air, land = (np.flatnonzero(phase == PHASES.index(name)) for name in ("air", "land"))
+@needs_robots
+def test_a_rotorcraft_with_legs_flies_to_a_place_and_stands():
+    how = {"mu_s": FRICTION, "stiffness": 8000.0, "noise": hp.Noise.typical(), "duration": 7.0}
+    run = walked(rotorcraft(15.0), make=lambda gait: hp.make_controller("condensed", gait, mu=FRICTION), **how)
+    air, land = (ticks(run, name) for name in ("air", "land"))
     assert run.ending == "completed"
     assert run["foot_position"][-1].mean(axis=0)[:2] == pytest.approx((0.5, 0.0), abs=0.02)
     assert run["foot_position"][air, :, 2].min(axis=1).max() == pytest.approx(0.3, abs=0.03)
     assert 0.05 < 2.0 * np.abs(run["q"][air, 4]).max() < 0.3
-    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * WEIGHT_ROTORS
+    assert np.linalg.norm(run["foot_force"][land], axis=2).sum(axis=1).max() <= 2.0 * run.metadata["mass"] * 9.81
     assert 2.0 * np.hypot(run["q"][-1, 3], run["q"][-1, 4]) < 0.02
 
 
-def test_rotors_that_do_not_carry_the_robot_are_refused(robot):
-    weak = replace(robot, rotors=tuple(hp.Rotor(r.frame, limit=(0.0, 3.0), drag=r.drag) for r in robot.rotors))
+@needs_robots
+def test_rotors_that_do_not_carry_the_robot_are_refused():
     with pytest.raises(hp.InputError, match="to spare"):
-        FlyingGait(hp.Standing(weak, [0.7, 0.0, -1.4] * 4), Jump())
+        rotorcraft(5.0)

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -41,16 +42,8 @@ def test_name_is_known_to_gymnasium():
 def test_vector_is_n_single_environments(shield, monkeypatch):
     """Through falls, resets and the end of episodes, on two threads."""
     monkeypatch.setattr("harpy_pin.contrib.threads.SMALL", 1)
-    push = hp.Push(0.1, (0.0, 2.0, 0.0))
-    scenario = hp.Scenario(
-        gait=hp.Straight(speed=0.2),
-        duration=0.6,
-        period=5e-3,
-        dt=1e-3,
-        ground=hp.Ground(mu_s=0.4),
-        disturbances=hp.Disturbances(pushes=(push,)),
-    )
-    n = 5
+    pushed = hp.Disturbances(pushes=(hp.Push(0.1, (0.0, 2.0, 0.0)),))
+    scenario, n = replace(SHORT, gait=hp.Straight(speed=0.2), duration=0.6, disturbances=pushed), 5
     ours = HarpyVectorEnv(n, scenario, shield=shield, threads=2)
     singles = SyncVectorEnv(
         [lambda: HarpyEnv(scenario, shield=shield)] * n, autoreset_mode=AutoresetMode.NEXT_STEP, copy=True

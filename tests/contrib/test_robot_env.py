@@ -10,6 +10,7 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from needs import needs_robots  # noqa: E402
+from walks import scenario  # noqa: E402
 
 import harpy_pin as hp  # noqa: E402
 from harpy_pin.contrib.gym import RobotEnv  # noqa: E402
@@ -110,12 +111,10 @@ def test_joint_actions_are_springs_and_dampers():
 
 def test_motors_hold_joint_targets():
     """Beside the simulator, with friction in the joints; torque and power are those of motors, not commanded ones."""
-    friction, motors = (
-        hp.Actuators(viscous_friction=1.0),
-        hp.Condensed(parameters={"joint_stiffness": 1.0, "joint_damping": 0.3}),
-    )
-    scenario = hp.Scenario(controller=motors, disturbances=hp.Disturbances(actuators=friction))
-    env = RobotEnv("go2", scenario=scenario, reward={"torque": 1.0, "power": 1.0})
+    friction = hp.Actuators(viscous_friction=1.0)
+    motors = hp.Condensed(parameters={"joint_stiffness": 1.0, "joint_damping": 0.3})
+    made = scenario(controller=motors, actuators=friction)
+    env = RobotEnv("go2", scenario=made, reward={"torque": 1.0, "power": 1.0})
     env.reset(seed=0)
     s, start, robot = env.scenario, env.state, env.robot
     plant, gait = hp.Simulator(robot, s.ground, dt=s.dt, actuators=friction), hp.WalkingGait(robot)
@@ -139,13 +138,8 @@ def test_motors_hold_joint_targets():
 
 
 def test_equal_seeds_give_equal_episodes_with_noise_and_pushes():
-    scenario = hp.Scenario(
-        robot="go2",
-        ground=hp.Ground(mu_s=0.6),
-        duration=0.4,
-        disturbances=hp.Disturbances(noise=hp.Noise.typical(), delay=2e-3, pushes=(hp.Push(0.1, (0.0, 3.0, 0.0)),)),
-    )
-    env = RobotEnv("go2", scenario=scenario)
+    how = {"noise": hp.Noise.typical(), "delay": 2e-3, "pushes": (hp.Push(0.1, (0.0, 3.0, 0.0)),)}
+    env = RobotEnv("go2", scenario=scenario(robot="go2", mu_s=0.6, duration=0.4, **how))
     episodes = []
     for seed in (4, 4, 5):
         rows = [env.reset(seed=seed)[0]]
@@ -212,9 +206,8 @@ def test_rewards_by_name_and_by_a_function():
 
 def test_a_robot_of_ones_own_and_mujoco():
     pytest.importorskip("mujoco")
-    known = hp.load_robot("solo12")
-    scenario = hp.Scenario(plant="mujoco", ground=hp.Ground(mu_s=0.6), duration=0.5)
-    env = RobotEnv(known, scenario=scenario, velocity=((0.1, 0, 0), (0.2, 0, 0)))
+    made = scenario(plant="mujoco", mu_s=0.6, duration=0.5)
+    env = RobotEnv(hp.load_robot("solo12"), scenario=made, velocity=((0.1, 0, 0), (0.2, 0, 0)))
     env.reset(seed=0)
     assert 0.1 <= env.desired[0] <= 0.2
     for _ in range(10):

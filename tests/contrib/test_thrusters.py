@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from walks import walked
 
 import harpy_pin as hp
 from harpy_pin.contrib.flight import Fly, Flying, Jump
@@ -26,17 +27,12 @@ class Weak:
 
 def flown(share, *, flight, since, duration):
     """A flight with noise."""
-    scenario = hp.Scenario(
-        gait=Flying(flights=flight, start=0.1),
-        ground=hp.Ground(mu_s=0.6),
-        duration=duration,
-        disturbances=hp.Disturbances(noise=hp.Noise.typical()),
-    )
 
     def make(gait):
         return Weak(ThrustWatch(hp.make_controller("condensed", gait, mu=0.6), gait.robot), since, share)
 
-    return hp.walk(scenario, controller=make)
+    gait = Flying(flights=flight, start=0.1)
+    return walked(make=make, gait=gait, mu_s=0.6, duration=duration, noise=hp.Noise.typical())
 
 
 def test_a_weak_fan_is_found_and_made_up_for():

@@ -1,16 +1,22 @@
 """Delay and noise: the leg law with feedforward."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from forward_dynamics import ContactForceMap
+from walks import scenario, walked
 
 import harpy_pin as hp
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.model.dynamics import Dynamics
 
 SOFT = {"stance_p": (0.0,) * 3, "stance_d": (0.0,) * 3, "swing_p": (0.0,) * 3, "swing_d": (0.0,) * 3}
+
+
+def half_a_second():
+    """The state after half a second of a walk, on one foot."""
+    built = hp.build(scenario(controller=hp.Governed(governor="none"), mu_s=0.8, duration=0.5))
+    built.run()
+    return built.simulator.state
 
 
 def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
@@ -21,9 +27,7 @@ def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
     controller = hp.make_controller(
         "governed", gait, mu=0.8, governor="none", legs="feedforward", feedforward=SOFT, joints=joints
     )
-    built = hp.build(hp.Scenario(controller=hp.Governed(governor="none"), ground=hp.Ground(mu_s=0.8), duration=0.5))
-    built.run()
-    state = built.simulator.state
+    state = half_a_second()
     command = controller.step(state)
     target = controller.target
     assert list(target.stance) == [1.0, 0.0]
@@ -41,7 +45,7 @@ def test_feedforward_alone_makes_the_forces_and_motion_it_asks_for(robot):
     np.testing.assert_allclose(command.torque, desired[6:], rtol=1e-9, atol=1e-9)
     # And what it is for: the foot is pressed by about the load that is left.
     contact = ContactForceMap(robot)
-    felt = contact.update(d, state.v, torque=command.torque, thrust=command.thrust, touching=[True, False])
+    felt = contact.update(d, state.v, command, [True, False])
     assert felt[0, 2] == pytest.approx(force[2], rel=0.1)
 
 
@@ -54,10 +58,7 @@ def test_gains_follow_the_phase(robot):
         "joints": {"k_i": (0.0,) * 3},
         "feedforward": {"stance_p": gains.stance_p, "swing_p": gains.swing_p},
     }
-    built = hp.build(hp.Scenario(controller=hp.Governed(governor="none"), ground=hp.Ground(mu_s=0.8), duration=0.5))
-    built.run()
-    state = built.simulator.state
-    stiffness = []
+    state, stiffness = half_a_second(), []
     for loaded in (True, False):
         torques = []
         for small in (1e-6, -1e-6):
@@ -76,33 +77,10 @@ def test_gains_follow_the_phase(robot):
 @pytest.mark.parametrize("delay", [0.0, 2e-3, 3e-3])
 def test_it_walks_where_the_pid_falls(delay):
     """On ground that its gains were not chosen on."""
-    scenario = hp.Scenario(
-        controller=hp.Governed(governor="none", parameters={"legs": "feedforward"}),
-        ground=hp.Ground(mu_s=0.8),
-        disturbances=hp.Disturbances(delay=delay),
-        duration=3.0,
-    )
-    run = hp.walk(scenario)
+    how = {"mu_s": 0.8, "delay": delay, "duration": 3.0}
+    run = walked(controller=hp.Governed(governor="none", limits=True, parameters={"legs": "feedforward"}), **how)
     assert run.ending == "completed"
     assert not hp.measure(run).stumbled
-    if delay:
-        assert hp.walk(replace(scenario, controller=hp.Governed(governor="none"))).ending != "completed"
-
-
-def test_torque_limits_hold():
-    scenario = hp.Scenario(
-        controller=hp.Governed(governor="none", limits=True, parameters={"legs": "feedforward"}),
-        ground=hp.Ground(mu_s=0.8),
-        duration=0.5,
-    )
-    run = hp.walk(scenario)
     assert np.abs(run["torque"]).max() <= 8.5
-
-
-def test_unknown_laws_and_bad_gains():
-    with pytest.raises(hp.InputError, match="leg control law"):
-        hp.controllers.GovernedParameters(legs="stiff")
-    with pytest.raises(hp.InputError, match="swing_p"):
-        FeedforwardGains(swing_p=(-1.0, 0.0, 0.0))
-    with pytest.raises(hp.InputError, match="legs"):
-        hp.Scenario(controller=hp.Condensed(parameters={"legs": "pid"}))
+    if delay:
+        assert walked(controller=hp.Governed(governor="none"), **how).ending != "completed"

@@ -1,20 +1,22 @@
 """The estimate of the friction coefficient: its bounds, what slides and sticks teach it, and who follows it."""
 
+from functools import partial
+
 import numpy as np
 import pytest
-from condensed_cases import random_case
 from hypothesis import given
 from hypothesis import strategies as st
 from random_states import draw
+from walks import scenario, walked
+from whole_body_oracle import wild_case
 
 import harpy_pin as hp
-from harpy_pin import Condensed, Disturbances, Governed, Ground, InputError, Noise, Scenario
+from harpy_pin import InputError
 from harpy_pin.controllers import GovernedController, GovernedParameters, WholeBodyController, WholeBodyParameters
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.friction import FILTER_TIME, LEAST_ESTIMATE, LEAST_LOAD, MARGIN, MEMORY, RECOVERY, SLIP_SPEED
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.scenario import build
 from harpy_pin.wbc import FORMULATIONS, WholeBodyLimits, make_problem
 from harpy_pin.wbc.condensed import CondensedSolver
 
@@ -80,12 +82,8 @@ def test_what_sticks_never_lowers_it(seed):
 def test_a_slide_gives_its_ratio_less_the_margin(ratio, speed):
     for angle in np.linspace(0.0, 6.0, 7):
         estimator = FrictionEstimator(assumed=0.8)
-        cosine, sine = np.cos(angle), np.sin(angle)
-        force, velocity = (
-            both(-20.0 * ratio * cosine, -20.0 * ratio * sine, 20.0),
-            both(speed * cosine, speed * sine, 0),
-        )
-        estimate = feed(estimator, force, velocity, times=30)
+        along = np.array((np.cos(angle), np.sin(angle), 0.0))
+        estimate = feed(estimator, both(*-20.0 * ratio * along[:2], 20.0), both(*speed * along), times=30)
         np.testing.assert_allclose(estimate, (1.0 - MARGIN) * ratio, rtol=1e-12)
 
 
@@ -110,9 +108,8 @@ def test_while_it_slides_it_never_rises():
     estimator, before = FrictionEstimator(assumed=0.8), np.full(2, 0.8)
     for _ in range(500):
         normal = rng.uniform(6.0, 60.0)
-        estimate = feed(
-            estimator, both(-normal * rng.uniform(0.05, 0.6), 0.0, normal), both(rng.uniform(0.05, 1.0), 0, 0)
-        )
+        force = both(-normal * rng.uniform(0.05, 0.6), 0.0, normal)
+        estimate = feed(estimator, force, both(rng.uniform(0.05, 1.0), 0, 0))
         assert np.all(estimate <= before)
         before = estimate
 
@@ -152,59 +149,33 @@ def test_other_arrays_are_refused(velocity):
         FrictionEstimator(assumed=0.8).update(np.zeros((2, 3)), velocity, HELD)
 
 
-def evaluated_case(robot, rng):
-    q, v, targets = random_case(rng, spread=0.2)
-    dynamics = Dynamics(robot)
-    dynamics.update(q, v)
-    return dynamics, v, targets
-
-
 @pytest.mark.parametrize("name", [*FORMULATIONS, "condensed"])
 def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
     """Program (or forces) for μ = 0.8 with 0.2 under the feet are those for μ = 0.2; nothing is left of it after."""
-    rng = np.random.default_rng(5)
-    high, low = WholeBodyLimits(mu=0.8), WholeBodyLimits(mu=0.2)
-    if name == "condensed":
-        made = [CondensedSolver(robot, limits=limits) for limits in (high, low)]
-    else:
-        made = [make_problem(name, robot, limits=limits) for limits in (high, low)]
+    rng, different = np.random.default_rng(5), 0
+    limits = [WholeBodyLimits(mu=mu) for mu in (0.8, 0.2)]
+    kind = partial(CondensedSolver, robot) if name == "condensed" else partial(make_problem, name, robot)
+    high, low = (kind(limits=one) for one in limits)
 
-    def results(case):
-        dynamics, v, targets = case
-        for one in made:
-            if isinstance(one, CondensedSolver):
-                one.reset()
-                one.solve(dynamics, v, dynamics.rotation, targets)
-                yield one.force.copy()
-            else:
-                one.build(dynamics, v, dynamics.rotation, targets)
-                yield np.column_stack((one.program.inequality, one.program.lower, one.program.upper))
+    def result(one, friction=np.inf):
+        targets.friction[:] = friction
+        if name == "condensed":
+            one.reset()
+            one.solve(dynamics, v, dynamics.rotation, targets)
+            return one.force.copy()
+        one.build(dynamics, v, dynamics.rotation, targets)
+        return np.column_stack((one.program.inequality, one.program.lower, one.program.upper))
 
-    different = 0
     for _ in range(10):
-        case = evaluated_case(robot, rng)
-        plain, limited = results(case)
+        q, v, targets = wild_case(rng, spread=0.2)
+        dynamics = Dynamics(robot)
+        dynamics.update(q, v)
+        plain, limited = result(high), result(low)
         different += np.abs(plain - limited).max() > 1e-3
-        case[2].friction[:] = 0.2
-        for result in results(case):
-            np.testing.assert_array_equal(result, limited)
-        case[2].friction[:] = 0.9
-        np.testing.assert_array_equal(next(results(case)), plain)
+        for one in (high, low):
+            np.testing.assert_array_equal(result(one, 0.2), limited)
+        np.testing.assert_array_equal(result(high, 0.9), plain)
     assert different >= 5
-
-
-def test_forces_of_the_law_are_in_the_cones_of_the_estimate_for_every_state(robot, fuzz):
-    """Of each foot its own."""
-    rng = np.random.default_rng(11)
-    limits = WholeBodyLimits(mu=0.8)
-    law = CondensedSolver(robot, limits=limits)
-    for _ in range(300 * fuzz):
-        dynamics, v, targets = evaluated_case(robot, rng)
-        targets.friction[:] = rng.uniform(0.0, 1.0, 2)
-        law.solve(dynamics, v, dynamics.rotation, targets)
-        size = np.hypot(law.force[:, 0], law.force[:, 1])
-        allowed = limits.friction_share * np.minimum(targets.friction, limits.mu) * law.force[:, 2]
-        assert np.all(size <= allowed + 1e-9 * (1.0 + law.force[:, 2]))
 
 
 @pytest.mark.parametrize("kind", [CondensedController, WholeBodyController])
@@ -220,11 +191,8 @@ def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind)
         if kind is WholeBodyController and not controller.solution.usable:
             continue
         force = controller.telemetry()["desired_force"]
-        allowed = 0.75 * estimate * force[:, 2]
-        scale = 1.0 + np.abs(force).max()
-        assert np.all(
-            np.hypot(force[:, 0], force[:, 1]) <= allowed + (1e-9 if kind is CondensedController else 1e-5) * scale
-        )
+        allowed, within = 0.75 * estimate * force[:, 2], 1e-9 if kind is CondensedController else 1e-5
+        assert np.all(np.hypot(force[:, 0], force[:, 1]) <= allowed + within * (1.0 + np.abs(force).max()))
         lowest = min(lowest, estimate.min())
     assert lowest < 0.4
     controller.reset()
@@ -237,20 +205,8 @@ def test_it_holds_the_feet_on_ice(controller, plant):
     """A strip of 0.15 on ground of 0.8: without the estimate feet slide by decimetres, with it by millimetres."""
     slip = {}
     for estimate in (False, True):
-        run = hp.walk(
-            Scenario(
-                controller={
-                    "name": controller,
-                    "parameters": {
-                        "estimate_friction": estimate,
-                        **({"solver": "daqp"} if controller == "wbc" else {}),
-                    },
-                },
-                plant=plant,
-                ground=Ground(mu_s=0.8, friction_strips=((0.3, 0.7, 0.15),)),
-                duration=3.0,
-            )
-        )
+        part = {"name": controller, "parameters": {"estimate_friction": estimate}}
+        run = walked(controller=part, plant=plant, mu_s=0.8, friction_strips=((0.3, 0.7, 0.15),), duration=3.0)
         assert run.ending == "completed"
         slip[estimate] = 1e3 * run["slip_path"][-1].sum()
         assert ("friction_estimate" in run) is estimate
@@ -261,14 +217,8 @@ def test_it_holds_the_feet_on_ice(controller, plant):
 @pytest.mark.parametrize("mu", [0.15, 0.3, 0.8])
 def test_noise_does_not_lower_it_for_long(mu):
     """On the ground that is assumed, with noise and 2 ms of delay, the estimate is on average nearly all of it."""
-    run = hp.walk(
-        Scenario(
-            controller=Condensed(parameters={"estimate_friction": True}),
-            ground=Ground(mu_s=mu),
-            disturbances=Disturbances(noise=Noise.typical(), delay=2e-3),
-            duration=3.0,
-        )
-    )
+    part = hp.Condensed(parameters={"estimate_friction": True})
+    run = walked(controller=part, mu_s=mu, noise=hp.Noise.typical(), delay=2e-3, duration=3.0)
     assert run.ending == "completed"
     assert run["friction_estimate"].mean() > 0.85 * mu
 
@@ -276,12 +226,8 @@ def test_noise_does_not_lower_it_for_long(mu):
 @pytest.mark.parametrize("governor", ["paper", "filter"])
 def test_governors_take_it(governor):
     """Where feet slide, the governors' coefficients are those of the estimate, and rows follow."""
-    scenario = Scenario(
-        controller=Governed(governor=governor, mu=0.8, parameters={"estimate_friction": True}),
-        ground=Ground(mu_s=0.15),
-        duration=0.6,
-    )
-    built = build(scenario)
+    part = hp.Governed(governor=governor, mu=0.8, parameters={"estimate_friction": True})
+    built = hp.build(scenario(controller=part, mu_s=0.15, duration=0.6))
     run = built.run()
     controller = built.controller
     assert isinstance(controller, GovernedController)

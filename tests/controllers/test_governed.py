@@ -1,15 +1,11 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from walks import started, states_of, walked
 
 import harpy_pin as hp
 from harpy_pin.controllers import GovernedController, JointGains, WholeBodyController, WholeBodyParameters
 from harpy_pin.wbc import QPStatus
-
-
-def walk(controller, gait, *, mu=0.8, duration=6.0, dt=5e-4):
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=mu), dt=dt, duration=duration)
-    return hp.walk(scenario, gait=gait, controller=lambda _: controller)
 
 
 @pytest.mark.parametrize(
@@ -25,8 +21,8 @@ def walk(controller, gait, *, mu=0.8, duration=6.0, dt=5e-4):
 @pytest.mark.parametrize("speed", [0.3, 0.0])
 def test_walks_and_stands(robot, name, options, speed):
     """Six seconds at friction 0.8: the distance within 5 %, the body upright."""
-    gait = hp.make_gait(robot, speed=speed)
-    run = walk(hp.make_controller(name, gait, mu=0.8, **options), gait)
+    part = {"name": name, "mu": 0.8, **options}
+    run = walked(gait=hp.Straight(speed=speed), controller=part, mu_s=0.8, duration=6.0)
     measures = hp.measure(run)
     assert run.ending == "completed"
     assert measures.distance_m == pytest.approx(6.0 * speed, rel=0.05, abs=0.02)
@@ -41,12 +37,9 @@ def test_walks_and_stands(robot, name, options, speed):
 
 def test_the_qps_step_is_the_chain_of_its_phases(robot):
     """The phases called apart give the same commands as step, on the same states."""
-    gait = hp.make_gait(robot)
-    run = walk(hp.make_controller("wbc", gait, mu=0.8), gait, duration=0.3)
+    run = walked(controller="wbc", mu_s=0.8, duration=0.3)
     whole, apart = (hp.make_controller("wbc", hp.make_gait(robot), mu=0.8) for _ in range(2))
-    for i in range(len(run)):
-        signals = [run[key][i] for key in ("q", "v", "foot_position", "foot_velocity", "foot_force")]
-        state = hp.State(float(run["t"][i]), *signals)
+    for i, state in enumerate(states_of(run)):
         command = whole.step(state)
         np.testing.assert_allclose(command.torque, run["torque"][i], atol=1e-9)
         apart.prepare(state)
@@ -56,16 +49,6 @@ def test_the_qps_step_is_the_chain_of_its_phases(robot):
         # ProxQP's vectorised sums depend on where its memory lies: equal to rounding, not to the bit.
         np.testing.assert_allclose(again.torque, command.torque, atol=1e-9)
         np.testing.assert_allclose(again.thrust, command.thrust, atol=1e-9)
-
-
-def test_reset_makes_a_controller_new(robot):
-    for name in ("governed", "wbc"):
-        gait = hp.make_gait(robot)
-        controller = hp.make_controller(name, gait, mu=0.8)
-        first = walk(controller, gait, duration=0.2)
-        controller.reset()
-        second = walk(controller, gait, duration=0.2)
-        np.testing.assert_allclose(first["torque"], second["torque"], atol=1e-9)
 
 
 def test_governed_tick_against_its_formulas(robot):
@@ -142,8 +125,7 @@ def test_failed_solves_fall_back_as_stated(robot):
     """The last good command is held, then the joints go soft without thrust; the failures are counted."""
     gait = hp.make_gait(robot, speed=0.0)
     controller = WholeBodyController(gait, WholeBodyParameters(hold_ticks=3))
-    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.8))
-    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
+    simulator = started(hp.Simulator(robot, hp.Ground(mu_s=0.8)), gait)
     for _ in range(5):
         command = controller.step(simulator.state)
         simulator.advance(command)
@@ -167,22 +149,3 @@ def test_failed_solves_fall_back_as_stated(robot):
     assert controller.failures == 5
     controller.step(simulator.state)
     assert controller.solution.usable
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [
-        {"name": "lqr"},
-        {"name": "governed", "governor": "best"},
-        {"name": "governed", "evaluate_at": "guessed"},
-        {"name": "governed", "mu": -0.5},
-        {"name": "wbc", "mu": float("nan")},
-    ],
-)
-def test_unknown_names_and_bad_numbers(robot, bad):
-    gait = hp.make_gait(robot)
-    options = {"mu": 0.8, **bad}
-    with pytest.raises(hp.InputError) as error:
-        hp.make_controller(options.pop("name"), gait, **options)
-    if "mu" not in bad:
-        assert "valid names" in str(error.value)

@@ -5,10 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import ContactForceMap
-from hypothesis import given
+from forward_dynamics import ContactForceMap, constrained_dynamics, mass_matrix
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_robots
+from walks import scenario, states_of
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyParameters
@@ -68,9 +69,8 @@ def test_the_leak_is_a_low_pass(a, leak, n):
 
 
 def test_without_a_solution_targets_are_what_is_measured():
-    run = hp.walk(
-        hp.Scenario(controller={"name": "condensed", "limits": {"torque_scale": 0.03}, **MOTORS}, duration=0.5)
-    )
+    weak = {"name": "condensed", "limits": {"torque_scale": 0.03}, **MOTORS}
+    run = hp.walk(hp.Scenario(controller=weak, duration=0.5))
     none = run["condensed_status"].astype(int) & CondensedStatus.TORQUE_CLIPPED != 0
     assert none.any()
     np.testing.assert_array_equal(run["motor_law"][none, 1], run["v"][none, 6:])
@@ -80,32 +80,21 @@ def test_without_a_solution_targets_are_what_is_measured():
     np.testing.assert_allclose(tick(m, a=0.0, angle=-0.3, speed=0.0), [-0.3, 0.0, 10.0, 2.0])
 
 
-def symmetric(upper):
-    return np.triu(upper) + np.triu(upper, 1).T
-
-
 class Rigid:
     """Harpy whose stance feet are fixed to the ground, by Pinocchio; motors evaluate their law all the time."""
 
     def __init__(self, q, v, held):
-        self.q, self.v, self.dynamics, self.rows = q, v, Dynamics(ROBOT), np.repeat(held, 3) != 0.0
+        self.q, self.held, self.dynamics = q, held, Dynamics(ROBOT)
         self.dynamics.update(q, v)
-        jacobian = self.dynamics.foot_jacobian[self.rows]
-        across = np.linalg.solve(symmetric(pin.crba(ROBOT.model, ROBOT.model.createData(), q)), jacobian.T)
+        jacobian = self.dynamics.foot_jacobian[np.repeat(held, 3) != 0.0]
+        across = np.linalg.solve(mass_matrix(ROBOT.model, q), jacobian.T)
         self.v = v - across @ np.linalg.solve(jacobian @ across, jacobian @ v)  # stance feet are at rest
         self.force = np.full((2, 3), 30.0) * np.reshape(held, (2, 1))
 
     def solve(self, torque, thrust):
         """Accelerations and contact forces."""
-        model, data, d = ROBOT.model, ROBOT.model.createData(), self.dynamics
-        d.update(self.q, self.v)
-        drive = d.thruster_jacobian.T @ thrust.ravel() - np.array(model.damping) * self.v
-        drive[6:] += torque
-        pin.computeAllTerms(model, data, self.q, self.v)
-        a = pin.forwardDynamics(model, data, drive, d.foot_jacobian[self.rows], d.foot_drift[self.rows])
-        self.force = np.zeros((2, 3))
-        self.force.reshape(-1)[self.rows] = data.lambda_c
-        return np.array(a)
+        self.force, a = constrained_dynamics(ROBOT, self.q, self.v, hp.Command(torque, thrust), self.held)
+        return a
 
     def advance(self, command, period, steps=16):
         """Returns the mean torque that the law has added."""
@@ -144,10 +133,7 @@ def test_in_a_rigid_world_the_law_adds_next_to_nothing():
 
 
 def walked():
-    pushed = hp.Disturbances(pushes=(hp.Push(0.3, (0.0, 2.0, 0.0)),))
-    run = hp.walk(hp.Scenario(controller="condensed", duration=0.8, disturbances=pushed, ground=hp.Ground(mu_s=0.25)))
-    names = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force")
-    return [hp.State(*row) for row in zip(*(run[name] for name in names), strict=True)]
+    return states_of(hp.walk(scenario(duration=0.8, pushes=(hp.Push(0.3, (0.0, 2.0, 0.0)),), mu_s=0.25)))
 
 
 def added(command, state):
@@ -196,12 +182,13 @@ def test_gains_are_in_units_of_the_robot_and_light_joints_have_less():
         stiffness, damping = joint_gains(robot, WholeBodyParameters(**MOTORS), q)
         assert stiffness.max() == pytest.approx(unit, rel=2e-3)
         np.testing.assert_allclose(damping, 0.3 * stiffness * np.sqrt(4 * unit / robot.mass) / 9.81, rtol=2e-3)
-        inverse = np.diag(np.linalg.inv(symmetric(pin.crba(robot.model, robot.model.createData(), q))))[6:]
+        inverse = np.diag(np.linalg.inv(mass_matrix(robot.model, q)))[6:]
         assert (damping * inverse <= MAX_RATE * (1.0 + 1e-9)).all()
         assert (stiffness < 0.5 * unit).any() == (name == "g1")
 
 
 @given(st.integers(0, 2**32 - 1))
+@settings(max_examples=30)
 def test_a_law_changes_contact_forces_by_its_torques_times_the_map(seed):
     """At any state, for any errors: δf = −Λ J M⁻¹ S (k_p e + k_d ė) where feet stick; a foot's is bounded by norms."""
     rng = np.random.default_rng(seed)
@@ -215,7 +202,8 @@ def test_a_law_changes_contact_forces_by_its_torques_times_the_map(seed):
     before = world.force
     world.solve(torque + law, thrust)
     contacts = ContactForceMap(ROBOT)
-    contacts.update(world.dynamics, world.v, torque=torque, thrust=thrust, touching=held)
+    world.dynamics.update(q, world.v)
+    contacts.update(world.dynamics, world.v, hp.Command(torque, thrust), held)
     np.testing.assert_allclose((world.force - before).ravel(), contacts.torque_gain @ law, rtol=1e-6, atol=1e-8)
     size = stiffness.max() * np.linalg.norm(0.01 * errors[0]) + damping.max() * np.linalg.norm(0.1 * errors[1])
     most = np.linalg.norm(contacts.torque_gain.reshape(2, 3, 6), 2, axis=(1, 2)) * size

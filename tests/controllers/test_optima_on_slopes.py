@@ -4,12 +4,11 @@ their cones about the normals."""
 from __future__ import annotations
 
 from collections import Counter
-from types import SimpleNamespace
 
 import numpy as np
 from optimality import Programs, optima_from, times
-from tilted_cases import GivenTargets, fill, parameters, random_state, smallest_rotation
-from whole_body_oracle import MU, NV, oracle, solve_oracle
+from tilted_cases import GivenTargets, parameters, sloped_case
+from whole_body_oracle import MU, NV, solve_oracle
 
 from harpy_pin.controllers import CondensedController
 from harpy_pin.wbc import WholeBodyLimits
@@ -24,22 +23,12 @@ DAQP = 2e-6
 
 def answers(controller: CondensedController, rng: np.random.Generator):
     """Programs, answers [a; f; u] and their status, of random states with one or two feet on the ground."""
-    limits, weights = controller.parameters.limits, controller.parameters.weights
     groups: dict[int, list] = {1: [], 2: []}
     for _ in range(BATCH):
-        target = controller.gait.target
-        fill(target, rng)
-        state = random_state(rng, target)
-        controller.reset()
-        command = controller.step(state)
-        frames = np.array([smallest_rotation(normal) for normal in target.normal])
-        own = controller.targets
-        targets = SimpleNamespace(**{name: getattr(own, name) for name in ("body", "orientation", "joints", "held")})
-        targets.feet, targets.force_range = np.einsum("kij,kj->ki", frames, own.feet), own.force_range
-        case = oracle(state.q, state.v, targets, limits, weights, frames=frames)
+        _, command, case = sloped_case(controller, rng)
         force = np.ravel(controller.telemetry()["desired_force"])
         z = np.concatenate((controller.solver.acceleration, force, command.thrust.ravel()))
-        groups[int(target.stance.sum())].append((case, z, int(controller.solver.status)))
+        groups[int(controller.targets.held.sum())].append((case, z, int(controller.solver.status)))
     return groups.values()
 
 

@@ -13,22 +13,18 @@ from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.simulation.sensing import Sensing
 
 STANDING = np.array([0.0, 0.0, 9.81])
+POSTURE = hp.make_gait(hp.load_harpy()).initial_state()[0][7:]
 LEVEL = np.eye(3)
 SLOPE = EstimatorSettings(height_noise=np.inf)
+NAMES = ("gyroscope", "accelerometer", "joint_position", "joint_velocity")
 EXACT = {name: 0.0 for name in ("gyroscope_bias", "accelerometer_bias", "encoder_resolution", "torque_error")}
-
-
-@pytest.fixture(scope="module")
-def robot():
-    return hp.load_harpy()
 
 
 def still(robot, t=0.0, *, tilt=LEVEL):
     """Readings of a robot at rest, tilted about its feet, without noise."""
-    q, joints = hp.make_gait(robot).initial_state()[0], len(robot.joints)
-    zero = np.zeros(joints)
+    zero = np.zeros(len(robot.joints))
     quiver = np.full(3, 1e-9 * np.sin(1e5 * t))  # a gyroscope that says always the same is stuck
-    return hp.Readings(t, quiver, tilt.T @ STANDING, q[7:].copy(), zero, zero, None, np.full(2, 25.0))
+    return hp.Readings(t, quiver, tilt.T @ STANDING, POSTURE.copy(), zero, zero.copy(), None, np.full(2, 25.0))
 
 
 def rotations(q):
@@ -78,7 +74,7 @@ def test_joints_are_learned_in_swings():
     gait = hp.Walking(velocity=(0.4, 0.0, 0.0))
     disturbances = hp.Disturbances(actuators=actuators)
     law = hp.Condensed(parameters={"joint_stiffness": 1.0, "joint_damping": 0.3, "contact_damping": 20.0})
-    how = {"ground": hp.Ground(mu_s=0.6), "controller": law, "duration": 4.0}
+    how = {"ground": hp.Ground(mu_s=0.6), "controller": law, "duration": 2.0}
     walk = hp.build(hp.Scenario(robot="go2", gait=gait, sensors=hp.Imu(**EXACT), disturbances=disturbances, **how))
     walk.run()
     found = walk.sensors.estimator.record["contact"]["joint"][0].reshape(4, 3, 3)[:, 1:]  # thighs and calves
@@ -111,8 +107,7 @@ def test_sensors_alone_do_not_change_a_walk():
     assert hp.Scenario.of(sensed) == hp.Scenario(duration=0.5, sensors=hp.Imu())
 
 
-@pytest.mark.parametrize("start", [False, True])
-def test_place_and_heading_do_not_matter(robot, start):
+def test_place_and_heading_do_not_matter(robot):
     """The same readings from two places and headings give the same motion, turned."""
     turn = pin.rpy.rpyToMatrix(0.0, 0.0, 2.0)
     rng = np.random.default_rng(0)
@@ -162,41 +157,28 @@ def test_place_of_the_inertial_unit_does_not_matter():
         assert tilt < np.deg2rad(0.3)
 
 
-def spoil(name, readings, n):
-    if name == "nan":
-        readings.gyroscope[n % 3] = np.nan
-    elif name == "no legs":
-        readings.joint_position[:] = np.inf
-    elif name == "stuck":
-        readings.gyroscope[:] = 0.01
-    elif name == "saturated":
-        readings.accelerometer[2] = 157.0
-    elif name == "backwards":
-        readings.t -= 1.0
-    elif name == "huge":
-        readings.joint_torque[:] = 1e7
-    return readings
+SPOILED = {
+    "nan": ("no sample", lambda given, n: given.gyroscope.__setitem__(n % 3, np.nan)),
+    "no legs": ("no sample", lambda given, _: given.joint_position.fill(np.inf)),
+    "huge": ("no sample", lambda given, _: given.joint_torque.fill(1e7)),
+    "stuck": ("stuck gyroscope", lambda given, _: given.gyroscope.fill(0.01)),
+    "saturated": ("saturated", lambda given, _: given.accelerometer.__setitem__(2, 157.0)),
+    "backwards": ("time does not go on", lambda given, _: setattr(given, "t", given.t - 1.0)),
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "status"),
-    [
-        ("nan", "no sample"),
-        ("no legs", "no sample"),
-        ("huge", "no sample"),
-        ("stuck", "stuck gyroscope"),
-        ("saturated", "saturated"),
-        ("backwards", "time does not go on"),
-    ],
-)
-def test_bad_readings_are_said_and_survived(robot, name, status):
+@pytest.mark.parametrize("name", SPOILED)
+def test_bad_readings_are_said_and_survived(robot, name):
+    status, spoil = SPOILED[name]
     rng, estimator = np.random.default_rng(1), hp.Estimator(robot)
     seen = set()
     for n in range(1200):
         readings = still(robot, 1e-3 * n)
         readings.gyroscope += 1e-3 * rng.standard_normal(3)
         bad = 400 <= n < 470
-        state = estimator.step(spoil(name, readings, n) if bad else readings)
+        if bad:
+            spoil(readings, n)
+        state = estimator.step(readings)
         assert all(np.isfinite(x).all() for x in (state.q, state.v, state.foot_position, state.foot_force))
         if bad:
             seen.add(estimator.status)
@@ -225,18 +207,20 @@ def test_a_gap_is_made_up_for(robot):
     np.testing.assert_allclose(state.v, 0.0, atol=1e-3)
 
 
-@pytest.mark.parametrize("orientation", [(0.4, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 1.5), (np.pi, 0.0, 0.0)])
-def test_a_wrong_mounting_is_said(orientation):
+def test_a_wrong_mounting_is_said(robot):
     run = hp.walk(hp.Scenario(sensors=hp.Imu(), duration=3.0))
-    robot = hp.load_harpy()
-    wrong = hp.Estimator(robot, hp.Imu(orientation=orientation))
-    wrong.reset(run["q"][0], run["v"][0])
-    sensing, said = Sensing(robot, hp.Imu(), period=1e-3), []
+    mounted = [(0.4, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 1.5), (np.pi, 0.0, 0.0)]
+    wrong = [hp.Estimator(robot, hp.Imu(orientation=orientation)) for orientation in mounted]
+    for each in wrong:
+        each.reset(run["q"][0], run["v"][0])
+    sensing, said = Sensing(robot, hp.Imu(), period=1e-3), np.zeros(len(wrong))
     for n, t in enumerate(run["t"]):
         state = hp.State(t, *(run[name][n] for name in ("q", "v", "foot_position", "foot_velocity", "foot_force")))
-        wrong.step(sensing.read(state, run["torque"][max(n - 1, 0)], run["thrust"][max(n - 1, 0)]))
-        said.append(wrong.status)
-    assert said.count("readings contradict each other") > 100
+        readings = sensing.read(state, run["torque"][max(n - 1, 0)], run["thrust"][max(n - 1, 0)])
+        for each in wrong:
+            each.step(readings)
+        said += [each.status == "readings contradict each other" for each in wrong]
+    assert (said > 100).all()
 
 
 @needs_robots
@@ -250,27 +234,13 @@ def test_contacts_that_shake_the_robot_are_no_contradiction():
 
 def test_misfits_are_refused(robot):
     estimator, good = hp.Estimator(robot), still(robot)
-    for name in (
-        "gyroscope",
-        "accelerometer",
-        "joint_position",
-        "joint_velocity",
-        "joint_torque",
-        "foot_force",
-        "thrust",
-    ):
+    for name in (*NAMES, "joint_torque", "foot_force", "thrust"):
         bad = copy.copy(good)
         setattr(bad, name, np.zeros(7))
         with pytest.raises(hp.InputError, match=name):
             estimator.step(bad)
     lists = hp.Readings(0.0, [0, 0, 0], [0, 0, 9.81], [0.0] * 6, [0.0] * 6, [0.0] * 6)
     assert np.isfinite(estimator.step(lists).q).all()
-    with pytest.raises(hp.InputError, match="height_noise"):
-        EstimatorSettings(height_noise=-1.0)
-    with pytest.raises(hp.InputError, match="orientation"):
-        hp.Imu(orientation=(0.0, 1.0))
-    with pytest.raises(hp.InputError, match="gyroscope_density"):
-        hp.Imu(gyroscope_density=-1.0)
     with pytest.raises(hp.InputError, match="noise of their own"):
         hp.Scenario(state="estimated", disturbances=hp.Disturbances(noise=hp.Noise.typical()))
     with pytest.raises(hp.InputError, match="valid names: estimated, true"):

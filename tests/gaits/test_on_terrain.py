@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import places
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from long import long_but
-from needs import PLANTS, needs_robots
-from places import places
-from walks import slip_per_step
+from needs import PLANTS, needs_mujoco, needs_robots
+from walks import slip_per_step, walked
 
 import harpy_pin as hp
 from harpy_pin.gaits.on_terrain import FRICTION_SHARE, OnFeltGround, OnTerrain
@@ -41,20 +41,6 @@ def test_stance_feet_are_as_high_above_the_ground_as_on_flat_ground(terrain, beg
         np.testing.assert_allclose(b.ground_height[down], terrain.height(x, y), atol=1e-12)
 
 
-def test_targets_move_as_their_velocities_say():
-    """On a plane every target is the integral of its velocity, and that of its acceleration."""
-    gait, step = OnTerrain(hp.make_gait(ROBOT), TERRAINS[0]), 1e-5
-    for t in np.linspace(0.31, 2.3, 9):
-        rows = []
-        for at in (t - step, t, t + step):
-            target = gait.update(at)
-            feet = target.foot_position + target.body[:3], target.foot_velocity + target.body[3:6]
-            rows.append((target.body.copy(), *feet))
-        moved = [(rows[2][i] - rows[0][i]) / (2 * step) for i in range(3)]
-        np.testing.assert_allclose(moved[0][:6], rows[1][0][3:], atol=1e-3)
-        np.testing.assert_allclose(moved[1], rows[1][2], atol=1e-3)
-
-
 @pytest.mark.parametrize(
     "name", ["harpy", pytest.param("go2", marks=needs_robots), pytest.param("g1", marks=needs_robots)]
 )
@@ -83,38 +69,34 @@ def test_g1_walks_up_across_and_down_15_degrees(degrees):
     """
     pytest.importorskip("mujoco")
     ground = hp.Ground(terrain=Plane(slope=np.deg2rad(15.0), heading=np.deg2rad(degrees)), mu_s=0.6, stiffness=1.6e5)
-    run = walked(robot="g1", gait=hp.Walking(velocity=(0.15, 0, 0)), ground=ground, plant="mujoco", duration=4.0)
+    gait = hp.Walking(velocity=(0.15, 0, 0))
+    run = walked(robot="g1", gait=gait, ground=ground, plant="mujoco", duration=4.0)
     assert run.ending == "completed"
     assert run["centre"][-1, 0] > 0.4
     assert slip_per_step(run) < (1.5 if degrees == 0 else 1.0)
     assert run["q"][:, [10, 16]].min() > 0.0  # knees stay bent the right way
 
 
-def walked(**settings) -> hp.Run:
-    return hp.walk(hp.Scenario(**{"ground": hp.Ground(slope=0.2, mu_s=0.8), "duration": 2.0, **settings}))
-
-
 @pytest.mark.parametrize(
-    "settings",
+    ("most", "settings"),
     [
-        {},
-        {"ground": hp.Ground(slope=-0.3, mu_s=0.6)},
-        {"ground": hp.Ground(terrain=Plane(slope=0.2, heading=1.2), mu_s=0.6)},
-        {"ground": hp.Ground(terrain=Rough(amplitude=0.02, resolution=0.2), mu_s=0.6)},
-        {"controller": hp.WholeBody(parameters={"solver": "daqp"})},
-        {"controller": hp.Governed(governor="filter")},
-        {"gait": hp.Commanded(velocity=(0.3, 0.0, 0.2))},
-        {"disturbances": hp.Disturbances(normal_error=0.087)},
-        {"plant": "mujoco"},
+        *((0.2, {"slope": slope}) for slope in (0.2, 0.3)),
+        (1.0, {"slope": -0.3, "mu_s": 0.6}),
+        (1.0, {"terrain": Plane(slope=0.2, heading=1.2), "mu_s": 0.6}),
+        (1.0, {"terrain": Rough(amplitude=0.02, resolution=0.2), "mu_s": 0.6}),
+        (1.0, {"slope": 0.2, "controller": hp.WholeBody(parameters={"solver": "daqp"})}),
+        (1.0, {"slope": 0.2, "controller": hp.Governed(governor="filter")}),
+        (1.0, {"slope": 0.2, "gait": hp.Commanded(velocity=(0.3, 0.0, 0.2))}),
+        (1.0, {"slope": 0.2, "normal_error": 0.087}),
+        pytest.param(1.0, {"slope": 0.2, "plant": "mujoco"}, marks=needs_mujoco),
     ],
     ids=str,
 )
-def test_harpy_walks(settings):
-    if settings.get("plant") == "mujoco":
-        pytest.importorskip("mujoco")
-    run = walked(**settings)
+def test_harpy_walks(most, settings):
+    run = walked(**{"mu_s": 0.8, "duration": 2.0, **settings})
     assert run.ending == "completed"
-    assert measure(run).net_slip_mm_per_step < 1.0
+    seen = measure(run)
+    assert (seen.slip_mm_per_step if most < 1.0 else seen.net_slip_mm_per_step) < most
     assert run["q"][-1, 0] > 0.4
 
 
@@ -137,18 +119,6 @@ def test_feet_in_the_air_go_over_what_is_higher(terrain):
             x, y, z = b.body[:3] + b.foot_position[k]
             lift = a.body[2] + a.foot_position[k, 2]
             assert z >= float(terrain.height(x, y)) + lift - 1e-9
-
-
-def test_slips_about_as_little_as_on_flat_ground():
-    slips = [measure(walked(ground=hp.Ground(slope=slope, mu_s=0.8))).slip_mm_per_step for slope in (0.0, 0.2, 0.3)]
-    assert max(slips) < 0.2
-
-
-def test_the_compiled_loop_walks_the_same():
-    runs = [hp.walk(hp.Scenario(ground=hp.Ground(slope=0.2, mu_s=0.6), duration=1.0), on_tick=f) for f in (None, id)]
-    for name in runs[0].signals:
-        if name != "tick_ns":
-            np.testing.assert_array_equal(runs[0][name], runs[1][name])
 
 
 @needs_robots
@@ -201,8 +171,8 @@ def test_a_gait_of_ones_own_is_laid_over_the_ground():
 
 def test_a_gait_over_flat_ground_of_its_own_walks_blind():
     """Harpy crosses rough ground of 2 cm by touch."""
-    ground = hp.Ground(terrain=Rough(amplitude=0.02, resolution=0.2, seed=1), mu_s=0.6)
-    run = hp.walk(hp.Scenario(ground=ground, duration=3.0), gait=OnTerrain(hp.make_gait(ROBOT), Plane(slope=0.0)))
+    rough, blind = Rough(amplitude=0.02, resolution=0.2, seed=1), OnTerrain(hp.make_gait(ROBOT), Plane(slope=0.0))
+    run = walked(blind, terrain=rough, mu_s=0.6, duration=3.0)
     assert run.ending == "completed"
     flat = hp.make_gait(ROBOT)
     np.testing.assert_allclose(run["x_r"][-1], flat.update(float(run["t"][-1])).body[:6], atol=1e-9)
@@ -212,7 +182,7 @@ def test_a_gait_over_flat_ground_of_its_own_walks_blind():
 def test_harpy_feels_an_unknown_slope(degrees):
     slope = np.radians(degrees)
     gait = OnFeltGround(hp.make_gait(ROBOT))
-    run = hp.walk(hp.Scenario(ground=hp.Ground(slope=slope, mu_s=0.6), duration=4.0), gait=gait)
+    run = walked(gait, slope=slope, mu_s=0.6, duration=4.0)
     assert run.ending == "completed"
     assert run["q"][-1, 0] > 1.0
     np.testing.assert_allclose(np.arctan(gait.slope), (slope, 0.0), atol=0.02)
@@ -221,10 +191,8 @@ def test_harpy_feels_an_unknown_slope(degrees):
 @needs_robots
 def test_go2_feels_an_unknown_ramp():
     gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0))
-    ground = hp.Ground(terrain=hp.ground.Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3)
-    part = hp.Condensed()
     felt = OnFeltGround(gait)
-    run = hp.walk(hp.Scenario(robot="go2", controller=part, ground=ground, duration=4.0), gait=felt)
+    run = walked(felt, robot="go2", terrain=Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3, duration=4.0)
     assert run.ending == "completed"
     assert run["q"][-1, 0] > 1.0
     np.testing.assert_allclose(np.arctan(felt.slope), (np.radians(10.0), 0.0), atol=0.03)
@@ -232,7 +200,7 @@ def test_go2_feels_an_unknown_ramp():
 
 def test_what_was_felt_is_forgotten_when_the_clock_goes_back():
     gait = OnFeltGround(hp.make_gait(ROBOT))
-    hp.walk(hp.Scenario(ground=hp.Ground(slope=0.2, mu_s=0.6), duration=1.5), gait=gait)
+    walked(gait, slope=0.2, mu_s=0.6, duration=1.5)
     assert gait.slope[0] > 0.1
     q, v = gait.initial_state()
     gait.observe(hp.State(0.0, q, v, places(ROBOT, q), np.zeros((2, 3)), np.zeros((2, 3))))
@@ -286,8 +254,7 @@ def test_it_stays_above_its_feet_otherwise(terrain, friction):
 @pytest.mark.parametrize("plant", PLANTS)
 def test_harpy_walks_where_friction_holds_a_sixth_of_what_it_must(plant):
     """Up a slope of 30 degrees at friction 0.1, whose angle is 5.7 degrees."""
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.1, slope=np.radians(30.0)), plant=plant, duration=2.0)
-    run = hp.walk(scenario)
+    run = walked(mu_s=0.1, slope=np.radians(30.0), plant=plant, duration=2.0)
     assert run.ending == "completed"
     assert run["q"][-1, 0] - run["q"][0, 0] > 0.5
     assert measure(run).slip_mm_per_step < 3.0
@@ -327,21 +294,20 @@ def test_footholds_keep_their_distance_from_risers(start, rise):
             at[k] = x
 
 
-def test_feet_move_as_their_velocities_say():
-    """Beside a riser, too, along the ground: places are the integral of velocities, these of accelerations."""
-    stairs, step = Stairs(rise=0.05, depth=0.3, start=0.47), 1e-4
-    gait = OnTerrain(hp.make_gait(ROBOT), stairs)
-    rows = []
+@pytest.mark.parametrize("terrain", [TERRAINS[0], Stairs(rise=0.05, depth=0.3, start=0.47)], ids=("plane", "riser"))
+def test_targets_move_as_their_velocities_say(terrain):
+    """Places are the integral of velocities, these of accelerations; beside a riser along the ground, without jumps."""
+    gait, step, rows = OnTerrain(hp.make_gait(ROBOT), terrain), 1e-4, []
     for t in np.arange(0.5, 4.0, step):
         target = gait.update(float(t))
-        moving = target.foot_velocity + target.body[3:6]
-        rows.append((target.foot_position + target.body[:3], moving, target.foot_acceleration + target.body[6:9]))
-    place, velocity, acceleration = (np.array(part) for part in zip(*rows, strict=True))
-    for value, rate in ((place, velocity), (velocity, acceleration)):
+        body = target.body.reshape(3, 1, 3)
+        feet = np.stack((target.foot_position, target.foot_velocity, target.foot_acceleration)) + body
+        rows.append(np.concatenate((body, feet), axis=1))
+    place, velocity, acceleration = np.moveaxis(rows, 1, 0)
+    for value, rate, axes in ((place, velocity, 3 if terrain.name == "plane" else 2), (velocity, acceleration, 2)):
         sums = step * np.cumsum(0.5 * (rate[1:] + rate[:-1]), axis=0)
-        np.testing.assert_allclose((value[1:] - value[0])[..., :2], sums[..., :2], atol=5e-3)
-    drops = np.abs(np.diff(place[..., 2], axis=0)).max()
-    assert drops < 2.5 * step  # no jumps: 2.5 m/s
+        np.testing.assert_allclose((value[1:] - value[0])[..., :axes], sums[..., :axes], atol=5e-3)
+    assert np.abs(np.diff(place[..., 2], axis=0)).max() < 2.5 * step  # 2.5 m/s
 
 
 @given(x=st.floats(0.2, 1.4), start=starts, rise=rises)
@@ -358,8 +324,7 @@ def test_the_way_over_steps_is_the_lowest_that_is_not_too_steep(x, start, rise):
 @pytest.mark.parametrize("rise", [0.05, -0.05])
 @pytest.mark.parametrize("start", long_but((0.5, 0.52, 0.56, 0.58), (0.52, 0.58)))
 def test_harpy_slips_little_on_stairs_wherever_they_begin(plant, rise, start):
-    stairs = Stairs(rise=rise, depth=0.3, start=start, steps=4)
-    run = hp.walk(hp.Scenario(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=7.0, plant=plant))
+    run = walked(terrain=Stairs(rise=rise, depth=0.3, start=start, steps=4), mu_s=0.6, duration=7.0, plant=plant)
     assert run.ending == "completed"
     assert measure(run).slip_mm_per_step < 1.0
 
@@ -368,7 +333,7 @@ def test_harpy_slips_little_on_stairs_wherever_they_begin(plant, rise, start):
 def test_a_commanded_walk_keeps_off_risers_and_stops_on_stairs(rise, start):
     stairs = Stairs(rise=rise, depth=0.3, start=start, steps=10)
     gait = OnTerrain(hp.make_commanded_gait(ROBOT, [(0.0, 0.3, 0.0, 0.05), (7.0, 0.0, 0.0, 0.0)]), stairs)
-    run = hp.walk(hp.Scenario(ground=hp.Ground(terrain=stairs, mu_s=0.6), duration=11.0), gait=gait)
+    run = walked(gait, terrain=stairs, mu_s=0.6, duration=11.0)
     assert run.ending == "completed"
     assert measure(run).slip_mm_per_step < 1.0
     assert not gait.gait.walking

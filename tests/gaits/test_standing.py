@@ -8,15 +8,17 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import places
 from long import long_but
 from needs import needs_robots
-from places import places
+from same_optimum import same_optimum
+from walks import walked
 
 import harpy_pin as hp
 from comparison.studies.robots import friction_used, run_standing, stood, terms_error
 from harpy_pin.gaits.gait import own_target
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
-from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
+from harpy_pin.wbc.condensed import CondensedSolver
 from harpy_pin.wbc.condensed.condensed_solver import condensation_record
 
 FEET = ("FL_FOOT", "FR_FOOT", "HL_FOOT", "HR_FOOT")
@@ -30,16 +32,6 @@ WEIGHTS = WholeBodyWeights(posture=1e-10)
 @pytest.fixture(scope="module")
 def solo() -> hp.Robot:
     return hp.load_robot("solo12")
-
-
-def stand(gait, controller, *, friction, push=None, duration=2.0, **parameters):
-    scenario = hp.Scenario(
-        controller={"name": controller, "parameters": {**LIGHT, **parameters}},
-        ground=hp.Ground(mu_s=friction),
-        duration=duration,
-        disturbances=hp.Disturbances(pushes=() if push is None else (hp.Push(0.3, (*push, 0.0)),)),
-    )
-    return hp.walk(scenario, gait=gait)
 
 
 @needs_robots
@@ -87,33 +79,13 @@ def test_bad_input(solo, posture, more):
 @needs_robots
 def test_four_feet_optimum_is_that_of_the_whole_body_program(solo):
     """In every support from none to four feet: the same forces and torques; always inside pyramids and ranges."""
-    dynamics, rng, limits = hp.Dynamics(solo), np.random.default_rng(0), WholeBodyLimits(mu=0.4)
-    law, problem = CondensedSolver(solo, WEIGHTS, limits), make_problem("input_space", solo, WEIGHTS, limits)
-    solver = make_solver("daqp", problem.program)
-    standing = hp.Standing(solo, SOLO).initial_state()[0]
-    inputs, binding = np.empty(12), 0
-    for i in range(160):
-        q = pin.integrate(solo.model, standing, 0.1 * rng.standard_normal(18))
-        v = 0.3 * rng.standard_normal(18)
-        targets = WholeBodyTargets(solo)
-        targets.held[:] = [(i >> k) & 1 for k in range(4)]
-        targets.body[:], targets.orientation[:] = 3.0 * rng.standard_normal(3), 3.0 * rng.standard_normal(3)
-        targets.feet[:] = rng.standard_normal((4, 3))
-        targets.force_range[:] = (0.5, 60.0)
-        dynamics.update(q, v)
-        rotation = pin.Quaternion(q[3:7]).matrix()
-        torque = law.solve(dynamics, v, rotation, targets)
-        held = targets.held > 0.0
-        assert ((limits.pyramid @ law.force[held].T) >= -1e-9).all()
-        assert ((law.force[held, 2] >= 0.5 - 1e-9) & (law.force[held, 2] <= 60.0 + 1e-9)).all()
-        assert (law.force[~held] == 0.0).all()
-        problem.build(dynamics, v, rotation, targets)
-        z = solver.solve(problem.program).z
-        assert solver.solution.usable == (law.status == CondensedStatus.OPTIMAL)
-        problem.inputs(z, inputs)
-        np.testing.assert_allclose(law.force, problem.contact_force(z), rtol=0, atol=1e-4)
-        np.testing.assert_allclose(torque, inputs, rtol=0, atol=1e-4)
-        binding += bool((limits.pyramid @ law.force[held].T < 1e-6).any())
+    rng, standing = np.random.default_rng(0), hp.Standing(solo, SOLO).initial_state()[0]
+    states = [
+        (pin.integrate(solo.model, standing, 0.1 * rng.standard_normal(18)), 0.3 * rng.standard_normal(18))
+        for _ in range(160)
+    ]
+    how = {"spread": 3.0, "most": 60.0}
+    _, binding = same_optimum(solo, states, WEIGHTS, WholeBodyLimits(mu=0.4), ("input_space",), **how)
     assert binding > 35
 
 
@@ -137,7 +109,9 @@ def test_two_feet_with_thrusters_stand():
     thrusters = ("FL_SHOULDER", "FR_SHOULDER")
     bolt = hp.load_robot("bolt", thrusters=thrusters, thrust_limit=20.0)
     gait = hp.Standing(bolt, BOLT, shift=(0.0, 0.01, 0.0))
-    runs = [stand(gait, name, friction=0.4, push=(0.1, 0.2), duration=1.5) for name in ("condensed", "wbc")]
+    parts = [{"name": name, "parameters": LIGHT} for name in ("condensed", "wbc")]
+    pushes = (hp.Push(0.3, (0.1, 0.2, 0.0)),)
+    runs = [walked(gait, controller=part, mu_s=0.4, duration=1.5, pushes=pushes) for part in parts]
     assert runs[0].ending == runs[1].ending == "completed"
     np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-3)
 

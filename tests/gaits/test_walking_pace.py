@@ -11,7 +11,7 @@ import pytest
 from long import long_but
 from needs import PLANTS, needs_robots
 from scipy.optimize import brentq
-from walks import made_state, walk
+from walks import made_state, slip_per_step, walk
 
 import harpy_pin as hp
 from harpy_pin.gaits.walking.build import build_of, fastest_speed, swing_load
@@ -191,18 +191,11 @@ def test_solo12_walks_fast_at_friction_three_tenths_in_mujoco(start):
     robot = hp.load_robot("solo12")
     speed = hp.WalkingGait(robot).max_speed
     velocity = np.random.default_rng([101, start]).normal(0.0, 0.02, 3)
-    run = hp.walk(
-        hp.Scenario(
-            robot="solo12",
-            plant="mujoco",
-            gait=hp.Walking(velocity=((0.5, 0.99 * speed, 0.0, 0.0),)),
-            ground=hp.Ground(mu_s=0.3, stiffness=robot.mass * 9.81 / 2e-3),
-            disturbances=hp.Disturbances(start_velocity=(*velocity.tolist(), 0.0, 0.0, 0.0)),
-            duration=5.0,
-        )
-    )
+    gait = hp.WalkingGait(robot, velocity=((0.5, 0.99 * speed, 0.0, 0.0),))
+    start = (*velocity.tolist(), 0.0, 0.0, 0.0)
+    run = walk(gait, mu=0.3, plant="mujoco", start_velocity=start, duration=5.0)
     assert run.ending == "completed"
-    assert 1e3 * run["slip_path"][-1].sum() / run["steps"][-1] < 0.5
+    assert slip_per_step(run) < 0.5
 
 
 @needs_robots

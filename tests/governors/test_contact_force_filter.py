@@ -3,7 +3,8 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import ContactForceMap
+from forward_dynamics import ContactForceMap, constrained_dynamics
+from walks import scenario
 
 import harpy_pin as hp
 from harpy_pin.gaits import make_gait
@@ -39,20 +40,7 @@ def random_command(rng):
 
 
 def constrained(state, command, touching, damping=0.0):
-    """Forces and acceleration of Pinocchio's own constrained dynamics, thrusts and joint damping as outer forces."""
-    model, data = ROBOT.model, ROBOT.model.createData()
-    d = Dynamics(ROBOT)
-    d.update(state.q, state.v)
-    tau = np.zeros(model.nv)
-    tau[6:] = command.torque
-    tau += d.thruster_jacobian.T @ command.thrust.ravel() - np.array(model.damping) * state.v
-    rows = np.repeat(touching, 3)
-    gamma = d.foot_drift[rows] + damping * d.foot_velocity.ravel()[rows]
-    pin.computeAllTerms(model, data, state.q, state.v)
-    acceleration = pin.forwardDynamics(model, data, tau, d.foot_jacobian[rows], gamma)
-    force = np.zeros(6)
-    force[rows] = np.array(data.lambda_c)
-    return force.reshape(2, 3), np.array(acceleration)
+    return constrained_dynamics(ROBOT, state.q, state.v, command, touching, damping=damping)
 
 
 @pytest.mark.parametrize("touching", SUPPORTS)
@@ -62,8 +50,8 @@ def test_force_is_that_of_constrained_dynamics(touching):
     for _ in range(100):
         state, command = random_state(rng), random_command(rng)
         dynamics.update(state.q, state.v)
-        force = contact.update(dynamics, state.v, torque=command.torque, thrust=command.thrust, touching=touching)
-        expected, _ = constrained(state, command, np.array(touching), 30.0)
+        force = contact.update(dynamics, state.v, command, touching)
+        expected, _ = constrained(state, command, touching, 30.0)
         np.testing.assert_allclose(force, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
 
 
@@ -75,14 +63,12 @@ def test_force_is_affine_in_the_command(touching):
     for _ in range(50):
         state, command, other = random_state(rng), random_command(rng), random_command(rng)
         dynamics.update(state.q, state.v)
-        before = contact.update(
-            dynamics, state.v, torque=command.torque, thrust=command.thrust, touching=touching
-        ).copy()
+        before = contact.update(dynamics, state.v, command, touching)
         u, tau = (other.thrust - command.thrust).ravel(), other.torque - command.torque
         predicted = before.ravel() + contact.thrust_gain @ u + contact.torque_gain @ tau
         moved = contact.response @ np.concatenate((u, tau))
-        after, acceleration = constrained(state, other, np.array(touching))
-        _, first = constrained(state, command, np.array(touching))
+        after, acceleration = constrained(state, other, touching)
+        _, first = constrained(state, command, touching)
         scale = np.abs(after).max() + np.abs(before).max()
         np.testing.assert_allclose(predicted, after.ravel(), atol=1e-8 * scale)
         np.testing.assert_allclose(moved, acceleration - first, atol=1e-7 * (1.0 + np.abs(acceleration).max()))
@@ -93,8 +79,7 @@ def test_no_foot_no_force():
     state, command = random_state(rng), random_command(rng)
     dynamics, contact = Dynamics(ROBOT), ContactForceMap(ROBOT)
     dynamics.update(state.q, state.v)
-    force = contact.update(dynamics, state.v, torque=command.torque, thrust=command.thrust, touching=[False, False])
-    assert not force.any()
+    assert not contact.update(dynamics, state.v, command, [False, False]).any()
 
 
 def test_into_cone():
@@ -154,7 +139,7 @@ def test_bend_is_the_least_change():
             state.foot_force[:, 2] = support
             touching = state.foot_force[:, 2] > 1.0
             d.update(state.q, state.v)
-            before = contact.update(d, state.v, torque=command.torque, thrust=command.thrust, touching=touching).copy()
+            before = contact.update(d, state.v, command, touching)
             governor.update(state, command)
             rows = np.repeat(touching, 3)
             change = (governor.force - before).ravel()[rows]
@@ -245,17 +230,8 @@ def test_margins_of_known_errors():
 
 def walked(governor, *, friction, duration, push=0.0, period=1e-3, dt=5e-4):
     """A walk; a push is to the left, N·s, in the single support of the fifth step."""
-    pushes = (Push(3.45, (0.0, push, 0.0)),) if push else ()
-    return hp.walk(
-        hp.Scenario(
-            controller=hp.Governed(governor=governor),
-            ground=hp.Ground(mu_s=friction),
-            duration=duration,
-            disturbances=hp.Disturbances(pushes=pushes),
-            period=period,
-            dt=dt,
-        )
-    )
+    how = {"pushes": (Push(3.45, (0.0, push, 0.0)),) if push else (), "period": period, "dt": dt}
+    return hp.walk(scenario(controller=hp.Governed(governor=governor), mu_s=friction, duration=duration, **how))
 
 
 def test_applied_reference_gives_the_thrust():
@@ -276,8 +252,8 @@ def test_sticking_force_predicts_the_compliant_ground():
     predicted = np.zeros_like(run["foot_force"])
     for k in np.flatnonzero(touching.any(axis=1)):
         dynamics.update(run["q"][k], run["v"][k])
-        given = {"torque": run["torque"][k], "thrust": run["thrust"][k], "touching": touching[k]}
-        predicted[k] = contact.update(dynamics, run["v"][k], **given)
+        command = Command(run["torque"][k], run["thrust"][k])
+        predicted[k] = contact.update(dynamics, run["v"][k], command, touching[k])
     error = np.linalg.norm(predicted[:-1] - run["foot_force"][1:], axis=2)
     both, double = touching[:-1] & touching[1:], touching[:-1].all(axis=1, keepdims=True)
     changing = contact_age(touching, 1e-3)[:-1] < 0.02

@@ -3,7 +3,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from reduced_states import references, states
 from scipy.linalg import null_space
 
 import harpy_pin as hp
@@ -18,6 +17,23 @@ from reproduction.vlip_simulation import cartesian
 ALPHA = (10.0, 15.0, 20.0)
 GAINS = CentreGains(k_pt=400.0, k_dt=40.0, k_pr=300.0, k_dr=30.0)
 small = st.floats(-1.0, 1.0).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
+
+
+def states():
+    """(9,) [c; ċ; u] with a leg of ordinary length and lean."""
+    return st.builds(
+        lambda theta, phi, length, foot, rate: np.concatenate((foot + cartesian(theta, phi, length), rate, foot)),
+        st.floats(0.01, 1.2),
+        st.floats(-np.pi, np.pi),
+        st.floats(0.2, 0.9),
+        arrays(np.float64, 3, elements=st.floats(-1.0, 1.0)),
+        arrays(np.float64, 3, elements=st.floats(-1.0, 1.0)),
+    )
+
+
+def references():
+    """(6,) [c; ċ]."""
+    return arrays(np.float64, 6, elements=st.floats(-1.0, 1.0))
 
 
 def algorithm_1(h_r, h_w, jacobian, x_r, x_w, dt, literal=False):

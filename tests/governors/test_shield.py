@@ -1,8 +1,8 @@
 """The shield behind a foreign controller: what comes out is safe, near, and explained."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from forward_dynamics import constrained_dynamics
 from shield_cases import AT_ONCE, ROBOT, draw
 
 import harpy_pin as hp
@@ -11,38 +11,12 @@ from harpy_pin.model.entry import FADE, HOLD_TICKS
 MU = 0.3
 
 
-def sticking_forces(state, command):
-    """(feet, 3) forces of feet that come to rest, from Pinocchio's terms and one dense linear system."""
-    model, data = ROBOT.model, ROBOT.model.createData()
-    mass, bias = pin.crba(model, data, state.q).copy(), pin.nle(model, data, state.q, state.v).copy()
-    pin.forwardKinematics(model, data, state.q, state.v, np.zeros(12))
-    pin.computeJointJacobians(model, data, state.q)
-    pin.updateFramePlacements(model, data)
-
-    def frame(name):
-        i = model.getFrameId(name)
-        jacobian = pin.getFrameJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)[:3].copy()
-        return jacobian, pin.getFrameClassicalAcceleration(model, data, i, pin.LOCAL_WORLD_ALIGNED).linear.copy()
-
-    drive = np.concatenate((np.zeros(6), command.torque)) - bias - model.damping * state.v
-    for name, thrust in zip(ROBOT.thrusters, command.thrust, strict=True):
-        drive += frame(name)[0].T @ thrust
-    touching = [k for k in range(2) if state.foot_force[k, 2] > 1.0]
-    feet = [frame(ROBOT.feet[k]) for k in touching]
-    jacobian = np.vstack([j for j, _ in feet])
-    kappa = hp.ContactForceFilterParameters().contact_damping
-    rest = np.concatenate([-drift - kappa * j @ state.v for j, drift in feet])
-    system = np.block([[mass, -jacobian.T], [jacobian, np.zeros((len(rest), len(rest)))]])
-    force = np.full((2, 3), np.nan)
-    force[touching] = np.linalg.solve(system, np.concatenate((drive, rest)))[12:].reshape(-1, 3)
-    return force
-
-
 def margins(state, command):
-    """(feet, 2) friction margin and normal force, +inf in the air."""
-    force = sticking_forces(state, command)
+    """(feet, 2) friction margin and normal force, by Pinocchio; +inf in the air."""
+    touching, kappa = state.foot_force[:, 2] > 1.0, hp.ContactForceFilterParameters().contact_damping
+    force, _ = constrained_dynamics(ROBOT, state.q, state.v, command, touching, damping=kappa)
     result = np.column_stack((MU * force[:, 2] - np.hypot(force[:, 0], force[:, 1]), force[:, 2]))
-    return np.where(np.isnan(result), np.inf, result)
+    return np.where(touching[:, None], result, np.inf)
 
 
 def test_report_is_true_and_what_it_calls_safe_is_safe():

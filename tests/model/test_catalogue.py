@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from forward_dynamics import mass_matrix, places
 from needs import needs_robots
+from random_trees import random_state
 
 import harpy_pin as hp
 from harpy_pin.cli.app import main
@@ -27,32 +29,11 @@ REFUSED = {
     "ur_description/urdf/ur3.urdf": "it has no <robot> with links",
 }
 SRDFS = {
-    "solo8": ("solo_description/srdf/solo.srdf", "standing"),
-    "solo12": ("solo_description/srdf/solo.srdf", "standing"),
-    "bolt": ("bolt_description/srdf/bolt.srdf", "standing"),
-    "a1": ("a1_description/srdf/a1.srdf", "standing"),
-    "b1": ("b1_description/srdf/b1.srdf", "standing"),
-    "go1": ("go1_description/srdf/go1.srdf", "standing"),
-    "go2": ("go2_description/srdf/go2.srdf", "standing"),
-    "anymal_b": ("anymal_b_simple_description/srdf/anymal.srdf", "standing"),
-    "anymal_c": ("anymal_c_simple_description/srdf/anymal.srdf", "standing"),
-    "hyq": ("hyq_description/srdf/hyq.srdf", "standing"),
+    **{x: (f"{x}_description/srdf/{x}.srdf", "standing") for x in ("bolt", "a1", "b1", "go1", "go2", "hyq")},
+    **dict.fromkeys(("solo8", "solo12"), ("solo_description/srdf/solo.srdf", "standing")),
+    **{f"anymal_{x}": (f"anymal_{x}_simple_description/srdf/anymal.srdf", "standing") for x in "bc"},
     "talos": ("talos_data/srdf/talos.srdf", "half_sitting"),
 }
-
-
-def plain_model(file):
-    """Pinocchio's own model of the file."""
-    return pin.buildModelFromUrdf(str(FOLDER / file), pin.JointModelFreeFlyer())
-
-
-def random_state(model, seed):
-    """A state of a model whose joints have one number each."""
-    rng = np.random.default_rng(seed)
-    q = pin.neutral(model)
-    q[:3], q[3:7] = rng.normal(size=3), pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
-    q[7:] = rng.uniform(-3.0, 3.0, model.nq - 7)
-    return q, rng.normal(size=model.nv)
 
 
 def in_plain_terms(plain, model, q):
@@ -67,14 +48,16 @@ def in_plain_terms(plain, model, q):
 
 def terms(model, q, v):
     """Symmetric mass matrix, and bias."""
-    matrix = np.triu(pin.crba(model, model.createData(), q))
-    return matrix + np.triu(matrix, 1).T, pin.rnea(model, model.createData(), q, v, np.zeros(model.nv))
+    return mass_matrix(model, q), pin.rnea(model, model.createData(), q, v, np.zeros(model.nv))
 
 
 @needs_robots
 @pytest.mark.parametrize("file", [file for file in URDFS if file not in REFUSED])
 def test_robot_is_pinocchios(file, capfd):
-    robot, plain = hp.load_robot(FOLDER / file, feet=()), plain_model(file)
+    robot, plain = (
+        hp.load_robot(FOLDER / file, feet=()),
+        pin.buildModelFromUrdf(str(FOLDER / file), pin.JointModelFreeFlyer()),
+    )
     model = robot.model
     assert list(model.names) == list(plain.names)
     assert model.nv == plain.nv == model.nq - 1
@@ -86,7 +69,7 @@ def test_robot_is_pinocchios(file, capfd):
     np.testing.assert_array_equal(np.isfinite(robot.joint_upper), one_number)
     assert (model == plain) == all(one_number)
     for seed in range(5):
-        q, v = random_state(model, seed)
+        q, v = random_state(model, np.random.default_rng(seed))
         for ours, theirs in zip(terms(model, q, v), terms(plain, in_plain_terms(plain, model, q), v), strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-9 * (1.0 + np.abs(theirs).max()))
 
@@ -112,12 +95,10 @@ def test_catalogue_stands(name):
     q, v = hp.Standing(robot).initial_state()
     np.testing.assert_array_equal(q[7:], robot.posture)
     assert not v.any()
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    feet = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
+    feet = places(robot, q)
     assert feet[:, 2].min() == pytest.approx(0.0, abs=1e-12)
     assert np.ptp(feet[:, 2]) <= (3e-4 if robot.flat_feet else 1e-5)  # Standing allows 2e-3
-    centre = pin.centerOfMass(robot.model, data, q)
+    centre = pin.centerOfMass(robot.model, robot.model.createData(), q)
     if len(feet) == 4:
         assert (feet[:, :2].min(axis=0) < centre[:2]).all()
         assert (feet[:, :2].max(axis=0) > centre[:2]).all()
@@ -147,8 +128,7 @@ def test_icub_stands_on_level_soles_with_its_centre_of_mass_above_their_middle()
     assert sorted(robot.joints[j] for j in different) == sorted(sagittal)
     q = np.concatenate((np.zeros(6), [1.0], robot.posture))
     centre = pin.centerOfMass(model, data, q)
-    pin.updateFramePlacements(model, data)
-    corners = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
+    corners = places(robot, q)
     assert np.ptp(corners[:, 2]) < 1e-3
     assert abs(centre[0] - corners[:, 0].mean()) < 0.01
 

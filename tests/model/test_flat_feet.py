@@ -53,20 +53,10 @@ LIMITS = WholeBodyLimits(mu=0.5, friction_share=1.0, faces=4)
 MU = LIMITS.mu * LIMITS.inscribed
 
 
-def test_corner_forces_in_their_cones_make_wrenches_in_the_closed_form():
-    rng = np.random.default_rng(0)
-    for _ in range(2000):
-        forces = rng.uniform(-1.0, 1.0, (4, 3)) * (MU, MU, 1.0)
-        forces[:, 2] = rng.exponential(1.0, 4) * (rng.random(4) < 0.7)
-        forces[:, :2] *= forces[:, 2:]
-        assert (LIMITS.pyramid @ forces.T >= -1e-12).all()
-        assert (margins(wrench(forces), MU) >= -1e-12 * (1.0 + forces[:, 2].sum())).all()
-
-
 def test_wrenches_in_the_closed_form_are_made_by_corner_forces_and_others_are_not():
     rng = np.random.default_rng(1)
     inside = outside = 0
-    for _ in range(600):
+    for _ in range(200):
         w = np.array([MU, MU, 1.0, Y, X, MU * (X + Y)]) * rng.uniform(-1.2, 1.2, 6)
         w[2] = 1.0
         margin = margins(w, MU).min()
@@ -78,8 +68,7 @@ def test_wrenches_in_the_closed_form_are_made_by_corner_forces_and_others_are_no
             np.testing.assert_allclose(wrench(forces), w, atol=1e-9)
         inside += margin > 0.0
         outside += margin < 0.0
-    assert inside > 50
-    assert outside > 50
+    assert min(inside, outside) > 15
 
 
 @pytest.mark.parametrize("corners", [3, 4, 6])

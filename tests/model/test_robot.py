@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import harpy_pin as hp
-from harpy_pin import InputError, RobotError
+from harpy_pin import RobotError
 
 JOINTS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip_frontal", "hip_sagittal", "knee"))
 angle = st.floats(-np.pi, np.pi)
@@ -178,31 +178,6 @@ def test_left_and_right_have_the_same_limits(robot):
     np.testing.assert_array_equal(robot.torque_limit[:3], robot.torque_limit[3:])
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        b"",
-        b"   \n",
-        b"not xml at all",
-        b"<robot/>",
-        b"<robot name='a'></robot>",
-        b"<html><link/></html>",
-        b"<?xml version='1.0'?>",
-        b"\x00\x01\x02\xff\xfe",
-        bytes(range(256)) * 8,
-        b"<?xml version='1.0' encoding='no-such-code'?><robot name='a'><link name='b'/></robot>",
-        b"<?xml version='1.0' encoding='gbk'?><robot name='a'><link name='b'/></robot>",
-    ],
-    ids=lambda content: repr(content[:30]),
-)
-def test_not_a_urdf(tmp_path, content):
-    path = tmp_path / "bad.urdf"
-    path.write_bytes(content)
-    with pytest.raises(RobotError, match=r"bad\.urdf") as caught:
-        hp.load_harpy(path)
-    assert caught.value.path == path
-
-
 def test_truncations_are_refused_in_silence(robot, tmp_path, capfd):
     content = robot.urdf.read_bytes()
     path = tmp_path / "cut.urdf"
@@ -215,9 +190,3 @@ def test_truncations_are_refused_in_silence(robot, tmp_path, capfd):
     printed = capfd.readouterr()
     assert printed.out == ""
     assert printed.err == ""
-
-
-@pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
-def test_thrust_limit_must_be_positive(robot, limit):
-    with pytest.raises(InputError, match="thrust_limit"):
-        hp.load_robot(robot.urdf, feet=robot.feet, thrust_limit=limit)

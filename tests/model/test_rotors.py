@@ -5,16 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import generalised_force
+from forward_dynamics import generalised_force, places
 from needs import needs_robots
 from pages import content_of
-from places import places
+from same_optimum import same_optimum
+from walks import walked
 
 import harpy_pin as hp
 from harpy_pin.controllers.tasks import MAX_LEAN, lean, limit_push
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.view import figures_of, replay_html
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
 ROTORS, ARM, DRAG, LIMIT = 6, 0.25, 0.016, (0.1, 8.0)
@@ -118,39 +119,6 @@ def test_what_a_rotor_cannot_do_is_projected_and_counted(mixed, draw_state):
         assert simulator.counts[2] == counted
 
 
-def agree(robot, states, weights, limits, formulations, spread):
-    """The condensed solver beside quadratic programs at random targets; returns how often thrusts were at a limit."""
-    dynamics, rng = hp.Dynamics(robot), np.random.default_rng(0)
-    law = CondensedSolver(robot, weights, limits)
-    problems = [make_problem(name, robot, weights, limits) for name in formulations]
-    solvers = [make_solver("daqp", problem.program) for problem in problems]
-    inputs = np.empty(robot.n_thrust + len(robot.joints))
-    saturated = 0
-    for i, (q, v) in enumerate(states):
-        targets = WholeBodyTargets(robot)
-        targets.held[:] = [(i >> k) & 1 for k in range(len(robot.feet))]
-        targets.body[:] = spread * rng.standard_normal(3)
-        targets.orientation[:] = spread * rng.standard_normal(3)
-        targets.feet[:] = rng.standard_normal(targets.feet.shape)
-        targets.force_range[:] = (0.5, 300.0)
-        dynamics.update(q, v)
-        rotation = pin.Quaternion(q[3:7]).matrix()
-        found = law.solve(dynamics, v, rotation, targets)
-        for problem, solver in zip(problems, solvers, strict=True):
-            problem.build(dynamics, v, rotation, targets)
-            assert solver.solve(problem.program).usable
-            problem.inputs(solver.solution.z, inputs)
-            np.testing.assert_allclose(found, inputs, rtol=0, atol=1e-4)
-            np.testing.assert_allclose(law.force, problem.contact_force(solver.solution.z), rtol=0, atol=1e-4)
-        low, high = np.array([rotor.limit for rotor in robot.rotors]).T
-        thrust = found[robot.n_thrust - len(robot.rotors) : robot.n_thrust]
-        assert ((thrust >= low) & (thrust <= high)).all()
-        assert CondensedStatus.SUBOPTIMAL not in law.status
-        saturated += bool(((thrust == low) | (thrust == high)).any())
-        assert CondensedStatus.THRUST_LIMITED in law.status or not ((thrust == low) | (thrust == high)).any()
-    return saturated
-
-
 @pytest.mark.long
 def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot):
     rng = np.random.default_rng(5)
@@ -160,7 +128,8 @@ def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot):
         for _ in range(80)
     ]
     limits = WholeBodyLimits(mu=0.5, give_way=1.0)  # a program built once does not let tasks give way
-    saturated = agree(mixed, states, WholeBodyWeights(posture=1e-10), limits, ("input_space",), 4.0)
+    weights = WholeBodyWeights(posture=1e-10)
+    saturated, _ = same_optimum(mixed, states, weights, limits, ("input_space",), spread=4.0, most=300.0)
     assert 20 <= saturated < 80
 
 
@@ -168,7 +137,8 @@ def test_law_is_the_program_in_the_air(flyer):
     rng = np.random.default_rng(6)
     neutral = pin.neutral(flyer.model)
     states = [(pin.integrate(flyer.model, neutral, rng.standard_normal(6)), rng.standard_normal(6)) for _ in range(60)]
-    saturated = agree(flyer, states, WholeBodyWeights(), WholeBodyLimits(), ("input_space", "full"), 8.0)
+    how = {"spread": 8.0, "most": 300.0}
+    saturated, _ = same_optimum(flyer, states, WholeBodyWeights(), WholeBodyLimits(), ("input_space", "full"), **how)
     assert 10 <= saturated <= 60
 
 
@@ -201,9 +171,7 @@ def test_a_push_is_answered(flyer, controller, tmp_path):
     """An impulse that gives 1 m/s sideways: back within 5 cm, thrusts within limits, balanced at the end."""
     gait = hp.Hovering(flyer, height=1.2)
     push = hp.Push(0.5, (0.6 * MASS, -0.8 * MASS, 0.0))
-    run = hp.walk(
-        hp.Scenario(controller=controller, duration=5.0, disturbances=hp.Disturbances(pushes=(push,))), gait=gait
-    )
+    run = walked(gait, controller=controller, duration=5.0, pushes=(push,))
     assert run.ending == "completed"
     assert run.metadata["thrusts_projected"] == 0
     away = np.linalg.norm(run["q"][:, :3] - (0.0, 0.0, 1.2), axis=1)
@@ -239,12 +207,10 @@ def test_a_push_is_answered(flyer, controller, tmp_path):
 def test_mujoco_flies_alike(flyer):
     pytest.importorskip("mujoco")
     gait = hp.Hovering(flyer, shift=(0.1, 0.05, 0.1))
-    runs = [hp.walk(hp.Scenario(controller="condensed", duration=0.5, plant=plant), gait=gait) for plant in PLANTS]
+    how = {"controller": "condensed", "duration": 0.5}
+    runs = [hp.walk(hp.Scenario(plant=plant, **how), gait=gait) for plant in ("compliant", "mujoco")]
     np.testing.assert_allclose(runs[0]["q"][-1], runs[1]["q"][-1], atol=2e-4)
     assert np.abs(runs[0]["q"][-1, :3] - (0.0, 0.0, 1.0)).max() > 0.01
-
-
-PLANTS = ("compliant", "mujoco")
 
 
 def test_a_lean_points_the_thrust_where_it_is_asked_for():

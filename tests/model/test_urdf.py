@@ -128,6 +128,22 @@ def test_is_refused_in_one_line(tmp_path, capfd, text, says):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize(
+    "content",
+    [
+        *(b"", b"   \n", b"not xml at all", b"<robot/>", b"<robot name='a'></robot>", b"<html><link/></html>"),
+        *(b"<?xml version='1.0'?>", b"\x00\x01\x02\xff\xfe", bytes(range(256)) * 8),
+        *(b"<?xml version='1.0' encoding='%s'?><robot name='a'><link name='b'/></robot>" % e for e in (b"no", b"gbk")),
+    ],
+    ids=lambda content: repr(content[:50]),
+)
+def test_what_is_no_urdf_is_refused(tmp_path, content):
+    path = tmp_path / "bad.urdf"
+    path.write_bytes(content)
+    with pytest.raises(RobotError, match=r"bad\.urdf"):
+        load_harpy(path)
+
+
 def test_what_is_no_file_is_refused(tmp_path):
     for path in (Path("/dev/zero"), tmp_path, tmp_path / "nowhere.urdf"):
         with pytest.raises(RobotError, match="no URDF") as caught:

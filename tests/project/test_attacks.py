@@ -1,6 +1,5 @@
 """Attacks on what is public, in one table: each is refused by an error of ours, or changes nothing."""
 
-import math
 import pickle
 import re
 import sys
@@ -10,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from needs import needs_robots
+from walks import states_of
 
 import harpy_pin as hp
 from harpy_pin.contrib import flight
@@ -17,7 +17,6 @@ from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.flight import flying_gait
 from harpy_pin.contrib.gym.batched_env import BatchedEnv
 from harpy_pin.contrib.shield_batch import ShieldBatch
-from harpy_pin.ground.terrain import HeightField
 
 ROBOT = hp.load_harpy()
 FEET, JOINTS = len(ROBOT.feet), len(ROBOT.joints)
@@ -54,9 +53,7 @@ def together(work, count=3):
 def test_a_tick_waits_for_that_of_another_thread(controller):
     """Of a controller whose gait is Python in its first ticks, and with another solver in all."""
     scenario = hp.Scenario(controller=controller, gait={"name": "commanded", "velocity": "0.3 0 0"}, duration=0.3)
-    run = hp.walk(scenario)
-    names = ("q", "v", "foot_position", "foot_velocity", "foot_force")
-    states = [hp.State(float(t), *(run[name][i] for name in names)) for i, t in enumerate(run["t"])]
+    states = states_of(hp.walk(scenario))
     for _ in range(5):
         made = hp.build(scenario).controller
 
@@ -65,6 +62,17 @@ def test_a_tick_waits_for_that_of_another_thread(controller):
                 assert np.isfinite(made.step(states[(7 * i + 100 * number) % len(states)]).torque).all()
 
         assert together(work) == []
+
+
+def test_one_gait_in_two_threads():
+    gait, states = hp.make_gait(ROBOT), states_of(hp.walk(hp.Scenario(duration=1.5)))[::20]
+
+    def commands(own, offset):
+        controller = hp.make_controller("governed", own, mu=0.25, governor="none")
+        return [controller.step(state).torque.copy() for state in states[offset:]]
+
+    expected = [commands(hp.make_gait(ROBOT), offset) for offset in (0, 1)]
+    assert together(lambda offset: np.testing.assert_array_equal(commands(gait, offset), expected[offset]), 2) == []
 
 
 def test_a_batch_is_stepped_by_one_thread_at_a_time():
@@ -207,14 +215,6 @@ def test_a_run_without_ticks_is_a_table_without_rows(tmp_path):
         made.to_csv(tmp_path / f"{len(made)}.csv")
     head = (tmp_path / "10.csv").read_text().splitlines()[0]
     assert (tmp_path / "0.csv").read_text().splitlines() == [head]
-
-
-@pytest.mark.parametrize(
-    "height", [10**400, [[10**400, 0], [0, 0]], [[math.inf, 0], [0, 0]]], ids=["number", "row", "inf"]
-)
-def test_heights_beyond_every_number(height):
-    with pytest.raises(hp.InputError, match="height"):
-        HeightField(heights=height)
 
 
 @needs_robots

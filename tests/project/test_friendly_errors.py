@@ -36,11 +36,6 @@ def test_a_controller_where_its_maker_is_expected(walk: Callable[..., object]) -
     refused(lambda: walk(hp.Scenario(), controller=Failing()), made)
 
 
-def test_a_failing_controller_says_with_what() -> None:
-    with pytest.raises(hp.ControlError, match="controller failed: KeyError: 'swing'"):
-        hp.walk(hp.Scenario(), controller=Failing)
-
-
 @needs_robots
 def test_parts_that_a_robot_has_not() -> None:
     refused(lambda: hp.Scenario(robot="solo8", gait="walking"), "'solo8' has a leg of fewer than three joints")

@@ -36,18 +36,11 @@ def test_hostile_mappings(fuzz):
 @pytest.mark.parametrize(
     ("data", "says"),
     [
-        ({"duration": 1e300}, "duration"),
         ({"duration": 1e-320, "period": 1e-300}, "period"),
-        ({"duration": 10**400}, "duration"),
-        ({"duration": "1"}, "duration"),
         ({"urdf": [1]}, "urdf"),
-        ({"urdf": 5}, "urdf"),
-        ({"robot": -1}, "robot"),
         ({"robot": [1]}, "robot"),
-        ({"disturbances": 5}, "disturbances"),
         ({"disturbances": {"start_velocity": [[1, 2], 3]}}, "start_velocity"),
         ({"disturbances": {"start_velocity": [10**400] * 6}}, "start_velocity"),
-        ({"disturbances": {"seed": 1.5}}, "seed"),
         ({"gait": {"name": "commanded", "velocity": [10**400, 0, 0]}}, "velocity"),
         *(
             ({"robot": "go2", "gait": {"name": "walking", "velocity": velocity}}, "row of the velocity")

@@ -2,8 +2,10 @@
 
 import copy
 import pickle
+import re
 import warnings
 from contextlib import suppress
+from itertools import product
 
 import numpy as np
 import pytest
@@ -115,9 +117,39 @@ def test_a_copy_goes_on_like_the_original_and_without_it(name, way):
         copied = made
 
 
-@pytest.mark.parametrize(
-    "name", [name for name in CASES if "governed" in name or "Controller" in name or "Filter" in name]
-)
+@pytest.mark.parametrize("way", COPIES)
+@pytest.mark.parametrize("name", CASES)
+def test_arrays_of_a_copy_are_its_own_and_views_of_each_other_where_the_originals_are(name, way):
+    make, use = CASES[name]
+    made = make()
+    use(made)
+    copied = COPIES[way](made)
+    ours, theirs = (
+        [(f"{type(holder).__name__}.{array}", getattr(holder, array)) for holder, array in public_arrays(each)]
+        for each in (made, copied)
+    )
+
+    def shared(these, those):
+        return sorted((a, b) for (a, one), (b, other) in product(these, those) if np.may_share_memory(one, other))
+
+    assert shared(theirs, theirs) == shared(ours, ours)
+    assert shared(ours, theirs) == []
+
+
+CONTROLLERS = [name for name in CASES if re.search(r"^(governed|condensed|wbc|estimating)|Controller|Filter$", name)]
+
+
+@pytest.mark.parametrize("name", [*CONTROLLERS, "Shield", "ShieldBatch", "CondensedBatch", "Sensors"])
+def test_what_is_reset_is_new(name):
+    make, use = CASES[name]
+    made = make()
+    use(made)
+    made.reset()
+    for answer, wanted in zip(use(made), use(make()), strict=True):
+        np.testing.assert_array_equal(answer, wanted)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
 def test_samples_from_a_pickle_are_samples(name, monkeypatch):
     """Their arrays have a type that is equal to float64 and another object."""
     make, use = CASES[name]

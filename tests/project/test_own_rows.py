@@ -1,12 +1,10 @@
 """Rows of one's own that a governor cannot hold, and other use that only looks right."""
 
 import itertools
-import sys
-import threading
 
 import numpy as np
 import pytest
-from guarded_walks import X_R, Row, X, controller_of, copy, equal, governor_of
+from guarded_walks import X_R, Row, X, controller_of, equal, governor_of
 
 import harpy_pin as hp
 from harpy_pin.controllers.named_controllers import make_controller, make_governor
@@ -123,32 +121,6 @@ def test_one_gait_serves_two_controllers(names, gait, states):
         second.step(later)
         gait.update(later.t + 0.1)
         assert equal(first.step(now), alone.step(now))
-
-
-def test_one_gait_in_two_threads(gait, states):
-    expected = {}
-    for offset in (0, 1):
-        controller = controller_of("none", hp.make_gait(gait.robot))
-        expected[offset] = [copy(controller.step(s)) for s in states[offset:]]
-    found = {0: [], 1: []}
-
-    def work(offset):
-        controller = controller_of("none", gait)
-        for state in states[offset:]:
-            found[offset].append(copy(controller.step(state)))
-
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    try:
-        threads = [threading.Thread(target=work, args=(offset,)) for offset in (0, 1)]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
-    finally:
-        sys.setswitchinterval(interval)
-    for offset, commands in expected.items():
-        assert all(equal(a, b) for a, b in zip(commands, found[offset], strict=True))
 
 
 def test_a_gait_of_ones_own_is_used_as_it_is(robot):

@@ -9,7 +9,10 @@ import pytest
 import harpy_pin as hp
 from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.power import Motors
+from harpy_pin.contrib.thrusters import SecondOrderThrusters
 from harpy_pin.controllers import GovernedParameters, JointGains, WholeBodyParameters
+from harpy_pin.controllers.parameters import FeedforwardGains
+from harpy_pin.estimation import EstimatorSettings
 from harpy_pin.governors import ContactForceFilterParameters, ForceRows
 from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 from harpy_pin.ground import HeightField, Plane, Ramp, Rough, Stairs
@@ -40,12 +43,18 @@ BAD = {
         **{"mu_v": (math.inf, -1.0), "stribeck_velocity": (0.0,), "cone": ("square", None, ["circular"])},
         **{"slope": (2.0, "steep"), "friction_strips": STRIPS, "stiffness_strips": STRIPS},
     },
-    partial(hp.Ground, mu_s=0.2): {"mu_c": (0.3,)},
+    partial(hp.Ground, mu_s=0.2): {"mu_c": (0.3,), "friction_strips": (((0.6, 1.2, 10.1),),)},
+    partial(hp.load_robot, ROBOT.urdf, feet=ROBOT.feet): {"thrust_limit": (0.0, -1.0, math.nan)},
     Plane: {"slope": (math.nan,)},
     Stairs: {"steps": (33,), "depth": (0.0,)},
     Ramp: {"length": (0.0,)},
     Rough: {"seed": (-1,)},
-    HeightField: {"heights": (((1.0,),), ((0.0, 1.0), (2.0,)), ((0.0, math.inf), (0.0, 0.0)))},
+    HeightField: {
+        "heights": (((1.0,),), ((0.0, 1.0), (2.0,)), ((0.0, math.inf), (0.0, 0.0)), 10**400, [[10**400, 0], [0, 0]])
+    },
+    partial(hp.model.LegGeometry, hip=(0.0, 0.1, 0.0), offset=0.05, upper=0.3, lower=0.3): {
+        **{"upper": (0.0, -0.3, math.nan), "lower": (0.0,)}
+    },
     ROBOT.with_joints: dict.fromkeys(
         ("armature", "damping", "friction"), (-0.1, math.nan, math.inf, [0.1, 0.2], "stiff", [[0.1] * 6])
     ),
@@ -60,7 +69,17 @@ BAD = {
         **{"bandwidth": (0.0,), "torque_share": (-1.0,), "coulomb_friction": (-0.1,), "viscous_friction": (math.nan,)},
         **{"thrusters": ({"lag": -1.0}, {"lags": 0.1}, 0.1), "stall_share": (0.5,)},
     },
-    hp.Thrusters: {"lag": (-1.0, math.nan), "rate": (0.0,), "least": (-1.0,), "turning_lag": (math.inf,)},
+    hp.Thrusters: {
+        **{"lag": (-1.0, math.nan), "rate": (0.0,), "least": (-1.0,), "turning_lag": (math.inf,)},
+        "failing": ((0, 1.0), (-1, 1.0, 0.5), (0, -1.0, 0.5), (0, 1.0, 1.5), "soon"),
+    },
+    SecondOrderThrusters: {"lag": (0.0,), "damping_ratio": (0.0,)},
+    hp.Disturbances: {"mass_error": (-1.0,), "delay": (-1e-3,), "seed": (-1, 0.5, True)},
+    hp.Scenario: {"duration": (0.0, "1", 10**400), "dt": (math.nan,), "period": (0.0,)},
+    hp.Governed: {"mu": (-0.1,)},
+    hp.Straight: {"speed": (math.inf,), "stiffness": (0.0,)},
+    EstimatorSettings: {"height_noise": (-1.0,)},
+    hp.Imu: {"orientation": ((0.0, 1.0),), "gyroscope_density": (-1.0,)},
     partial(hp.Thrusters, least=5.0): {"largest": (4.0,)},
     SoftContact: {"solref": ((-1.0, 1.0),), "cone": ("disc",), "impratio": (0.0,)},
     hp.Mujoco: {"foot_radius": (-1.0,)},
@@ -93,7 +112,8 @@ BAD = {
     CentreGains: {"k_pt": (-1.0,), "k_dt": ((1.0, 2.0),), "k_pr": (math.nan,), "k_dr": (-0.1,)},
     AttitudeGains: {"k_p": (-1.0,)},
     JointGains: {"k_p": ((1.0, -1.0, 1.0),)},
-    GovernedParameters: {"period": (0.0,)},
+    GovernedParameters: {"period": (0.0,), "legs": ("stiff",)},
+    FeedforwardGains: {"swing_p": ((-1.0, 0.0, 0.0),)},
     WholeBodyWeights: {"body": (-1.0, 1e7), "thrust": (0.0,)},
     WholeBodyLimits: {
         **{"mu": (-0.1, 1e300, 10.1), "faces": (2, 4.5, 65), "friction_share": (0.0,), "lateral_thrust": (0.9,)},
@@ -102,13 +122,14 @@ BAD = {
     WholeBodyParameters: {
         **{"solver": ("gurobi",), "formulation": ("sparse",), "swing": ((1e7, 1.0),), "contact_damping": (1e7,)},
         **{"min_normal_force": (1e7,), "max_normal_force": (1e7, 10.0), "contact_threshold": (1e7,)},
-        **{"hold_ticks": (10_000,), "body": ((1.0, -2.0),)},
+        **{"hold_ticks": (10_000,), "body": ((1.0, -2.0),), "thrust_lag": (-0.1, math.nan, 1e9)},
         **dict.fromkeys(("joint_stiffness", "joint_damping", "joint_leak"), (math.nan, math.inf, -1.0, "stiff", 1e9)),
     },
 }
 """By class and argument, values that each of them refuses."""
 WORDS = {"friction_strips": "strip", "stiffness_strips": "strip", "limit": "limit|thrust_of_rotor", "scale": "noise"}
-WORDS |= {"min_normal_force": "normal_force", "name": "governor"}
+WORDS |= {"min_normal_force": "normal_force", "name": "governor", "legs": "leg_control_law", "heights": "height"}
+WORDS |= dict.fromkeys(("upper", "lower"), "link")
 """What a message says instead of an argument."""
 
 

@@ -11,9 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_robots
+from walks import assert_same, scenario, started
 
 import harpy_pin as hp
 from harpy_pin.controllers import CONTROLLERS, GOVERNORS, GovernedParameters, WholeBodyParameters
+from harpy_pin.ground import HeightField, Plane, Ramp, Rough, Stairs
 from harpy_pin.model.robot import heavier
 
 EVERYTHING = hp.Scenario(
@@ -30,15 +32,19 @@ EVERYTHING = hp.Scenario(
         pushes=(hp.Push(0.1, (0.0, 1.0, 0.0)), hp.Push(0.2, (0.5, 0.0, 0.0), 0.05)),
         noise=hp.Noise.typical(0.2),
         delay=1e-3,
+        actuators=hp.Actuators(bandwidth=100.0, coulomb_friction=0.1, thrusters={"lag": 0.05}),
         seed=7,
     ),
     ground=hp.Ground(mu_s=0.7, stiffness=9000.0, cone="per_axis", friction_strips=((0.05, 0.4, 0.1),)),
     duration=0.4,
 )
 """A walk with something of everything."""
+WAVES = HeightField(heights=((0.0, 0.1), (0.0, -0.1), (0.2, 0.0)), resolution=0.2, corner=(-0.3, 0.4))
+PLANTS = (hp.Mujoco("default"), hp.Mujoco("menagerie", foot_radius=0.02))
 
 positive = st.floats(1e-3, 1e3)
 small = st.floats(0.0, 2.0)
+terrains = st.sampled_from((None, Plane(slope=0.1, heading=0.7), Ramp(), Stairs(), Rough(seed=3), WAVES))
 
 
 def noises():
@@ -77,7 +83,11 @@ def scenarios(draw):
     controller = draw(controllers())
     period = draw(st.sampled_from((1e-3, 2e-3, 5e-4)))
     mu = draw(small)
+    strips = draw(
+        st.sampled_from(({}, {"stiffness_strips": ((0.5, 1.0, 2e3),), "friction_strips": ((0.5, 1.0, 0.2),)}))
+    )
     disturbances = hp.Disturbances(
+        actuators=draw(st.sampled_from((hp.Actuators(), EVERYTHING.disturbances.actuators))),
         pushes=draw(st.lists(st.builds(hp.Push, small, st.tuples(small, small, small), positive), max_size=3)),
         noise=draw(noises()),
         delay=period * draw(st.integers(0, 9)),
@@ -89,7 +99,9 @@ def scenarios(draw):
         gait=draw(gaits(turning=controller.name != "governed")),
         controller=controller,
         plant=draw(st.sampled_from(("compliant", "mujoco", hp.Mujoco("stiff")))),
-        ground=hp.Ground(mu_s=mu, mu_c=draw(st.floats(0.0, mu)), stiffness=draw(positive)),
+        ground=hp.Ground(
+            mu_s=mu, mu_c=draw(st.floats(0.0, mu)), stiffness=draw(positive), terrain=draw(terrains), **strips
+        ),
         disturbances=disturbances,
         duration=draw(st.floats(2.5, 100.0)),
         period=period,
@@ -98,6 +110,7 @@ def scenarios(draw):
 
 
 @given(scenarios())
+@settings(max_examples=60)
 def test_what_is_written_down_is_what_is_read(scenario):
     data = scenario.to_dict()
     read = hp.Scenario.from_dict(json.loads(json.dumps(data)))
@@ -108,7 +121,7 @@ def test_what_is_written_down_is_what_is_read(scenario):
 
 
 @given(st.data())
-@settings(max_examples=50)
+@settings(max_examples=20)
 def test_every_part_is_written_down(data):
     """Two scenarios that differ in one attribute have different dictionaries."""
     a, b = data.draw(scenarios()), data.draw(scenarios())
@@ -117,33 +130,25 @@ def test_every_part_is_written_down(data):
         assert (one.to_dict() == other.to_dict()) == (one == other)
 
 
-def same(run, other):
-    assert run.signals.keys() == other.signals.keys()
-    for name in run.signals.keys() - {"tick_ns"}:
-        np.testing.assert_array_equal(run[name], other[name], err_msg=name)
-
-
 @pytest.mark.parametrize(
-    "scenario",
+    "given",
     [
         EVERYTHING,
         hp.Scenario(duration=0.3),
         hp.Scenario(controller=hp.Governed(governor="none"), duration=0.3),
-        hp.Scenario(
-            controller=hp.WholeBody(parameters={"solver": "daqp"}),
-            duration=0.3,
-            disturbances=hp.Disturbances(noise=hp.Noise.typical(0.5)),
-        ),
+        scenario(controller=hp.WholeBody(parameters={"solver": "daqp"}), duration=0.3, noise=hp.Noise.typical(0.5)),
+        *(hp.Scenario(plant=plant, duration=0.05) for plant in PLANTS),
+        replace(EVERYTHING, plant=hp.Mujoco("stiff"), ground=hp.Ground(mu_s=0.6)),
     ],
-    ids=["everything", "condensed", "ungoverned", "wbc"],
+    ids=lambda given: f"{given.controller.name} {given.plant.name}",
 )
-def test_a_run_is_walked_again_from_its_file(scenario, tmp_path):
-    run = hp.walk(scenario)
+def test_a_run_is_walked_again_from_its_file(given, tmp_path):
+    run = hp.walk(given)
     run.save(tmp_path / "run.npz")
     loaded = hp.Run.load(tmp_path / "run.npz")
-    assert hp.Scenario.of(loaded) == scenario
+    assert hp.Scenario.of(loaded) == given
     again = hp.walk(hp.Scenario.of(loaded))
-    same(again, run)
+    assert_same(again, run)
     assert again.metadata == run.metadata
 
 
@@ -156,20 +161,12 @@ def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
     controller = hp.make_controller(name, gait, mu=0.3, governor=governor, **parameters)
     part = {"name": name, "mu": 0.3}
     part |= {"governor": governor, "limits": True} if name == "governed" else {"parameters": parameters}
-    simulator = hp.Simulator(robot, hp.Ground(mu_s=0.4))
-    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
     pushes = [hp.Push(0.05, (0.0, 1.0, 0.0))]
-    by_hand = simulator.run(controller, 0.2, pushes=pushes)
-    scenario = hp.Scenario(
-        controller=part,
-        gait=hp.Straight(speed=0.2),
-        ground=hp.Ground(mu_s=0.4),
-        disturbances=hp.Disturbances(pushes=pushes),
-        duration=0.2,
-    )
-    run = hp.walk(scenario, metadata={"note": "mine"})
-    same(run, by_hand)
-    expected = {**by_hand.metadata, "note": "mine", "scenario": scenario.to_dict()}
+    by_hand = started(hp.Simulator(robot, hp.Ground(mu_s=0.4)), gait).run(controller, 0.2, pushes=pushes)
+    asked = scenario(controller=part, gait=hp.Straight(speed=0.2), mu_s=0.4, pushes=pushes, duration=0.2)
+    run = hp.walk(asked, metadata={"note": "mine"})
+    assert_same(run, by_hand)
+    expected = {**by_hand.metadata, "note": "mine", "scenario": asked.to_dict()}
     assert json.dumps(run.metadata, sort_keys=True) == json.dumps(expected, sort_keys=True)
 
 
@@ -199,7 +196,7 @@ def test_a_heavier_body(robot):
     expected = np.zeros_like(before)
     expected[:6, :6] = 0.3 * robot.model.inertias[1].matrix()
     np.testing.assert_allclose(np.triu(after - before), np.triu(expected), atol=1e-12)
-    built = hp.build(hp.Scenario(disturbances=hp.Disturbances(mass_error=0.3)))
+    built = hp.build(scenario(mass_error=0.3))
     body = robot.model.inertias[1].mass
     assert built.gait.robot.mass == built.controller.robot.mass == robot.mass
     assert built.simulator.robot.mass == pytest.approx(robot.mass + 0.3 * body)
@@ -207,10 +204,8 @@ def test_a_heavier_body(robot):
 
 
 def test_the_start_is_moved_by_what_was_asked_for():
-    plain, moved = (
-        hp.build(hp.Scenario(disturbances=hp.Disturbances(start_velocity=v))).simulator
-        for v in ((0,) * 6, (0.1, -0.2, 0, 0, 0.3, 0))
-    )
+    moves = ((0,) * 6, (0.1, -0.2, 0, 0, 0.3, 0))
+    plain, moved = (hp.build(scenario(start_velocity=v)).simulator for v in moves)
     np.testing.assert_array_equal(moved.q, plain.q)
     np.testing.assert_allclose(moved.v - plain.v, [0.1, -0.2, 0, 0, 0.3, 0, *[0] * 6], atol=1e-15)
 
@@ -224,20 +219,12 @@ def test_the_controller_believes_in_its_own_friction():
 
 def test_parameters_reach_the_controller():
     changes = {"solver": "daqp", "weights": {"swing": 0.5}, "limits": {"faces": 4}, "body": [30.0, 12.0]}
-    wbc = hp.build(
-        hp.Scenario(controller=hp.WholeBody(parameters=changes), ground=hp.Ground(mu_s=0.6))
-    ).controller.parameters
+    wbc = hp.build(scenario(controller=hp.WholeBody(parameters=changes), mu_s=0.6)).controller.parameters
     default = WholeBodyParameters()
-    assert wbc == replace(
-        default,
-        solver="daqp",
-        body=(30.0, 12.0),
-        weights=replace(default.weights, swing=0.5),
-        limits=replace(default.limits, faces=4, mu=0.6),
-    )
-    governed = hp.build(
-        hp.Scenario(controller=hp.Governed(parameters={"centre": {"k_pt": 300.0}}, limits=True))
-    ).controller
+    weights, limits = replace(default.weights, swing=0.5), replace(default.limits, faces=4, mu=0.6)
+    assert wbc == replace(default, solver="daqp", body=(30.0, 12.0), weights=weights, limits=limits)
+    part = hp.Governed(parameters={"centre": {"k_pt": 300.0}}, limits=True)
+    governed = hp.build(hp.Scenario(controller=part)).controller
     default = GovernedParameters(limits=True)
     assert governed.parameters == replace(default, centre=replace(default.centre, k_pt=300.0))
     # The governor stands in front of the law with the changed gains, as its rows know.
@@ -260,24 +247,22 @@ class Slow(Still):
 
 def test_parts_of_ones_own(robot, tmp_path):
     gait = hp.make_gait(robot, speed=0.1)
-    scenario = hp.Scenario(duration=0.02)
-    run = hp.walk(scenario, gait=gait, controller=Still)
+    short = hp.Scenario(duration=0.02)
+    run = hp.walk(short, gait=gait, controller=Still)
     assert run.metadata["controller"] == "Still"
     assert np.all(run["torque"] == 0.0)
     run.save(tmp_path / "own.npz")
     with pytest.raises(hp.InputError, match="its own gait and controller"):
         hp.Scenario.of(hp.Run.load(tmp_path / "own.npz"))
-    assert hp.build(scenario, controller=lambda gait: Still(gait)).controller.gait.parameters.speed == 0.3
+    assert hp.build(short, controller=lambda gait: Still(gait)).controller.gait.parameters.speed == 0.3
     with pytest.raises(hp.InputError, match=r"0\.002 s is not the scenario's 0\.001"):
-        hp.walk(scenario, controller=Slow)
-    assert len(hp.walk(replace(scenario, period=2e-3), controller=Slow)) == 10
+        hp.walk(short, controller=Slow)
+    assert len(hp.walk(replace(short, period=2e-3), controller=Slow)) == 10
 
 
 def test_a_run_without_a_scenario(robot):
-    simulator = hp.Simulator(robot)
-    simulator.reset(*hp.make_gait(robot).initial_state())
     with pytest.raises(hp.InputError, match="holds no scenario"):
-        hp.Scenario.of(simulator.run(Still(None), 0.002))
+        hp.Scenario.of(started(hp.Simulator(robot), hp.make_gait(robot)).run(Still(None), 0.002))
 
 
 @pytest.mark.parametrize(
@@ -303,14 +288,10 @@ def test_a_run_without_a_scenario(robot):
         ({"disturbances": hp.Disturbances(pushes=[hp.Push(6.0, (0, 1, 0))])}, "outside the run from 0 to 6 s"),
         ({"disturbances": hp.Disturbances(delay=1.5e-3)}, "delay 0.0015 s must be a multiple of the period"),
         ({"disturbances": hp.Disturbances(delay=1e300)}, "multiple of the period"),
-        ({"duration": 0.0}, "duration"),
-        ({"dt": np.nan}, "dt"),
         ({"dt": 1e-300}, "dt must be finite and ≥ 1e-06"),
-        ({"period": 0.0}, "period"),
         ({"period": 1e-300}, "more than 10000000 periods"),
         ({"period": 1e300}, "multiple of the physics step"),
         ({"duration": 1e308}, "duration 1e[+]308 s is more than 10000000 periods"),
-        ({"duration": 10**400}, "duration must be a number"),
         ({"period": 7e-4}, "period 0.0007 s must be a multiple of the physics step"),
         ({"robot": "r2d2"}, "valid names: .*harpy"),
         ({"robot": "go2", "controller": "governed"}, "takes 'condensed' or 'wbc'"),
@@ -337,7 +318,6 @@ def test_parts_that_do_not_fit_are_refused(values, says):
         (hp.Governed, {"evaluate_at": "guessed"}, "valid names: measured, tracked"),
         (hp.Governed, {"limits": "no"}, "limits must be true or false"),
         (hp.Governed, {"thrust": 1}, "thrust must be true or false"),
-        (hp.Governed, {"mu": -0.1}, "mu"),
         (hp.Governed, {"parameters": {"weights": {}}}, "valid names: attitude, centre"),
         (hp.Governed, {"parameters": {"joints": 3}}, "parameters joints must be a mapping"),
         (hp.Governed, {"parameters": 3}, "must be a mapping"),
@@ -348,7 +328,6 @@ def test_parts_that_do_not_fit_are_refused(values, says):
         (hp.Governed, {"parameters": {"reference_velocity": "no"}}, "reference_velocity must be true or false"),
         (hp.Governed, {"governor_parameters": {"alpha": 1.0}}, "parameter 'alpha'"),
         (hp.Governed, {"governor_parameters": {"alpha_n": -1.0}}, "alpha_n"),
-        (hp.Governed, {"governor_parameters": {"friction_share": 0.0}}, "friction_share"),
         (hp.Governed, {"governor_parameters": {"friction_share": 1.1}}, "friction_share"),
         (hp.Governed, {"governor_parameters": {"conditions": "both"}}, "conditions"),
         (hp.Governed, {"governor_parameters": [1]}, "mapping"),
@@ -357,13 +336,10 @@ def test_parts_that_do_not_fit_are_refused(values, says):
         (hp.Governed, {"governor": "filter", "governor_parameters": {"mu": 1.0}}, "'mu' has an argument of its own"),
         (hp.WholeBody, {"parameters": {"limits": {"mu": 1}}}, "'limits.mu' has an argument of its own"),
         (hp.WholeBody, {"parameters": {"solver": "best"}}, "unknown solver"),
-        (hp.Straight, {"speed": np.inf}, "speed"),
-        (hp.Straight, {"stiffness": 0.0}, "stiffness"),
         (hp.Commanded, {"velocity": (0.1, 0.2)}, "velocity must have shape"),
         (hp.Commanded, {"velocity": ()}, "velocity must be"),
         (hp.Commanded, {"velocity": "fast"}, "velocity must look like"),
         (hp.Mujoco, {"preset": "hard"}, "valid names: default, elliptic, menagerie, overdamped, soft, stiff"),
-        (hp.Disturbances, {"mass_error": -1.0}, "mass_error must be finite and > -1"),
         (hp.Disturbances, {"noise": "loud"}, "noise must be a Noise"),
         (hp.Disturbances, {"noise": {"foot": 1}}, "unknown entry of the noise 'foot'"),
         (hp.Disturbances, {"start_velocity": (0.1, 0.2)}, "start_velocity must have shape"),
@@ -372,10 +348,6 @@ def test_parts_that_do_not_fit_are_refused(values, says):
         (hp.Disturbances, {"pushes": [{"time": 1.0, "force": 3}]}, "unknown entry of the push 'force'"),
         (hp.Disturbances, {"pushes": [{"time": 1.0}]}, "push: .*impulse"),
         (hp.Disturbances, {"pushes": 3}, "pushes must be a list"),
-        (hp.Disturbances, {"delay": -1e-3}, "delay must be finite and ≥ 0"),
-        (hp.Disturbances, {"seed": -1}, "seed"),
-        (hp.Disturbances, {"seed": 0.5}, "seed"),
-        (hp.Disturbances, {"seed": True}, "seed"),
     ],
 )
 def test_a_part_checks_itself(part, values, says):
@@ -413,13 +385,13 @@ def test_what_a_dictionary_leaves_out_has_its_default():
 @needs_robots
 @pytest.mark.parametrize(("robot", "gait"), [("solo12", "walking"), ("bolt", "walking"), ("iris", "hovering")])
 def test_other_robots_walk_again_from_their_log(robot, gait, tmp_path):
-    scenario = hp.Scenario(robot=robot, duration=0.3, ground=hp.Ground(mu_s=0.5))
-    assert (scenario.gait.name, scenario.controller.name) == (gait, "condensed")
-    run = hp.walk(scenario, save=tmp_path / "a.npz")
+    made = scenario(robot=robot, duration=0.3, mu_s=0.5)
+    assert (made.gait.name, made.controller.name) == (gait, "condensed")
+    run = hp.walk(made, save=tmp_path / "a.npz")
     assert run.ending == "completed"
     again = hp.Scenario.of(hp.Run.load(tmp_path / "a.npz"))
-    assert again == scenario
-    same(run, hp.walk(again))
+    assert again == made
+    assert_same(run, hp.walk(again))
 
 
 @needs_robots

@@ -5,9 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import sysconfig
-import venv
-import zipfile
 from pathlib import Path
 
 import pytest
@@ -15,19 +12,6 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = sorted((ROOT / "tests" / "scripts").glob("*.py"))
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-
-
-@pytest.fixture(scope="module")
-def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Python of an environment that has the wheel, and everything else from the environment of the tests."""
-    environment = tmp_path_factory.mktemp("typed")
-    venv.create(environment, symlinks=True)
-    python = environment / "bin" / "python"
-    ask = [str(python), "-c", "import sysconfig; print(sysconfig.get_paths()['purelib'])"]
-    packages = Path(subprocess.run(ask, check=True, capture_output=True, text=True).stdout.strip())
-    zipfile.ZipFile(wheel).extractall(packages)
-    (packages / "others.pth").write_text(sysconfig.get_paths()["purelib"] + "\n")
-    return python
 
 
 def check(python: Path, folder: Path, *files: Path) -> subprocess.CompletedProcess[str]:
@@ -41,12 +25,12 @@ def check(python: Path, folder: Path, *files: Path) -> subprocess.CompletedProce
     )
 
 
-def test_strict(python: Path, tmp_path: Path) -> None:
+def test_strict(installed: Path, tmp_path: Path) -> None:
     """``assert_type`` in the scripts refuses an ``Any`` where a public name should have a type."""
     wrong = tmp_path / "wrong" / "leak.py"
     wrong.parent.mkdir()
     wrong.write_text("import harpy_pin as hp\n\nhp.walk(3)\nx: str = hp.load_harpy()\nhp.nonsense\n")
-    done = check(python, tmp_path, *SCRIPTS, *EXAMPLES, wrong)
+    done = check(installed, tmp_path, *SCRIPTS, *EXAMPLES, wrong)
     lines = done.stdout.splitlines()
     assert [line.partition(": error: ")[0] for line in lines if ": error: " in line] == [
         f"leak.py:{number}" for number in (3, 4, 5)
@@ -56,12 +40,8 @@ def test_strict(python: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_runs(script: Path, tmp_path: Path) -> None:
+    known = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(
-        [sys.executable, str(script)],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=600,
+        [sys.executable, script], cwd=tmp_path, env=known, capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, done.stderr

@@ -7,6 +7,7 @@ from time import thread_time_ns
 
 import numpy as np
 import pytest
+from guarded_walks import CONTROLLERS
 from hostile_states import draw_hostile
 from long import long_but
 from needs import needs_robots
@@ -18,18 +19,14 @@ from harpy_pin.wbc.condensed.active_set import EXCHANGES
 from harpy_pin.wbc.program import ACCEPTED
 
 STATES = 1000
-CONTROLLERS = {
-    "none": ("governed", {"governor": "none"}),
-    "paper": ("governed", {"governor": "paper"}),
+MORE = {
     "paper, tracked": ("governed", {"governor": "paper", "evaluate_at": "tracked"}),
-    "filter": ("governed", {"governor": "filter"}),
     "filter, limits": ("governed", {"governor": "filter", "limits": True}),
     "wbc": ("wbc", {}),
-    "condensed": ("condensed", {}),
 }
 QPS = {f"{a}, {b}": ("wbc", {"formulation": a, "solver": b}) for a in FORMULATIONS for b in installed_solvers()}
 """Formulations of the whole-body QP, with the solver that is its last resort."""
-CASES = [("harpy", name) for name in CONTROLLERS]
+CASES = [("harpy", name) for name in CONTROLLERS | MORE]
 CASES += [(robot, name) for robot in ("solo12", "go2", "g1", "talos") for name in ("wbc", "condensed")]
 CASES += [(robot, name) for robot in ("harpy", "solo12", "g1") for name in QPS]
 RARE = ("piqp", "osqp", "clarabel", "quadprog", "proxqp")
@@ -52,7 +49,7 @@ def test_hostile_states(who, name, fuzz):
     """No exception, every command finite and within the limits, failures counted, and searches that end."""
     robot = hp.load_robot(who) if who != "harpy" else hp.load_harpy()
     gait = hp.Standing(robot) if who != "harpy" else hp.make_gait(robot)
-    kind, options = (CONTROLLERS | QPS)[name]
+    kind, options = (CONTROLLERS | MORE | QPS)[name]
     controller = hp.make_controller(kind, gait, mu=0.25, **options)
     searched, states = 0, STATES * fuzz if fuzz > 1 or who == "harpy" else STATES // 3
     times = np.full(states, np.inf)

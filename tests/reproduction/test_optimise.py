@@ -6,8 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from forward_dynamics import generalised_force
-from pinocchio_plane import PinocchioPlane
-from planar_controller import PlanarWalkController, targets
+from planar_targets import targets
 from scipy.interpolate import BPoly
 
 import harpy_pin as hp
@@ -19,11 +18,14 @@ from harpy_pin.model.record import field
 from harpy_pin.simulation.step import step_record
 from reproduction.gait.planar_gait import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, PlanarGait, load_gait
 from reproduction.gait.planar_model import PlanarModel
-from reproduction.gait.planar_walk import PlanarJoints, PlanarWalk, joint_targets, planar_step, walk_record
-
-
-def random_state(rng):
-    return np.concatenate((rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 4))), rng.uniform(-3, 3, 7)
+from reproduction.gait.planar_walk import (
+    PlanarJoints,
+    PlanarWalk,
+    joint_targets,
+    planar_control,
+    planar_step,
+    walk_record,
+)
 
 
 def in_space(q, v):
@@ -45,7 +47,7 @@ def in_space(q, v):
 def test_planar_model_is_the_robot_held_in_the_plane(robot, model, seed):
     """Mass matrix, bias, feet and accelerations of the 3D model projected onto the plane."""
     rng = np.random.default_rng(seed)
-    q, v = random_state(rng)
+    q, v = np.concatenate((rng.uniform(-1, 1, 3), rng.uniform(-1, 1, 4))), rng.uniform(-3, 3, 7)
     q3, v3, rows, drift = in_space(q, v)
     space = Dynamics(robot)
     space.update(q3, v3)
@@ -70,36 +72,38 @@ def test_planar_model_is_the_robot_held_in_the_plane(robot, model, seed):
     )
 
 
-def test_planar_step_is_the_simulators_step(model):
-    rng = np.random.default_rng(5)
-    ground = hp.Ground(mu_s=0.4)
-    simulator = PinocchioPlane(model, ground)
+def test_planar_step_obeys_newton(model):
+    """M (v⁺ − v) / Δt = S τ + Jᵀ f + J_tᵀ u − n − D v⁺, and it moves by Δt v⁺; its contact is the simulator's."""
+    rng, dt, ground = np.random.default_rng(5), 5e-4, hp.Ground(mu_s=0.4)
     q, v = np.array([0, 0.65, 0.1, -0.5, 0.9, -0.3, 0.6]), rng.uniform(-1, 1, 7)
-    simulator.reset(q, v)
-    terms, step = model.record.copy(), step_record({"nv": 7, "feet": 2}, dt=5e-4)
-    force = field(step, "force")
-    touched = 0
+    record, step, touched = model.record.copy(), step_record({"nv": 7, "feet": 2}, dt=dt), 0
     for _ in range(600):
-        torque, thrust = rng.uniform(-1, 1, 4) - 5 * v[3:], rng.uniform(-5, 5, (2, 3)) * [1, 0, 1]
-        simulator.advance(hp.Command(torque, thrust))
-        planar_step(q, v, torque, thrust.sum(axis=0), terms, ground.record, step)
+        torque, thrust = rng.uniform(-1, 1, 4) - 5 * v[3:], rng.uniform(-10, 10, 3) * [1, 0, 1]
+        terms, place, before = {name: np.copy(term) for name, term in model.terms(q, v).items()}, q.copy(), v.copy()
+        planar_step(q, v, torque, thrust, record, ground.record, step)
+        force = field(step, "force")
+        drive = np.concatenate((np.zeros(3), torque)) - terms["bias"] - model.planar.model.damping * v
+        drive += terms["foot_jacobian"].T @ force + terms["thruster_jacobian"].T @ thrust
+        np.testing.assert_allclose(terms["mass_matrix"] @ (v - before) / dt, drive, atol=1e-8)
+        np.testing.assert_allclose(q - place, dt * v, atol=1e-15)
         touched += force[2] + force[5] > 0
-        np.testing.assert_allclose(q, simulator.q, atol=1e-11)
-        np.testing.assert_allclose(v, simulator.v, atol=1e-9)
-        np.testing.assert_allclose(force, simulator.foot_force, atol=1e-6)
     assert touched > 40
 
 
-def test_walk_is_the_controller_in_the_simulator(model, packaged, ground):
-    """The compiled loop and a simulator with Pinocchio's terms log the same motion."""
+def test_walk_is_control_and_step_in_turn(model, packaged, ground):
+    """The compiled loop logs the same motion."""
     walk = PlanarWalk(model, packaged.gait, ground=ground)
-    simulator = PinocchioPlane(model, walk.ground)
-    simulator.reset(*walk.initial_state())
-    q, torque = simulator.run(PlanarWalkController(model, packaged.gait), 1.2)
+    (q, v), control = map(np.copy, walk.initial_state()), walk_record(packaged.gait, PlanarJoints(), period=1e-3)
+    record, step, torque = model.record.copy(), step_record({"nv": 7, "feet": 2}, dt=5e-4), field(control, "torque")
+    rows = []
+    for tick in range(1200):
+        planar_control(1e-3 * tick, q, v, control[0], record[0])
+        rows.append(np.concatenate((q, torque)))
+        for _ in range(2):
+            planar_step(q, v, torque, np.zeros(3), record, walk.ground.record, step)
     walk.run(1.2, log=True)
-    assert len(q) == len(walk.log) == 1200
-    np.testing.assert_allclose(walk.log[:, 1:8], q, atol=1e-8)
-    np.testing.assert_allclose(walk.log[:, 21:25], torque, atol=1e-4)
+    np.testing.assert_allclose(walk.log[:, 1:8], np.array(rows)[:, :7], atol=1e-8)
+    np.testing.assert_allclose(walk.log[:, 21:25], np.array(rows)[:, 7:], atol=1e-4)
 
 
 def test_a_robot_that_is_no_planar_biped(robot):

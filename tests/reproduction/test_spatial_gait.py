@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from planar_controller import targets
+from planar_targets import targets
 
 import harpy_pin as hp
 from harpy_pin.errors import InputError

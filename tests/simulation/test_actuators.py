@@ -1,20 +1,19 @@
-"""Motors and joint friction: closed forms, energy, MuJoCo."""
+"""Motors and joint friction: closed forms, energy, complementarity, MuJoCo."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from needs import needs_mujoco
+from walks import started
 
 import harpy_pin as hp
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
-from harpy_pin.simulation.mujoco import installed_version
 
 ROBOT = hp.load_harpy()
 Q, V = hp.make_gait(ROBOT).initial_state()
-NEEDS_MUJOCO = pytest.mark.skipif(installed_version() is None, reason="MuJoCo is not installed")
 
 
 def floating(actuators: Actuators, *, dt: float = 5e-4, v: np.ndarray | None = None) -> hp.Simulator:
@@ -45,19 +44,6 @@ def test_step_response_of_a_motor(bandwidth):
         mean = 3.0 + 2.0 / (rate * dt) * (math.exp(-rate * (n + 1) * dt) - math.exp(-rate * n * dt))
         assert motors["torque"][0] == pytest.approx(end, rel=1e-12)
         assert motors["mean_torque"][0] == pytest.approx(mean, rel=1e-10)
-
-
-def test_impulse_of_a_slow_motor():
-    """A joint gains velocity by the integral of its lagging torque, as long as nothing has moved far."""
-    gained = []
-    for actuators in (Actuators(), Actuators(bandwidth=20.0)):
-        simulator = floating(actuators)
-        simulator.advance(command(0.0))
-        simulator.advance(command(0.02, 1), steps=10)
-        gained.append(simulator.v[7])
-    time, constant = 10 * 5e-4, 1.0 / (2.0 * math.pi * 20.0)
-    share = 1.0 - constant / time * (1.0 - math.exp(-time / constant))
-    assert gained[1] / gained[0] == pytest.approx(share, rel=0.05)
 
 
 def test_weak_motors_clip_in_the_plant():
@@ -96,22 +82,11 @@ def test_energy_that_friction_takes(viscous, coulomb):
     assert errors[1] < 0.6 * errors[0]
 
 
-def test_friction_holds_a_joint_still():
-    """Torques below the friction move nothing; beyond it, what is left accelerates the joints."""
-    simulator = floating(Actuators(coulomb_friction=0.5))
-    simulator.advance(command(0.49), steps=100)
-    assert np.abs(simulator.v).max() < 1e-9
-    simulator.advance(command(0.75), steps=1)
-    other = floating(Actuators())
-    other.advance(command(0.25), steps=1)
-    assert np.allclose(simulator.v, other.v, rtol=1e-6, atol=1e-12)
-
-
 def test_friction_and_contact_satisfy_both_conditions():
     """On the ground: every joint is at rest under friction within its limit, or has the whole of it against it."""
     limit, rng = 0.4, np.random.default_rng(3)
-    simulator = hp.Simulator(ROBOT, hp.Ground(mu_s=0.3), actuators=Actuators(coulomb_friction=limit))
-    simulator.reset(*hp.make_gait(ROBOT).initial_state(penetration=simulator.static_penetration))
+    plant = hp.Simulator(ROBOT, hp.Ground(mu_s=0.3), actuators=Actuators(coulomb_friction=limit))
+    simulator = started(plant, hp.make_gait(ROBOT))
     torque = simulator.record["joints"]["torque"][0]
     stuck = 0
     for _ in range(300):
@@ -125,15 +100,12 @@ def test_friction_and_contact_satisfy_both_conditions():
     assert simulator.counts[1] == 0
 
 
-@NEEDS_MUJOCO
+@needs_mujoco
 @pytest.mark.parametrize(
     "actuators",
     [
-        Actuators(bandwidth=50.0),
-        Actuators(viscous_friction=1.0),
-        Actuators(coulomb_friction=0.3),
-        Actuators(thrusters={"lag": 0.03}),
-        Actuators(thrusters={"lag": 0.03, "turning_lag": 0.05}),
+        *(Actuators(bandwidth=50.0), Actuators(viscous_friction=1.0), Actuators(coulomb_friction=0.3)),
+        *(Actuators(thrusters={"lag": 0.03, "turning_lag": turning_lag}) for turning_lag in (0.0, 0.05)),
     ],
 )
 def test_both_engines_agree(actuators):
@@ -156,14 +128,6 @@ def test_both_engines_agree(actuators):
     assert np.allclose(*ends, rtol=0.02, atol=0.02)
 
 
-def test_scenario_has_them_and_walks():
-    actuators = Actuators(bandwidth=100.0, coulomb_friction=0.1, thrusters={"lag": 0.05})
-    scenario = hp.Scenario(disturbances=hp.Disturbances(actuators=actuators), ground=hp.Ground(mu_s=0.5), duration=0.2)
-    assert hp.Scenario.from_dict(scenario.to_dict()) == scenario
-    run = hp.walk(scenario)
-    assert run.ending == "completed"
-
-
 def test_torque_falls_with_speed():
     """A motor under full voltage: stall torque at rest, none at the no-load speed, and a brake beyond it."""
     actuators = Actuators(no_load_speed=20.0, stall_share=0.5)
@@ -174,20 +138,3 @@ def test_torque_falls_with_speed():
     np.testing.assert_allclose(motors["mean_torque"][0], [4.0, 3.0, 0.0, -2.0, 5.0, -5.0])
     drive_motors(motors[0], np.full(6, 0.5), np.zeros(13), v, 5e-4)
     np.testing.assert_allclose(motors["mean_torque"][0], [0.5, 0.5, 0.0, -2.0, 0.5, 0.5])
-
-
-def test_unloaded_joint_reaches_its_no_load_speed():
-    """In the air, without gravity, under the largest torque: the knee's speed is that at which it has none left."""
-    model = ROBOT.model.copy()
-    model.damping = np.zeros(12)
-    plant = hp.Simulator(
-        replace(ROBOT, model=model), actuators=Actuators(no_load_speed=3.0, stall_share=0.05), gravity=(0.0, 0.0, 0.0)
-    )
-    q = Q.copy()
-    q[2] += 10.0
-    plant.reset(q, np.zeros(12))
-    torque = np.zeros(6)
-    torque[5] = 100.0
-    for _ in range(5):
-        plant.advance(hp.Command(torque, np.zeros((2, 3))), steps=100)
-    assert plant.v[11] == pytest.approx(3.0, rel=0.02)

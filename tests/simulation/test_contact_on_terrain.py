@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from walks import put
 
 import harpy_pin as hp
 from harpy_pin.ground.terrain import HeightField, Plane, Ramp, Stairs
@@ -30,41 +31,6 @@ def place(simulator: Simulator, x: float = 0.0, y: float = 0.0) -> None:
     normal = terrain.normal(x, y)
     q[:3] = np.array([x, y, float(terrain.height(x, y))]) - MASS * G * normal[2] / simulator.ground.stiffness * normal
     simulator.reset(q, np.zeros(6))
-
-
-def slide(sled: hp.Robot, slope: float, heading: float, *, duration: float = 1.0, **ground) -> Simulator:
-    """A block that lay on a plane for a time."""
-    terrain = Plane(slope=slope, heading=heading)
-    simulator = Simulator(sled, hp.Ground(**{"mu_s": MU, "terrain": terrain, **ground}), dt=5e-4)
-    place(simulator)
-    simulator.advance(NOTHING, steps=round(duration / simulator.dt))
-    return simulator
-
-
-@pytest.mark.parametrize("heading", HEADINGS)
-def test_it_sticks_up_to_the_angle_of_friction(sled, heading):
-    limit = np.arctan(MU)
-    held = slide(sled, limit - 1e-3, heading, duration=5.0)
-    assert held.slip_path[0] < 1e-9
-    np.testing.assert_allclose(held.state.foot_force[0], (0.0, 0.0, MASS * G), atol=1e-6)
-    assert slide(sled, limit + 1e-3, heading).slip_path[0] > 1e-4
-
-
-@pytest.mark.parametrize("heading", HEADINGS)
-@pytest.mark.parametrize("degrees", [20.0, 40.0])
-def test_it_slides_as_coulomb_says(sled, heading, degrees):
-    """Without Stribeck's and viscous friction: g (sin − μ_c cos) along the slope, and μ_c of the normal force."""
-    slope = np.radians(degrees)
-    simulator = slide(sled, slope, heading, mu_c=MU, mu_v=0.0)
-    acceleration = G * (np.sin(slope) - MU * np.cos(slope))
-    down = -np.array([np.cos(slope) * np.cos(heading), np.cos(slope) * np.sin(heading), np.sin(slope)])
-    np.testing.assert_allclose(simulator.v[:3], acceleration * down, atol=2e-3 * acceleration)
-    assert simulator.slip_path[0] == pytest.approx(0.5 * acceleration, rel=2e-3)
-    assert simulator.slip_net[0] == pytest.approx(simulator.slip_path[0], rel=1e-6)
-    normal = rotation(slope, heading)[:, 2]
-    force = simulator.state.foot_force[0]
-    assert force @ normal == pytest.approx(MASS * G * np.cos(slope), rel=1e-6)
-    np.testing.assert_allclose(force - (force @ normal) * normal, -MU * (force @ normal) * down, atol=1e-6)
 
 
 @pytest.mark.parametrize("cone", ["circular", "per_axis"])
@@ -96,27 +62,13 @@ def test_a_robot_moves_as_on_flat_ground_under_tilted_gravity(robot, cone, slope
     assert flat.slip_path.max() > 1e-3
 
 
-def test_no_slope_is_flat_in_every_bit(robot):
-    command = Command(np.full(6, 1.0), np.full((2, 3), 2.0))
-    runs = []
-    for ground in (hp.Ground(), hp.Ground(slope=0.0), hp.Ground(terrain=Plane(slope=0.0, heading=1.0))):
-        simulator = Simulator(robot, ground)
-        simulator.reset(*hp.make_gait(robot).initial_state())
-        simulator.advance(command, steps=200)
-        runs.append(np.concatenate((simulator.q, simulator.v, simulator.state.foot_force.ravel())).tobytes())
-    assert len(set(runs)) == 1
-
-
 def test_a_tread_is_flat_ground_that_is_higher(sled):
     """On the tread of a stair the block moves as on flat ground, digit for digit but for the height."""
     stairs = Stairs(rise=0.125, depth=0.5, start=-0.25)
     on = Simulator(sled, hp.Ground(terrain=stairs))
     flat = Simulator(sled, hp.Ground())
     for simulator, height in ((flat, 0.0), (on, 0.125)):
-        q = pin.neutral(sled.model)
-        q[2] = height + 0.01
-        simulator.reset(q, np.array([0.2, 0.1, 0.0, 0.0, 0.0, 0.0]))
-        simulator.advance(NOTHING, steps=1000)
+        put(simulator, z=height + 0.01, v=(0.2, 0.1, 0.0, 0.0, 0.0, 0.0)).advance(NOTHING, steps=1000)
     np.testing.assert_allclose(on.v, flat.v, atol=1e-12)
     np.testing.assert_allclose(on.q[:2], flat.q[:2], atol=1e-12)
     assert on.q[2] - flat.q[2] == pytest.approx(0.125, abs=1e-12)
@@ -164,10 +116,7 @@ def test_mujoco_holds_and_slides_as_coulomb_says(sled, heading, degrees):
     plant = MujocoPlant(sled, hp.Ground(mu_s=MU, terrain=Plane(slope=slope, heading=heading)))
     flat = MujocoPlant(sled, hp.Ground(mu_s=MU), gravity=r.T @ (0.0, 0.0, -G))
     place(plant)
-    q = pin.neutral(sled.model)
-    q[2] = -flat.static_penetration
-    flat.reset(q, np.zeros(6))
-    for one in (plant, flat):
+    for one in (plant, put(flat)):
         one.advance(NOTHING, steps=1000)
     np.testing.assert_allclose(plant.state.foot_position, flat.state.foot_position @ r.T, atol=1e-9)
     np.testing.assert_allclose(plant.state.foot_force, flat.state.foot_force @ r.T, atol=1e-6)
@@ -187,10 +136,7 @@ def test_both_plants_have_the_same_stairs(sled):
     stairs = Stairs(rise=0.1, depth=0.4, steps=3, start=0.0)
     for kind in (Simulator, MujocoPlant):
         for step in range(3):
-            plant = kind(sled, hp.Ground(terrain=stairs))
-            q = pin.neutral(sled.model)
-            q[0], q[2] = 0.4 * step + 0.2, 0.1 * (step + 1) + 0.005
-            plant.reset(q, np.zeros(6))
+            plant = put(kind(sled, hp.Ground(terrain=stairs)), x=0.4 * step + 0.2, z=0.1 * (step + 1) + 0.005)
             plant.advance(NOTHING, steps=4000)
             assert plant.q[2] == pytest.approx(0.1 * (step + 1) - plant.static_penetration, abs=1e-6)
             assert plant.q[0] == pytest.approx(0.4 * step + 0.2, abs=1e-6)

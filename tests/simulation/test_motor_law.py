@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from needs import needs_robots
+from walks import started
 
 import harpy_pin as hp
 from harpy_pin.governors import ContactForceFilter, Shield
@@ -36,8 +37,7 @@ class Springs:
 
 def stand(plant: type, **springs: object) -> hp.Run:
     robot = hp.load_robot("go2")
-    world = plant(robot, hp.Ground(mu_s=0.6), dt=STEP)
-    world.reset(*hp.Standing(robot).initial_state(penetration=world.static_penetration))
+    world = started(plant(robot, hp.Ground(mu_s=0.6), dt=STEP), hp.Standing(robot))
     return world.run(Springs(robot, **springs), 0.5, pushes=[hp.Push(0.2, (0.0, 3.0, 0.0))])
 
 

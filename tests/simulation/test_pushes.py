@@ -3,11 +3,11 @@
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from walks import put, walked
 
 import harpy_pin as hp
-from harpy_pin import Command, Ground, InputError, Simulator
+from harpy_pin import Command, InputError, Simulator
 from harpy_pin.simulation.push import Push
 
 IMPULSE = (0.7, -1.3, 0.4)
@@ -16,10 +16,7 @@ IMPULSE = (0.7, -1.3, 0.4)
 @pytest.mark.parametrize("duration", [1e-4, 0.0123, 0.1])
 def test_the_impulse_is_whole_whatever_the_step(sled, duration):
     """A body pushed at its centre of mass gains exactly the impulse, however the push and the steps meet."""
-    simulator = Simulator(sled, gravity=(0.0, 0.0, 0.0))
-    q = pin.neutral(sled.model)
-    q[2] = 1.0
-    simulator.reset(q, np.zeros(6))
+    simulator = put(Simulator(sled, gravity=(0.0, 0.0, 0.0)), z=1.0)
     pushes = (Push(0.0102, IMPULSE, duration), Push(0.03, IMPULSE, duration))
     for _ in range(300):
         simulator.advance(Command(np.zeros(0), np.zeros((0, 3))), pushes)
@@ -39,14 +36,7 @@ def test_a_walk_is_pushed_where_it_was_asked_to_be():
     ways = {}
     for y in (-1.0, 0.0, 1.0):
         pushes = (Push(0.3, (0.0, y, 0.0)),) if y else ()
-        run = hp.walk(
-            hp.Scenario(
-                controller=hp.Governed(governor="none"),
-                ground=Ground(mu_s=0.8),
-                duration=0.5,
-                disturbances=hp.Disturbances(pushes=pushes),
-            )
-        )
+        run = walked(controller=hp.Governed(governor="none"), mu_s=0.8, duration=0.5, pushes=pushes)
         assert [p["impulse"][1] for p in run.metadata["pushes"]] == ([y] if y else [])
         ways[y] = run["q"][:, 1]
     np.testing.assert_array_equal(ways[1.0][:301], ways[0.0][:301])

@@ -43,7 +43,7 @@ def test_exact_sensors_of_a_known_motion():
 def test_noise_is_as_large_as_stated():
     robot, imu = hp.load_harpy(), hp.Imu(foot_noise=1.0)
     sensing, state = Sensing(robot, imu, period=1e-3, seed=3), state_of(hp.load_harpy())
-    rows = [sensing.read(state, np.ones(6)) for _ in range(4000)]
+    rows = [sensing.read(state, np.ones(6)) for _ in range(1500)]
     root = np.sqrt(1e3)
     for name, size in {
         "gyroscope": imu.gyroscope_density * root,

@@ -3,6 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
+from walks import assert_same, scenario, walked
 
 import harpy_pin as hp
 from harpy_pin.simulation.sensors import Noise, Sensors
@@ -45,17 +46,9 @@ def errors(robot, state):
 
 
 def test_the_noise_has_the_stated_deviations(errors):
-    stated = np.concatenate(
-        (
-            np.full(3, NOISE.position),
-            np.full(3, NOISE.orientation),
-            np.full(6, NOISE.joint_position),
-            np.full(3, NOISE.velocity),
-            np.full(3, NOISE.angular_velocity),
-            np.full(6, NOISE.joint_velocity),
-            np.full(6, NOISE.foot_force),
-        )
-    )
+    lengths = {"position": 3, "orientation": 3, "joint_position": 6, "velocity": 3, "angular_velocity": 3}
+    lengths |= {"joint_velocity": 6, "foot_force": 6}
+    stated = np.repeat([getattr(NOISE, name) for name in lengths], [*lengths.values()])
     # Of n draws, the estimate of a deviation is off by 1/sqrt(2 n), that of a mean by 1/sqrt(n): five times that.
     np.testing.assert_allclose(errors.std(axis=0), stated, rtol=5.0 / np.sqrt(2 * DRAWS))
     np.testing.assert_array_less(np.abs(errors.mean(axis=0)), 5.0 * stated / np.sqrt(DRAWS))
@@ -96,8 +89,7 @@ class RecordingController:
 
 
 def recorded_walk(**disturbances):
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.03, disturbances=hp.Disturbances(**disturbances))
-    built = hp.build(scenario, controller=RecordingController)
+    built = hp.build(scenario(mu_s=0.8, duration=0.03, **disturbances), controller=RecordingController)
     true_states = []
     run = built.run(on_tick=lambda state: true_states.append(state.copy()))
     return run, true_states, built.controller.seen
@@ -137,12 +129,10 @@ def test_the_log_keeps_the_true_states():
 
 
 def test_perfect_sensors_change_nothing(robot):
-    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.8), duration=0.3)
-    assert hp.build(scenario).sensors is None
-    plain, built = hp.walk(scenario), hp.build(scenario)
+    plain, built = walked(mu_s=0.8, duration=0.3), hp.build(scenario(mu_s=0.8, duration=0.3))
+    assert built.sensors is None
     measured = built.simulator.run(built.controller, 0.3, sensors=Sensors(robot))
-    for name in plain.signals.keys() - {"tick_ns"}:
-        np.testing.assert_array_equal(measured[name], plain[name], err_msg=name)
+    assert_same(measured, plain)
 
 
 def test_the_seed_decides_the_noise(robot, state):

@@ -2,8 +2,8 @@
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
+from walks import put
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, Mujoco, Scenario
@@ -16,10 +16,7 @@ WEIGHT = 2.0 * 9.81
 def rest(sled, contact, mu, angle, heading=0.0):
     """The sled after two seconds on a slope that falls towards a heading."""
     slope = (np.sin(angle) * np.cos(heading), np.sin(angle) * np.sin(heading), -np.cos(angle))
-    plant = MujocoPlant(sled, Ground(mu_s=mu), gravity=9.81 * np.array(slope), contact=contact)
-    q = pin.neutral(sled.model)
-    q[2] = -plant.static_penetration
-    plant.reset(q, np.zeros(6))
+    plant = put(MujocoPlant(sled, Ground(mu_s=mu), gravity=9.81 * np.array(slope), contact=contact))
     plant.advance(NOTHING, steps=4000)
     return plant
 
@@ -42,7 +39,7 @@ def test_default_is_what_mujoco_sets_itself(sled):
 
 @pytest.mark.parametrize("name", CONTACTS)
 @pytest.mark.parametrize("mu", [0.25, 0.8])
-@pytest.mark.parametrize("share", [0.2, 0.45, 0.9])
+@pytest.mark.parametrize("share", [0.2, 0.9])
 def test_a_block_inside_the_cone_creeps_as_the_closed_form_says(sled, name, mu, share):
     contact = CONTACTS[name]
     plant = rest(sled, contact, mu, np.arctan(share * mu))
@@ -90,13 +87,8 @@ def test_damping_is_that_of_a_body_that_is_pushed_down(sled):
 
 
 @pytest.mark.parametrize("plant", [Mujoco("default"), Mujoco("menagerie", foot_radius=0.02)])
-def test_presets_and_spheres_are_saved_and_read(tmp_path, plant):
-    scenario = Scenario(plant=plant, ground=Ground(mu_s=0.6), duration=0.05)
-    assert Scenario.from_dict(scenario.to_dict()) == scenario
-    run = hp.walk(scenario, save=tmp_path / "run.npz")
-    again = hp.walk(Scenario.of(hp.Run.load(tmp_path / "run.npz")))
-    np.testing.assert_array_equal(run["q"], again["q"])
-    about = run.metadata["plant"]
+def test_presets_and_spheres_are_logged(plant):
+    about = hp.walk(Scenario(plant=plant, duration=0.05)).metadata["plant"]
     assert about["solimp"] == list(CONTACTS[plant.preset].solimp)
     assert about["cone"] == CONTACTS[plant.preset].cone
     assert about.get("foot_radius", 0.0) == plant.foot_radius

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from walks import put
 
 from harpy_pin import Command, FlatFoot, Ground, Simulator, load_robot
 from harpy_pin.ground.contact_frame import contact_frame
@@ -88,7 +89,7 @@ def violation(s, ground, free):
     return worst / (1.0 + np.abs(s.force).max())
 
 
-@settings(max_examples=300)
+@settings(max_examples=100)
 @given(seed=seeds)
 def test_step_obeys_the_law_at_its_end(seed):
     record, ground, free = draw(seed)
@@ -97,7 +98,7 @@ def test_step_obeys_the_law_at_its_end(seed):
     assert violation(fields_of(record), ground, free) <= 1e-7
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(seed=seeds)
 def test_the_guess_does_not_matter(seed):
     """But for falling friction, where two velocities may hold the same force, one solution is found from everywhere."""
@@ -115,31 +116,22 @@ def test_the_guess_does_not_matter(seed):
 def test_it_converges():
     """Nothing proves it where friction falls with velocity; steps that run out are rare, and nearly solved."""
     failed, contacts = 0, 0
-    for seed in range(3000):
+    for seed in range(1000):
         force, steps = solve(*draw(seed))
         contacts += bool(force.any())
         failed += steps > MAX_SWEEPS
-    assert contacts > 1000
+    assert contacts > 300
     assert failed <= 0.001 * contacts
 
 
-SLED = """<robot name="sled"><link name="base"><inertial><mass value="2"/>
-<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.03"/></inertial></link></robot>"""
-
-
 @pytest.fixture(scope="module")
-def flat_sled(tmp_path_factory):
-    path = tmp_path_factory.mktemp("sled") / "sled.urdf"
-    path.write_text(SLED)
-    return load_robot(path, feet=("base",), flat_feet={"base": FlatFoot(length=0.2, width=0.1)})
+def flat_sled(sled):
+    return load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": FlatFoot(length=0.2, width=0.1)})
 
 
 def slide(robot, ground, slope, dt, duration):
     gravity = 9.81 * np.array([np.sin(slope), 0.0, -np.cos(slope)])
-    simulator = Simulator(robot, ground, dt=dt, gravity=gravity)
-    q = pin.neutral(robot.model)
-    q[2] = 2.0 * gravity[2] / (4 * ground.stiffness)
-    simulator.reset(q, np.zeros(6))
+    simulator = put(Simulator(robot, ground, dt=dt, gravity=gravity), z=2.0 * gravity[2] / (4 * ground.stiffness))
     for _ in range(round(duration / dt)):
         simulator.advance(Command(np.zeros(0), np.zeros((0, 3))))
     assert simulator.counts[1] == 0

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from walks import assert_same, scenario, walked
 
 import harpy_pin as hp
 from harpy_pin.compiled import BACKEND
-from harpy_pin.scenario import Commanded, Condensed, Disturbances, Governed, Scenario, Straight, WholeBody, build
+from harpy_pin.model.catalogue import installed_data
 from harpy_pin.simulation.ticks import CompiledLoop
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="compiled loops are C")
@@ -15,22 +16,21 @@ PUSH = (hp.Push(time=0.35, impulse=(0.0, 4.0, 0.0)), hp.Push(time=0.8, impulse=(
 COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.4005, 0.1, 0.05, 0.4), (0.9, 0.0, 0.0, 0.0))
 MOTORS = {"joint_stiffness": 1.0, "joint_damping": 0.3}
 WALKS = {
-    "straight": Scenario(controller="condensed", ground=hp.Ground(mu_s=0.25), disturbances=Disturbances(pushes=PUSH)),
-    "standing": Scenario(controller="condensed", gait=Straight(speed=0.0), disturbances=Disturbances(pushes=PUSH[:1])),
-    "commanded": Scenario(controller="condensed", gait=Commanded(velocity=COMMAND)),
-    "slippery": Scenario(controller=Condensed(parameters={"estimate_friction": True}), ground=hp.Ground(mu_s=0.1)),
-    "paper": Scenario(controller=Governed(limits=True), ground=hp.Ground(mu_s=0.25)),
-    "filter": Scenario(controller=Governed(governor="filter"), ground=hp.Ground(mu_s=0.15)),
-    "no governor": Scenario(controller=Governed(governor="none")),
-    "motors": Scenario(controller=Condensed(parameters=MOTORS), disturbances=Disturbances(pushes=PUSH)),
-    "motors of the QP": Scenario(controller=WholeBody(parameters=MOTORS), disturbances=Disturbances(pushes=PUSH)),
-    "clipped": Scenario(
-        controller="condensed", disturbances=Disturbances(pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),))
-    ),
-    "fell": Scenario(
-        controller="condensed", disturbances=Disturbances(pushes=(hp.Push(time=0.2, impulse=(0.0, 30.0, 0.0)),))
-    ),
+    "straight": scenario(pushes=PUSH),
+    "standing": scenario(gait=hp.Straight(speed=0.0), pushes=PUSH[:1]),
+    "commanded": scenario(gait=hp.Commanded(velocity=COMMAND)),
+    "slippery": scenario(controller=hp.Condensed(parameters={"estimate_friction": True}), mu_s=0.1),
+    "paper": scenario(controller=hp.Governed(limits=True)),
+    "filter": scenario(controller=hp.Governed(governor="filter"), mu_s=0.15),
+    "no governor": scenario(controller=hp.Governed(governor="none")),
+    "motors": scenario(controller=hp.Condensed(parameters=MOTORS), pushes=PUSH),
+    "motors of the QP": scenario(controller=hp.WholeBody(parameters=MOTORS), pushes=PUSH),
+    "clipped": scenario(pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),)),
+    "fell": scenario(pushes=(hp.Push(time=0.2, impulse=(0.0, 30.0, 0.0)),)),
+    "slope": scenario(slope=0.2, mu_s=0.6),
 }
+if installed_data() is not None:
+    WALKS["solo12"] = scenario(robot="solo12", gait=hp.Walking(velocity=((0.0, 0.3, 0.1, 0.3), (0.6, 0.0, 0.1, 0.0))))
 
 
 @pytest.fixture
@@ -51,26 +51,24 @@ def ticks_in_c(monkeypatch):
 @pytest.mark.parametrize("name", WALKS)
 def test_every_digit_is_that_of_the_loop_in_python(name, ticks_in_c, tmp_path):
     """Also in the log on disk."""
-    scenario = replace(WALKS[name], duration=3.0 if name == "fell" else 1.2)
-    build(scenario).run(save=tmp_path / "walk.npz")
+    walk = replace(WALKS[name], duration=3.0 if name == "fell" else 1.2)
+    hp.walk(walk, save=tmp_path / "walk.npz")
     compiled = hp.Run.load(tmp_path / "walk.npz")
     assert sum(ticks_in_c) > 0.9 * len(compiled)
     made = len(ticks_in_c)
-    python = build(scenario).run(on_tick=lambda state: None)
+    python = hp.walk(walk, on_tick=lambda state: None)
     assert len(ticks_in_c) == made
     assert ("motor_law" in compiled.signals) == name.startswith("motors")
     assert compiled.ending == python.ending == ("fell" if name == "fell" else "completed")
-    assert compiled.signals.keys() == python.signals.keys()
-    for signal in python.signals.keys() - {"tick_ns"}:
-        np.testing.assert_array_equal(compiled[signal], python[signal], err_msg=signal)
+    assert_same(compiled, python)
     for entry in ("end_time", "contact_sweeps_max", "contact_unconverged", "thrusts_projected"):
         assert compiled.metadata.get(entry) == python.metadata.get(entry)
     assert (compiled["tick_ns"] > 0).all()
 
 
-def test_progress_is_told(ticks_in_c):
+def test_progress_is_told():
     times = []
-    build(Scenario(controller="condensed", duration=2.5)).run(on_piece=times.append)
+    hp.build(hp.Scenario(duration=2.5)).run(on_piece=times.append)
     assert times == sorted(times)
     assert len(times) >= 2
     assert times[-1] == pytest.approx(2.5, abs=0.01)
@@ -81,17 +79,16 @@ def test_python_makes_every_tick_where_it_has_something_to_say(ticks_in_c):
         """A controller of one's own."""
 
     for how in ({"controller": Own}, {"gait": hp.gaits.CommandedGait(hp.load_harpy(), lambda t: (0.1, 0.0, 0.0))}):
-        build(Scenario(controller="condensed", duration=0.7), **how).run()
-    noisy = Scenario(controller="condensed", duration=0.7, disturbances=Disturbances(delay=0.001))
-    build(noisy).run()
+        hp.walk(hp.Scenario(duration=0.7), **how)
+    walked(duration=0.7, delay=0.001)
     assert ticks_in_c == []
 
 
-def test_steps_of_another_state_go_on(ticks_in_c):
+def test_steps_of_another_state_go_on():
     """A simulator may be run again from where it is."""
     runs = []
     for on_tick in (None, lambda state: None):
-        walk = build(Scenario(controller="condensed", duration=0.8))
+        walk = hp.build(hp.Scenario(duration=0.8))
         first = walk.run(on_tick=on_tick)
         second = walk.simulator.run(walk.controller, 0.8, on_tick=on_tick)
         runs.append(np.concatenate((first["q"], second["q"])))

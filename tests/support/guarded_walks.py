@@ -3,10 +3,16 @@
 import numpy as np
 
 import harpy_pin as hp
-from harpy_pin.controllers.named_controllers import make_controller, make_governor
+from harpy_pin.controllers.named_controllers import GOVERNORS, make_controller, make_governor
 from harpy_pin.governors import ForceRows, StackedRows
 from reproduction.margin import MarginGovernor
 
+CONTROLLERS = {
+    **{name: ("governed", {"governor": name}) for name in GOVERNORS},
+    "wbc": ("wbc", {"solver": "daqp"}),
+    "wbc, full": ("wbc", {"solver": "daqp", "formulation": "full"}),
+    "condensed": ("condensed", {}),
+}
 NAMES = ("none", "paper", "filter", "wbc")
 REFERENCE = ("paper", "paper, tracked", "margin", "own rows")
 X = np.array([0.0, 0.0, 0.6, 0.3, 0.0, 0.0, 0.02, 0.0, 0.0])
@@ -26,9 +32,8 @@ class Row:
 
 
 def controller_of(name, gait):
-    if name == "wbc":
-        return make_controller("wbc", gait, mu=0.25, solver="daqp")
-    return make_controller("governed", gait, mu=0.25, governor=name)
+    kind, options = CONTROLLERS[name]
+    return make_controller(kind, gait, mu=0.25, **options)
 
 
 def governor_of(name, robot):

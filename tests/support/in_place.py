@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from copy import deepcopy
 from itertools import product
 from typing import Any
@@ -14,7 +15,7 @@ from stateful import CASES, holders
 import harpy_pin as hp
 
 DTYPES = ("uint8", "float32", "int64", "bool", "complex128")
-CHANGES: dict[str, Callable[[Any], object]] = {
+SHAPES: dict[str, Callable[[Any], object]] = {
     "flat": lambda array: setattr(array, "shape", (array.size,)),
     "one more axis": lambda array: setattr(array, "shape", (1, *array.shape)),
     "shorter": lambda array: array.resize((1,), refcheck=False),
@@ -23,9 +24,10 @@ CHANGES: dict[str, Callable[[Any], object]] = {
     "backwards": lambda array: setattr(array, "strides", tuple(-size for size in array.strides)),
     "far apart": lambda array: setattr(array, "strides", tuple(1000 * size for size in array.strides)),
     "columns first": lambda array: setattr(array, "strides", array.strides[::-1]),
-    **{kind: lambda array, kind=kind: setattr(array, "dtype", kind) for kind in DTYPES},
-    "read only": lambda array: array.setflags(write=False),
 }
+OTHERS = {kind: lambda array, kind=kind: setattr(array, "dtype", kind) for kind in DTYPES}
+FLAGS = {"read only": lambda array: array.setflags(write=False)}
+CHANGES: dict[str, Callable[[Any], object]] = SHAPES | OTHERS | FLAGS
 
 
 def public_arrays(made: Any) -> Iterator[tuple[Any, str]]:
@@ -43,19 +45,17 @@ def change_all(name: str) -> int:
     made, count = make(), 0
     use(made)
     found, expected = list(public_arrays(made)), use(deepcopy(made))
-    for (holder, attribute), change in product(found, CHANGES):
-        for array in (getattr(holder, attribute), getattr(holder, attribute).base):
-            try:
-                with warnings.catch_warnings(action="ignore"):
-                    CHANGES[change](array)
-            except (ValueError, TypeError, AttributeError):
-                continue
-            count += 1
+    for (holder, attribute), changes in product(found, (SHAPES, OTHERS, FLAGS)):
+        array = getattr(holder, attribute)
+        for change, one in product(changes.values(), (array, array.base)):
+            with suppress(ValueError, TypeError, AttributeError), warnings.catch_warnings(action="ignore"):
+                change(one)
+                count += 1
         try:
             answers = use(deepcopy(made))
         except hp.HarpyError:
             continue
         for answer, wanted in zip(answers, expected, strict=True):
             same = np.array_equal(answer, wanted, equal_nan=True)
-            assert same, f"{type(holder).__name__}.{attribute}, {change}"
+            assert same, f"{type(holder).__name__}.{attribute}, {' or '.join(changes)}"
     return count

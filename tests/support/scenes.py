@@ -7,15 +7,18 @@ import pkgutil
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from walks import started, walked
 
 import harpy_pin as hp
 from harpy_pin.compiled import Kernel
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.shield_batch import ShieldBatch
+from harpy_pin.controllers import GOVERNORS
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.recording import CONTROLLERS, ESTIMATOR, _from_kernels, ready, record
@@ -70,20 +73,83 @@ def library_kernels() -> dict[str, Kernel]:
     return found
 
 
-PUSHED = hp.Disturbances(pushes=(hp.Push(0.002, (0.0, 2.0, 0.0)),))
+PUSH = (hp.Push(0.002, (0.0, 2.0, 0.0)),)
+NOISE = hp.Noise.typical(0.5)
+MOTORS = hp.Actuators(bandwidth=50.0, torque_share=0.8, viscous_friction=1.0, coulomb_friction=0.3)
+LATE = hp.Actuators(thrusters=hp.Thrusters(lag=0.02, rate=500.0, least=0.5, largest=40.0, turning_lag=0.03))
+WORN = hp.Actuators(thrusters=hp.Thrusters(largest=40.0, failing=(0, 0.1, 0.5)), no_load_speed=20.0)
+KNOWN_LAG = {"parameters": {"thrust_lag": 0.02, "thrust_turning_lag": 0.03}}
+FRICTION = {"parameters": {"estimate_friction": True}}
+SLANTED = hp.ground.HeightField(heights=((0.0, 0.1), (0.0, 0.1)))
+TERRAINS = (hp.ground.Plane(slope=0.2, heading=0.4), hp.ground.Stairs(start=-0.1), hp.ground.Rough(), SLANTED)
+BRIEF = {"duration": 0.01}
+WALKS: dict[str, list[dict[str, Any]]] = {
+    **{f"governor {name}": [{"controller": hp.Governed(governor=name)}] for name in GOVERNORS},
+    **{
+        f"formulation {name}": [{"controller": hp.WholeBody(parameters={"formulation": name})}] for name in FORMULATIONS
+    },
+    "condensed": [{}],
+    "commanded": [
+        *(
+            {"controller": name, "gait": hp.Commanded(velocity=(0.3, 0.1, 0.5)), "noise": NOISE, "delay": 1e-3}
+            for name in ("condensed", "wbc")
+        ),
+        {"controller": hp.Governed(limits=True, evaluate_at="tracked"), "plant": "mujoco"},
+    ],
+    "actuators": [{"controller": hp.Condensed(parameters={"estimate_joint_friction": True}), "actuators": MOTORS}],
+    "thrusters": [
+        *({"controller": kind(**KNOWN_LAG), "actuators": LATE} for kind in (hp.Condensed, hp.WholeBody)),
+        {"actuators": LATE, "plant": "mujoco"},
+        *({"actuators": WORN, "plant": plant} for plant in ("compliant", "mujoco")),
+    ],
+    "terrain": [
+        *({"terrain": terrain, **BRIEF} for terrain in TERRAINS),
+        *({"controller": part, "slope": 0.2, **BRIEF} for part in (hp.WholeBody(), hp.WholeBody(**FRICTION))),
+        *({"controller": hp.Governed(governor="filter", **more), "slope": 0.2, **BRIEF} for more in ({}, FRICTION)),
+        *({"plant": plant, "slope": 0.2, **BRIEF} for plant in ("compliant", "mujoco")),
+    ],
+    "loops": [
+        *(
+            {"controller": hp.Condensed(**more), "gait": gait, **BRIEF}
+            for more in ({}, FRICTION)
+            for gait in ("hand", "commanded")
+        ),
+        {"gait": hp.Straight(speed=0.0)},
+    ],
+    "governed": [
+        *(
+            {"controller": controller, "gait": gait, "noise": hp.Noise.typical(0.1)}
+            for controller in ("condensed", "wbc")
+            for gait in ("hand", "commanded")
+        ),
+        *(
+            {"controller": hp.Governed(governor=governor, parameters={"legs": legs})}
+            for governor in GOVERNORS
+            for legs in ("pid", "feedforward")
+        ),
+    ],
+}
+"""Walks of scenes: pushed, on a ground that is slippery enough for limits to be active."""
+if installed_data() is not None:  # point feet step over what is higher, and soles stand on it
+    WALKS["terrain"] += [
+        {"robot": "go2", "terrain": hp.ground.Stairs(start=0.2), "mu_s": 0.6, "stiffness": 75e3, **BRIEF},
+        {"robot": "go2", "slope": 0.2, "stiffness": 75e3, **BRIEF},
+        *({"robot": name, "slope": 0.1, "stiffness": 1e5, "duration": 0.005} for name in ("go2", "g1")),
+    ]
 
 
-def walk(duration: float = 0.05, **settings: object) -> hp.Run:
-    """A walk with pushes, on a ground that is slippery enough for limits to be active."""
-    parts = {"disturbances": PUSHED, "ground": hp.Ground(mu_s=0.25)} | settings
-    return hp.walk(hp.Scenario(duration=duration, **parts))
+def walk(**settings: Any) -> hp.Run:
+    """A walk of a scene."""
+    return walked(**{"duration": 0.05, "pushes": () if "robot" in settings else PUSH, **settings})
 
 
-for name in ("none", "paper", "filter"):
-    SCENES[f"governor {name}"] = partial(walk, controller=hp.Governed(governor=name))
-for name in FORMULATIONS:
-    SCENES[f"formulation {name}"] = partial(walk, controller=hp.WholeBody(parameters={"formulation": name}))
-SCENES["condensed"] = partial(walk, controller="condensed")
+def all_of(walks: list[dict[str, Any]]) -> None:
+    """Walk them one after the other."""
+    for settings in walks:
+        walk(**settings)
+
+
+SCENES |= {name: partial(all_of, walks) for name, walks in WALKS.items()}
 
 
 @scene
@@ -120,43 +186,11 @@ def bridged() -> None:
 
 
 @scene
-def commanded() -> None:
-    """A commanded walk that turns, by condensed controller and QP, with estimated friction and noise."""
-    for controller in ("condensed", "wbc"):
-        walk(
-            controller=controller,
-            gait=hp.Commanded(velocity=(0.3, 0.1, 0.5)),
-            disturbances=replace(PUSHED, noise=hp.Noise.typical(0.5), delay=1e-3),
-        )
-    walk(controller=hp.Governed(limits=True, evaluate_at="tracked"), plant="mujoco")
-
-
-@scene
-def actuators() -> None:
-    """Slow and weak motors, and joint friction that the controller estimates."""
-    motors = hp.Actuators(bandwidth=50.0, torque_share=0.8, viscous_friction=1.0, coulomb_friction=0.3)
-    walk(
-        controller=hp.Condensed(parameters={"estimate_joint_friction": True}),
-        disturbances=replace(PUSHED, actuators=motors),
-    )
-
-
-@scene
-def thrusters() -> None:
-    """Thrusters that lag, turn and idle, where the controllers know their lag and where not, in both engines."""
-    fans = hp.Thrusters(lag=0.02, rate=500.0, least=0.5, largest=40.0, turning_lag=0.03)
-    late = replace(PUSHED, actuators=hp.Actuators(thrusters=fans))
-    for controller in (hp.Condensed, hp.WholeBody):
-        walk(controller=controller(parameters={"thrust_lag": 0.02, "thrust_turning_lag": 0.03}), disturbances=late)
-    walk(controller="condensed", disturbances=late, plant="mujoco")
-    fans = hp.Thrusters(largest=40.0, failing=(0, 0.1, 0.5))
-    worn = hp.Actuators(thrusters=fans, no_load_speed=20.0)
-    for plant in ("compliant", "mujoco"):
-        walk(disturbances=replace(PUSHED, actuators=worn), plant=plant)
+def battery() -> None:
+    """A battery behind the thrusters."""
     plant = hp.Simulator(hp.load_harpy(), actuators=hp.Actuators(thrusters=hp.Thrusters(largest=40.0)))
     plant.attach(Battery())
-    plant.reset(*hp.make_gait(plant.robot).initial_state())
-    plant.advance(hp.Command(np.zeros(6), np.ones((2, 3))))
+    started(plant, hp.make_gait(plant.robot)).advance(hp.Command(np.zeros(6), np.ones((2, 3))))
 
 
 @scene
@@ -201,64 +235,23 @@ def in_place() -> None:
     assert sum(map(change_all, CASES)) > 10_000
 
 
-SLANTED = hp.ground.HeightField(heights=((0.0, 0.1), (0.0, 0.1)))
-
-
 @scene
-def terrain() -> None:
-    """Ground that is not flat: every kind of it, in both engines, under all controllers."""
-    kinds = (hp.ground.Plane(slope=0.2, heading=0.4), hp.ground.Stairs(start=-0.1), hp.ground.Rough(), SLANTED)
-    for kind in kinds:
-        walk(0.01, ground=hp.Ground(mu_s=0.25, terrain=kind))
+def parts() -> None:
+    """Normals of terrains, a task on a force on a slope, and gaits that stand and walk on soles and on points."""
+    for kind in TERRAINS:
         kind.normal([0.1], [0.2])
-    ground = hp.Ground(mu_s=0.25, slope=0.2)
-    for part in (hp.WholeBody(), hp.WholeBody(parameters={"estimate_friction": True}), hp.Governed(governor="filter")):
-        walk(0.01, ground=ground, controller=part)
-    walk(0.01, ground=ground, controller=hp.Governed(governor="filter", parameters={"estimate_friction": True}))
-    walk(0.01, ground=ground, plant="mujoco")
-    if installed_data() is not None:  # point feet step over what is higher
-        uneven = hp.Ground(mu_s=0.6, stiffness=75e3, terrain=hp.ground.Stairs(start=0.2))
-        hp.walk(hp.Scenario(robot="go2", ground=uneven, duration=0.01))
-    walk(0.01, ground=ground)
-    if installed_data() is not None:
-        hp.walk(hp.Scenario(robot="go2", ground=replace(ground, stiffness=75e3), duration=0.01))
 
     def controller(gait: hp.Gait) -> hp.WholeBodyController:
         made = hp.WholeBodyController(gait)
         made.add(hp.FootForceTask("left_foot"), weight=1e-3)
         return made
 
-    hp.walk(hp.Scenario(ground=ground, duration=0.01), controller=controller)
-    if installed_data() is not None:
-        for name in ("go2", "g1"):
-            hp.walk(hp.Scenario(robot=name, ground=hp.Ground(slope=0.1, stiffness=1e5), duration=0.005))
-
-
-@scene
-def loops() -> None:
-    """Gaits of the condensed controller, also with estimated friction."""
-    for gait in ("hand", "commanded"):
-        for estimate in (False, True):
-            parameters = {"estimate_friction": estimate}
-            walk(0.01, controller=hp.Condensed(parameters=parameters), gait=gait)
-    walk(0.01, controller="condensed", gait=hp.Straight(speed=0.0))
+    walked(make=controller, slope=0.2, duration=0.01)
     if installed_data() is not None:
         robot = hp.load_robot("g1")
         walking = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.1, 0.0, 0.0))
-        standing = hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0)
-        for one in (standing, walking, hp.WalkingGait(robot)):
-            hp.walk(hp.Scenario(controller="condensed", duration=0.01), gait=one)
-
-
-@scene
-def governed() -> None:
-    """A noisy walk on command, and the paper's legs with feedforward and limits."""
-    for controller in ("condensed", "wbc"):
-        for gait in ("hand", "commanded"):
-            walk(controller=controller, gait=gait, disturbances=replace(PUSHED, noise=hp.Noise.typical(0.1)))
-    for governor in ("none", "paper", "filter"):
-        for legs in ("pid", "feedforward"):
-            walk(controller=hp.Governed(governor=governor, parameters={"legs": legs}))
+        for gait in (hp.Standing(robot, shift=(0.01, 0.0, 0.0), shift_period=1.0), walking, hp.WalkingGait(robot)):
+            walked(gait, duration=0.01)
 
 
 @scene

@@ -1,6 +1,7 @@
 """A standing robot, and controllers that follow a script."""
 
 import numpy as np
+from walks import started
 
 import harpy_pin as hp
 from harpy_pin import Command, Ground, Simulator
@@ -25,6 +26,4 @@ class Script:
 
 def standing(robot, dt=5e-4, mu=0.8):
     gait = hp.make_gait(robot, speed=0.0)
-    simulator = Simulator(robot, Ground(mu_s=mu), dt=dt)
-    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
-    return simulator, gait
+    return started(Simulator(robot, Ground(mu_s=mu), dt=dt), gait), gait

@@ -13,6 +13,7 @@ from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.gym.batched_env import BatchedEnv
 from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.controllers.governed import FrictionEstimator
+from harpy_pin.governors import ForceRows
 
 ROBOT = hp.load_harpy()
 Q, V = hp.make_gait(ROBOT).initial_state(penetration=0.003)
@@ -63,10 +64,6 @@ def _simulate(plant: Any, steps: int = 5) -> list[np.ndarray]:
 def _started(plant: Any) -> Any:
     plant.reset(Q, V)
     return plant
-
-
-def _rows():
-    return hp.governors.ForceRows(mass=ROBOT.mass, mu=0.2)
 
 
 def _bend(governor: Any) -> list[np.ndarray]:
@@ -132,32 +129,25 @@ CASES: dict[str, Case] = {
     "CondensedController": _walker("condensed"),
     "WholeBodyController": _walker("wbc", solver="daqp"),
     "WholeBodyController, ProxQP": _walker("wbc"),
-    "estimating": _walker("condensed", estimate_friction=True),
+    "estimating": _walker("condensed", estimate_friction=True, estimate_joint_friction=True),
+    **{f"{name}, lag": _walker(name, thrust_lag=0.1) for name in ("condensed", "wbc")},
     **{f"governed, {name}": _walker("governed", governor=name) for name in controllers.GOVERNORS},
     "StraightGait": (lambda: hp.make_gait(ROBOT), _follow),
     "CommandedGait": (lambda: hp.make_commanded_gait(ROBOT, [(0.0, 0.2, 0.1, 0.3)]), _follow),
     "WalkingGait": (lambda: hp.WalkingGait(ROBOT, velocity=(0.2, 0.1, 0.3), posture=LEVEL), _follow),
     "ContactForceFilter": (lambda: hp.ContactForceFilter(ROBOT), _filter),
-    "ExplicitReferenceGovernor": (
-        lambda: hp.ExplicitReferenceGovernor(hp.governors.ForceRows(mass=ROBOT.mass, mu=0.2)),
-        _bend,
-    ),
+    "ExplicitReferenceGovernor": (lambda: hp.ExplicitReferenceGovernor(ForceRows(mass=ROBOT.mass, mu=0.2)), _bend),
 }
 
 
-def _with_task(name: str) -> Callable[[], Any]:
-    def make() -> Any:
-        made = hp.make_controller(name, hp.make_gait(ROBOT), mu=0.4, solver="daqp")
-        made.add(hp.wbc.MomentumTask(part="angular", momentum=np.zeros(3), gain=5.0), weight=0.1)
-        return made
-
-    return make
-
-
-CASES |= {f"{name}, own task": (_with_task(name), _control) for name in ("wbc",)}
+def _with_task() -> Any:
+    made = hp.make_controller("wbc", hp.make_gait(ROBOT), mu=0.4, solver="daqp")
+    made.add(hp.wbc.MomentumTask(part="angular", momentum=np.zeros(3), gain=5.0), weight=0.1)
+    return made
 
 
 CASES |= {
+    "wbc, own task": (_with_task, _control),
     "Shield": (lambda: hp.Shield(ROBOT, mu=0.3), _shield),
     "ShieldBatch": (lambda: ShieldBatch(ROBOT, 3, mu=[0.2, 0.3, 0.4]), _shield_batch),
     "CondensedBatch": (lambda: CondensedBatch(ROBOT, 300, threads=2), _batch),

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pinocchio as pin
-from whole_body_oracle import NV, ROBOT, STANDING
+from whole_body_oracle import NV, ROBOT, STANDING, SUPPORTS, WEIGHTS, oracle
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.model.state import State
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights
+from harpy_pin.wbc import WholeBodyLimits
 
-WEIGHTS = WholeBodyWeights(posture=1e-10)
 LOAD = 20.0
 """Measured on a foot that is held, along its normal, N."""
 
@@ -51,7 +52,7 @@ def fill(target: GaitTarget, rng: np.random.Generator, *, steepest: float = 0.7,
     target.body[:3] = STANDING[:3]
     target.body[6:] = rng.uniform(-size, size, 3)
     target.foot_acceleration[:] = rng.uniform(-size, size, (2, 3))
-    target.stance[:] = [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)][rng.integers(4)]
+    target.stance[:] = (*SUPPORTS[:3], SUPPORTS[0])[rng.integers(4)]
     target.phase[:] = np.where(target.stance > 0.0, 0.5, 0.2)
     target.ground_height[:] = -10.0  # what touches is said by the forces
     for normal in target.normal:
@@ -70,25 +71,16 @@ def parameters(limits: WholeBodyLimits, **settings) -> WholeBodyParameters:
     return WholeBodyParameters(weights=WEIGHTS, limits=limits, **settings)
 
 
-def targets_in_world(targets: WholeBodyTargets, frames: np.ndarray) -> WholeBodyTargets:
-    """A controller's targets, those of the feet turned back by frames of the test's own."""
-    world = WholeBodyTargets(ROBOT)
-    for name in ("body", "orientation", "joints", "held", "force_range", "friction"):
-        getattr(world, name)[:] = getattr(targets, name)
-    world.feet[:] = np.einsum("kij,kj->ki", frames, targets.feet)
-    return world
-
-
-def foot_terms(q: np.ndarray, v: np.ndarray):
-    """Jacobians and drifts of the feet, world axes, by Pinocchio."""
-    model, data = ROBOT.model, ROBOT.model.createData()
-    pin.forwardKinematics(model, data, q, v, np.zeros(NV))
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    found = []
-    for name in ROBOT.feet:
-        i = model.getFrameId(name)
-        jacobian = pin.getFrameJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)[:3].copy()
-        drift = pin.getFrameClassicalAcceleration(model, data, i, pin.LOCAL_WORLD_ALIGNED).linear.copy()
-        found.append((jacobian, drift))
-    return found
+def sloped_case(controller, rng: np.random.Generator, *, spread: float = 0.1):
+    """A random state on random normals, the command at it, and the independent program that it should solve."""
+    target = controller.gait.target
+    fill(target, rng)
+    state = random_state(rng, target, spread=spread)
+    controller.reset()
+    command = controller.step(state)
+    frames = np.array([smallest_rotation(normal) for normal in target.normal])
+    own, given = controller.targets, controller.parameters
+    feet = np.einsum("kij,kj->ki", frames, own.feet)
+    others = {name: getattr(own, name) for name in ("body", "orientation", "joints", "held", "force_range")}
+    world = SimpleNamespace(feet=feet, **others)
+    return state, command, oracle(state.q, state.v, world, given.limits, given.weights, frames=frames)

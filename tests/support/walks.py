@@ -1,22 +1,63 @@
-"""Walks of any robot, and what is measured of them."""
+"""Walks, their parts, and what is measured of them."""
+
+from dataclasses import fields
 
 import numpy as np
+import pinocchio as pin
 
 import harpy_pin as hp
+
+PARTS = {"ground": hp.Ground, "disturbances": hp.Disturbances}
+SETTINGS = {field.name: part for part, kind in PARTS.items() for field in fields(kind)}
+
+
+def scenario(**settings):
+    """A scenario; settings of its ground and of its disturbances stand beside the others."""
+    for part, kind in PARTS.items():
+        own = {name: settings.pop(name) for name in [*settings] if SETTINGS.get(name) == part}
+        if own:
+            settings[part] = kind(**own)
+    return hp.Scenario(**settings)
+
+
+def walked(own_gait=None, *, make=None, on_tick=None, **settings):
+    """A walk of such a scenario, with a gait of one's own, or a controller that a function makes of the gait."""
+    return hp.walk(scenario(**settings), gait=own_gait, controller=make, on_tick=on_tick)
+
+
+def started(plant, gait):
+    """The plant, with its robot where the gait begins."""
+    plant.reset(*gait.initial_state(penetration=plant.static_penetration))
+    return plant
+
+
+def put(plant, *, x=0.0, z=None, v=None):
+    """The plant, with its robot in its neutral posture: as deep in the ground as it sinks, or at a height, m."""
+    q = pin.neutral(plant.robot.model)
+    q[0], q[2] = x, -plant.static_penetration if z is None else z
+    plant.reset(q, np.zeros(plant.robot.model.nv) if v is None else np.array(v))
+    return plant
+
+
+def states_of(run):
+    """The logged states."""
+    names = ("t", "q", "v", "foot_position", "foot_velocity", "foot_force")
+    return [hp.State(float(t), *rest) for t, *rest in zip(*(run[name] for name in names), strict=True)]
+
+
+def assert_same(run, other):
+    """Two logs have the same signals, and the same digits but for the times that ticks took."""
+    assert run.signals.keys() == other.signals.keys()
+    for name in run.signals.keys() - {"tick_ns"}:
+        np.testing.assert_array_equal(run[name], other[name], err_msg=name)
 
 
 def walk(gait, *, mu=0.6, duration=3.0, plant="compliant", terrain=None, pushes=(), on_tick=None, **disturbances):
     """A walk on ground into which the robot sinks by 2 mm; pushes are (time, velocity that they would give)."""
     mass = gait.robot.mass
     shoves = tuple(hp.Push(t, tuple(mass * np.array(velocity))) for t, velocity in pushes)
-    scenario = hp.Scenario(
-        controller=hp.Condensed(),
-        ground=hp.Ground(mu_s=mu, stiffness=mass * 9.81 / 2e-3, terrain=terrain),
-        duration=duration,
-        plant=plant,
-        disturbances=hp.Disturbances(pushes=shoves, **disturbances),
-    )
-    return hp.walk(scenario, gait=gait, on_tick=on_tick)
+    ground = {"mu_s": mu, "stiffness": mass * 9.81 / 2e-3, "terrain": terrain}
+    return walked(gait, on_tick=on_tick, duration=duration, plant=plant, pushes=shoves, **ground, **disturbances)
 
 
 def slip_per_step(run):

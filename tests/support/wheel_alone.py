@@ -49,7 +49,7 @@ def build(folder: Path, robots: list[str]) -> Path:
     return wheel
 
 
-def install(wheel: Path, environment: Path, *, shared: bool) -> Path:
+def install(wheel: Path, environment: Path, *, shared: bool, ziglang: bool = False) -> Path:
     """The Python of an environment with the wheel; ``shared`` has its dependencies from this environment."""
     venv.create(environment)
     python = environment / "bin" / "python"
@@ -58,8 +58,8 @@ def install(wheel: Path, environment: Path, *, shared: bool) -> Path:
     subprocess.run(pip, check=True)
     if shared:
         (packages,) = environment.glob("lib/python*/site-packages")
-        here, no_ziglang = sysconfig.get_path("purelib"), "import sys; sys.modules['ziglang'] = None"
-        (packages / "shared.pth").write_text(f"import site; site.addsitedir({here!r})\n{no_ziglang}\n")
+        here, hidden = sysconfig.get_path("purelib"), "" if ziglang else "import sys; sys.modules['ziglang'] = None"
+        (packages / "shared.pth").write_text(f"import site; site.addsitedir({here!r})\n{hidden}\n")
     return python
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import daqp
 import numpy as np
 import pinocchio as pin
+from forward_dynamics import frame_terms, mass_matrix
 
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights
@@ -13,6 +14,9 @@ ROBOT = hp.load_harpy()
 NV = 12
 MU = 0.5
 STANDING = hp.make_gait(ROBOT).initial_state()[0]
+SUPPORTS = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
+WEIGHTS = WholeBodyWeights(posture=1e-10)
+"""The condensed controller has no posture task: limbs leave no posture free. The whole-body program must have one."""
 
 
 def random_case(seed: int):
@@ -25,8 +29,22 @@ def random_case(seed: int):
     targets.orientation[:] = rng.uniform(-5.0, 5.0, 3)
     targets.feet[:] = rng.uniform(-5.0, 5.0, (2, 3))
     targets.joints[:] = rng.uniform(-5.0, 5.0, 6)
-    targets.held[:] = [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0)][seed % 4]
+    targets.held[:] = SUPPORTS[seed % 4]
     targets.force_range[:] = (5.0, 150.0)
+    return q, v, targets
+
+
+def wild_case(rng, *, spread):
+    """A state around standing, targets however far from what is possible, and which feet are held."""
+    q = pin.integrate(ROBOT.model, STANDING, spread * rng.standard_normal(NV))
+    v = 3.0 * spread * rng.standard_normal(NV)
+    targets = WholeBodyTargets(ROBOT)
+    size = 10.0 ** rng.uniform(-1.0, 2.0)
+    targets.body[:] = size * rng.standard_normal(3)
+    targets.orientation[:] = 3.0 * size * rng.standard_normal(3)
+    targets.feet[:] = size * rng.standard_normal((2, 3))
+    targets.held[:] = SUPPORTS[rng.integers(4)]
+    targets.force_range[:] = (rng.uniform(0.0, 20.0), 200.0)
     return q, v, targets
 
 
@@ -35,21 +53,10 @@ def oracle(q, v, targets, limits, weights=None, *, frames=None):
 
     All in world axes; the pyramids are about the third axes of ``frames`` (feet, 3, 3), by default the world's.
     """
-    model, data = ROBOT.model, ROBOT.model.createData()
-    weights = weights or WholeBodyWeights()
-    mass, bias = pin.crba(model, data, q).copy(), pin.nle(model, data, q, v).copy()
-    pin.forwardKinematics(model, data, q, v, np.zeros(NV))
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-
-    def frame(name):
-        i = model.getFrameId(name)
-        jacobian = pin.getFrameJacobian(model, data, i, pin.LOCAL_WORLD_ALIGNED)[:3].copy()
-        return jacobian, pin.getFrameClassicalAcceleration(model, data, i, pin.LOCAL_WORLD_ALIGNED).linear.copy()
-
-    feet = [frame(name) for name in ROBOT.feet]
-    mounts = [frame(name)[0] for name in ROBOT.thrusters]
-    base_jacobian, base_drift = frame("base")
+    model, weights = ROBOT.model, weights or WholeBodyWeights()
+    mass, bias = mass_matrix(model, q), pin.nle(model, model.createData(), q, v)
+    jacobians, drifts = frame_terms(model, (*ROBOT.feet, "base", *ROBOT.thrusters), q, v)
+    (*feet, (base_jacobian, base_drift)), mounts = [*zip(jacobians[:3], drifts[:3], strict=True)], jacobians[3:]
     n = NV + 12
     rows, values = [], []
 

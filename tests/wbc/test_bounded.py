@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import ContactForceMap, generalised_force
+from forward_dynamics import ContactForceMap, generalised_force, mass_matrix
 from hostile_states import draw_hostile
 from random_states import LEGS, draw
 from scipy.optimize import linprog
@@ -181,9 +181,8 @@ def test_redundant_contacts_have_the_least_force(flat_footed, speed):
         q = pin.integrate(robot.model, start, 0.1 * rng.standard_normal(12))
         v, tau, u = speed * rng.standard_normal(12), rng.uniform(-5.0, 5.0, 6), rng.uniform(-9.0, 9.0, (2, 3))
         dynamics.update(q, v)
-        force = contact.update(dynamics, v, torque=tau, thrust=u, touching=np.ones(8)).ravel().copy()
-        mass = pin.crba(robot.model, robot.model.createData(), q)
-        mass = np.triu(mass) + np.triu(mass, 1).T
+        force = contact.update(dynamics, v, hp.Command(tau, u), np.ones(8)).ravel()
+        mass = mass_matrix(robot.model, q)
         jacobian = dynamics.foot_jacobian
         free = np.linalg.solve(
             mass,

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pinocchio as pin
-from condensed_cases import NV, ROBOT, WEIGHTS, random_case
 from forward_dynamics import demand_of_centre
 from hypothesis import given
 from hypothesis import strategies as st
+from whole_body_oracle import NV, ROBOT, WEIGHTS, wild_case
 
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
@@ -15,7 +15,7 @@ from harpy_pin.wbc.problem import body_row
 
 def centred_case(seed, spread=0.2):
     rng = np.random.default_rng(seed)
-    q, v, targets = random_case(rng, spread=spread)
+    q, v, targets = wild_case(rng, spread=spread)
     dynamics = hp.Dynamics(ROBOT)
     dynamics.update(q, v)
     demand_of_centre(targets, dynamics)

@@ -7,8 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from condensed_cases import NV, ROBOT, SUPPORTS, WEIGHTS, random_case
-from forward_dynamics import demand_of_centre
+from forward_dynamics import constrained_dynamics, demand_of_centre
+from walks import states_of, walked
+from whole_body_oracle import NV, ROBOT, SUPPORTS, WEIGHTS, wild_case
 
 import harpy_pin as hp
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, make_problem, make_solver
@@ -17,34 +18,18 @@ from harpy_pin.wbc.condensed.force_program import into_cones
 from reproduction.chattering import chattering
 
 
-def sticking_forces(dynamics, v, held, torque, thrust, accelerations):
-    """Contact forces of the rigid robot whose held feet get the given accelerations: one dense linear system."""
-    rows = np.flatnonzero(np.repeat(held, 3))
-    jacobian = dynamics.foot_jacobian[rows]
-    n = len(rows)
-    system = np.zeros((NV + n, NV + n))
-    system[:NV, :NV] = np.tril(dynamics.mass_matrix) + np.tril(dynamics.mass_matrix, -1).T
-    system[:NV, NV:], system[NV:, :NV] = -jacobian.T, jacobian
-    drive = thrust @ dynamics.thruster_jacobian - dynamics.bias - ROBOT.model.damping * v
-    drive[6:] += torque
-    solution = np.linalg.solve(system, np.concatenate((drive, accelerations.ravel()[rows] - dynamics.foot_drift[rows])))
-    forces = np.zeros(6)
-    forces[rows] = solution[NV:]
-    return forces.reshape(2, 3), solution[:NV]
-
-
 def test_promise_for_every_state_and_target(fuzz):
     """The force on every held foot is the one intended, and it is in its pyramid and range: whatever was asked for.
 
-    ``--fuzz 250`` looks at a million states.
+    ``--fuzz 500`` looks at a million states.
     """
     dynamics = hp.Dynamics(ROBOT)
     rng = np.random.default_rng(0)
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.6)
     condensed = CondensedSolver(ROBOT, WEIGHTS, limits)
     seen = CondensedStatus.OPTIMAL
-    for _ in range(4000 * fuzz):
-        q, v, targets = random_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
+    for _ in range(2000 * fuzz):
+        q, v, targets = wild_case(rng, spread=10.0 ** rng.uniform(-2.0, -0.5))
         dynamics.update(q, v)
         inputs = condensed.solve(dynamics, v, pin.Quaternion(q[3:7]).matrix(), targets)
         assert np.isfinite(inputs).all()
@@ -59,7 +44,8 @@ def test_promise_for_every_state_and_target(fuzz):
         seen |= condensed.status
         if condensed.status & CondensedStatus.TORQUE_CLIPPED:
             continue
-        force, acceleration = sticking_forces(dynamics, v, targets.held, inputs[6:], inputs[:6], targets.feet)
+        command = hp.Command(inputs[6:], inputs[:6].reshape(2, 3))
+        force, acceleration = constrained_dynamics(ROBOT, q, v, command, targets.held, desired=targets.feet)
         scale = 1.0 + np.abs(force).max() + np.abs(inputs).max()
         np.testing.assert_allclose(condensed.force, force, rtol=0, atol=1e-8 * scale)
         np.testing.assert_allclose(
@@ -90,73 +76,45 @@ def test_whatever_the_search_leaves_is_put_into_the_pyramids():
                 np.testing.assert_array_equal(condensed.force[k], before[k])
 
 
-def compared_with_forces(force, solver, general, best, limited):
-    """The formulation in contact forces alone: the same optimum, or one that costs more where a motor is limited."""
-    solution = solver.solve(force.program)
-    if not solution.usable:
-        assert limited
-        return
-    inputs = np.empty(12)
-    force.inputs(solution.z, inputs)
-    assert general.program.violation(inputs) < 1e-5 * (1.0 + np.abs(inputs).max())
-    cost = general.program.objective(best)
-    assert general.program.objective(inputs) - cost > -1e-6 * (1.0 + abs(cost))
-    if not limited:
-        for found, expected in (
-            (inputs, best),
-            (force.contact_force(solution.z), general.contact_force(best)),
-            (force.acceleration(solution.z), general.acceleration(best)),
-        ):
-            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * (1.0 + np.abs(expected).max()))
-
-
 @pytest.mark.parametrize("centred", [False, True])
-@pytest.mark.parametrize("mu", [0.15, 0.6])
-@pytest.mark.parametrize("torque_scale", [1.0, 0.5])
-def test_optimum_is_that_of_the_whole_body_program(mu, torque_scale, centred, fuzz):
-    """The same forces, torques and thrusts, whatever is at a limit, wherever the program has a solution; where nothing
-    gives way, for which see ``test_giving_way.py``."""
-    dynamics, rng = hp.Dynamics(ROBOT), np.random.default_rng(2)
-    limits = WholeBodyLimits(mu=mu, torque_scale=torque_scale, give_way=1.0)
-    condensed = CondensedSolver(ROBOT, WEIGHTS, limits)
-    problem, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force"))
-    solver, of_force = (make_solver("daqp", one.program) for one in (problem, force))
-    lower, upper = (bound[:12] for bound in (problem.program.lower, problem.program.upper))
-    seen: dict[CondensedStatus, int] = {}
-    binding = 0
-    for _ in range(1000 * fuzz):
-        q, v, targets = random_case(rng, spread=0.05)
+def test_forces_alone_have_the_optimum_but_where_an_input_is_limited(centred, fuzz):
+    """There what the formulation finds is possible, too, and costs more; elsewhere nothing is different."""
+    dynamics, rng, seen = hp.Dynamics(ROBOT), np.random.default_rng(2), [0, 0]
+    limits, inputs = WholeBodyLimits(mu=0.3, torque_scale=0.5, give_way=1.0), np.empty(12)
+    general, force = (make_problem(name, ROBOT, WEIGHTS, limits) for name in ("input_space", "contact_force"))
+    solvers = [make_solver("daqp", one.program) for one in (general, force)]
+    lower, upper = (bound[:12] for bound in (general.program.lower, general.program.upper))
+    for _ in range(500 * fuzz):
+        q, v, targets = wild_case(rng, spread=0.05)
         dynamics.update(q, v)
         if centred:
             demand_of_centre(targets, dynamics)
-        for one in (problem, force):
+        for one in (general, force):
             one.build(dynamics, v, dynamics.rotation, targets)
-        solution = solver.solve(problem.program)
-        inputs = condensed.solve(dynamics, v, dynamics.rotation, targets)
-        if not solution.usable:
-            assert not of_force.solve(force.program).usable or not targets.held.any()
+        best, found = (solver.solve(one.program) for solver, one in zip(solvers, (general, force), strict=True))
+        if not best.usable:
+            assert not found.usable or not targets.held.any()
+        if not best.usable or not targets.held.any():
             continue
-        best = solution.z
-        if targets.held.any():
-            limited = bool(((best < lower + 1e-6) | (best > upper - 1e-6)).any())
-            compared_with_forces(force, of_force, problem, best, limited)
-        if condensed.status & (CondensedStatus.SUBOPTIMAL | CondensedStatus.TORQUE_CLIPPED):
+        limited = bool(((best.z < lower + 1e-6) | (best.z > upper - 1e-6)).any())
+        assert found.usable or limited
+        if not found.usable:
             continue
-        seen[condensed.status] = seen.get(condensed.status, 0) + 1
-        scale = 1.0 + np.abs(best).max()
-        contact = problem.contact_force(best)
-        binding += bool((limits.pyramid @ contact[targets.held > 0].T < 1e-6).any())
-        np.testing.assert_allclose(condensed.force, contact, rtol=0, atol=2e-5 * scale)
-        np.testing.assert_allclose(inputs, best, rtol=0, atol=2e-5 * scale)
-    assert seen[CondensedStatus.OPTIMAL] > 200
-    assert seen[CondensedStatus.THRUST_LIMITED] > 20
-    assert sum(count for status, count in seen.items() if status & CondensedStatus.TORQUE_LIMITED) > 20
-    assert binding > 50
+        seen[limited] += 1
+        force.inputs(found.z, inputs)
+        assert general.program.violation(inputs) < 1e-5 * (1.0 + np.abs(inputs).max())
+        cost = general.program.objective(best.z)
+        assert general.program.objective(inputs) - cost > -1e-6 * (1.0 + abs(cost))
+        if not limited:
+            np.testing.assert_allclose(inputs, best.z, rtol=0, atol=1e-6 * (1.0 + np.abs(best.z).max()))
+            accelerations = force.acceleration(found.z), general.acceleration(best.z)
+            np.testing.assert_allclose(*accelerations, rtol=0, atol=1e-6 * (1.0 + np.abs(accelerations[1]).max()))
+    assert min(seen) > 20
 
 
 def the_way(dynamics, condensed, rng):
     """A function of the place on the way from one random state and target to another: inputs and status."""
-    q, v, targets = random_case(rng, spread=0.05)
+    q, v, targets = wild_case(rng, spread=0.05)
     far_q = pin.integrate(ROBOT.model, q, 0.2 * rng.standard_normal(NV))
     far_v = v + 0.3 * rng.standard_normal(NV)
     fields = (targets.body, targets.orientation, targets.feet)
@@ -207,9 +165,7 @@ def test_no_chattering():
     period; a smooth one as often as before."""
     reversals = []
     for period in (1e-3, 2.5e-4):
-        run = hp.walk(
-            hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.15), duration=2.0, period=period, dt=2.5e-4)
-        )
+        run = walked(mu_s=0.15, duration=2.0, period=period, dt=2.5e-4)
         assert run.ending == "completed"
         signals = np.concatenate((run["torque"], run["thrust"].reshape(len(run), -1)), axis=1)
         reversals.append(chattering(signals, period=period).reversals_per_s)
@@ -218,16 +174,8 @@ def test_no_chattering():
 
 def test_walks_like_the_whole_body_program():
     """Torques of one second of a pushed walk on slippery ground; the same slip in the end."""
-    runs = []
-    for controller in ("condensed", "wbc"):
-        scenario = hp.Scenario(
-            controller=controller,
-            ground=hp.Ground(mu_s=0.15),
-            duration=2.0,
-            disturbances=hp.Disturbances(pushes=(hp.Push(0.6, (0.0, 4.0, 0.0)),)),
-        )
-        runs.append(hp.walk(scenario))
-    condensed, wbc = runs
+    pushes = (hp.Push(0.6, (0.0, 4.0, 0.0)),)
+    condensed, wbc = (walked(controller=name, mu_s=0.15, duration=2.0, pushes=pushes) for name in ("condensed", "wbc"))
     assert condensed.ending == wbc.ending == "completed"
     np.testing.assert_allclose(condensed["q"], wbc["q"], rtol=0, atol=2e-4)
     a, b = hp.measure(condensed), hp.measure(wbc)
@@ -256,8 +204,7 @@ def test_the_first_tick_has_no_command_to_hold(name):
 def test_where_no_forces_are_within_reach_the_last_command_is_held():
     """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
     there; both hold the last command for a while, and go on as if nothing had been."""
-    states: list[hp.State] = []
-    hp.walk(hp.Scenario(controller="condensed", duration=0.53), on_tick=lambda state: states.append(state.copy()))
+    states = states_of(walked(duration=0.53))
     condensed, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("condensed", "wbc"))
     for state in states:
         good = condensed.step(state).torque.copy()

@@ -84,7 +84,7 @@ def test_reused_active_set_is_always_optimal(formulation):
     """From a guess that belongs to quite another program."""
     solver = reference = None
     by_reuse = 0
-    for seed in range(400):
+    for seed in range(200):
         q, v, targets = random_case(seed)
         program = built(q, v, targets, WholeBodyLimits(mu=0.2), formulation=formulation).program
         if solver is None:
@@ -97,7 +97,7 @@ def test_reused_active_set_is_always_optimal(formulation):
             continue
         by_reuse += solver.fallback_solves == asked
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * max(1.0, np.abs(expected).max()))
-    assert by_reuse > 100  # it is the guess that was tested, not the fallback
+    assert by_reuse > 50  # it is the guess that was tested, not the fallback
 
 
 def test_reused_active_set_seldom_needs_help_in_a_walk():
