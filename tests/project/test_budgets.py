@@ -13,7 +13,7 @@ import harpy_pin
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
-LINES = {"harpy_pin": 37_554, CONTRIB: 3_048, "reproduction": 3_772, "comparison": 11_249, "tests": 30_144}
+LINES = {"harpy_pin": 37_657, CONTRIB: 3_048, "reproduction": 3_772, "comparison": 10_952, "tests": 30_274}
 """Most lines of the Python files that Git tracks in a folder; those of ``harpy_pin`` are counted without contrib."""
 LONGEST_FILE = 450
 MOST_PUBLIC_NAMES = 70
