@@ -26,7 +26,7 @@ SIZES = (0.4, 0.6)
 """Impulses of pushes of 0.1 s over the mass, m/s."""
 SPEEDS = {"in place": 0.0, "at half speed": 0.5}
 """As shares of the largest speed."""
-MOST = 5
+MOST = 7
 """Discs of the figure side by side."""
 _STOOD = ("#c8553d", "#e9c46a", "#2c6e9b")
 """Colours: no push is stood, the smaller, both."""
