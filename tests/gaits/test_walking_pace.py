@@ -238,3 +238,26 @@ def test_on_soles_the_largest_speed_falls_with_the_friction():
         speed = given.max_speed
         given.expect_friction(0.3)
         assert given.max_speed == speed
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["g1", "talos", "icub"])
+def test_on_slippery_ground_soles_stand_closer_and_hand_over_faster(name):
+    """Bit by bit, never so close that they touch, and as before where the ground is firm again."""
+    robot, gaits = hp.load_robot(name), [hp.WalkingGait(hp.load_robot(name)) for _ in range(2)]
+    gaits[1].expect_friction(0.05)
+    widths = [float(np.ptp(gaits[0]._build.point[gaits[0]._build.foot == k, 1])) for k in range(2)]
+    apart, support = [], []
+    for mu in (0.05, 0.1, 0.12, 0.15, 0.2, 0.6):
+        for gait in gaits:
+            gait.expect_friction(mu)
+        np.testing.assert_array_equal(gaits[0]._record_["nominal"], gaits[1]._record_["nominal"])
+        apart.append(float(np.ptp(gaits[0]._record_["nominal"][0][:, 1])))
+        support.append(float(gaits[0]._record_["slow_double_support"][0]))
+    fresh = hp.WalkingGait(robot)._record_
+    assert apart == sorted(apart)
+    assert support == sorted(support)
+    assert min(apart) > max(widths)
+    assert apart[0] == apart[1] < apart[2] < apart[4]
+    np.testing.assert_array_equal(gaits[0]._record_["nominal"], fresh["nominal"])
+    assert support[-1] == fresh["slow_double_support"][0]

@@ -143,7 +143,7 @@ class WalkingGait(FollowsVelocity):
         clearance = optional("clearance", clearance, build.leg) or CLEARANCE * build.leg
         group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
         pace = pace_of(robot, q, build, group, clearance, max_speed=optional("max_speed", max_speed, 20.0))
-        self._build, self._fastest, self._chosen_speed = build, pace.max_speed, max_speed is not None
+        self._build, self._pace, self._chosen_speed = build, pace, max_speed is not None
         self.step_duration, self.double_support = pace.usual_step, pace.fast_double_support
         self.record: Records[WalkingRecord] = self._make_record(
             build, pace, group, start_time=0.0 if feet == 2 and not soles else START * natural, clearance=clearance
@@ -252,17 +252,18 @@ class WalkingGait(FollowsVelocity):
         """
         if not self.robot.flat_feet:
             return
-        r, build, grip = self._record_, self._build, min(max((mu - SLIPPERY) / (FIRM - SLIPPERY), 0.0), 1.0)
+        r, build, pace = self._record_, self._build, self._pace
         if not self._chosen_speed:
-            r["max_speed"] = self._fastest * min(mu / FULL_GRIP, 1.0)
-        if grip < 1.0 and r["sways"][0]:
-            nominal, group = r["nominal"][0], r["group"][0]
+            r["max_speed"] = pace.max_speed * min(mu / FULL_GRIP, 1.0)
+        if r["sways"][0]:
+            grip, group = min(max((mu - SLIPPERY) / (FIRM - SLIPPERY), 0.0), 1.0), r["group"][0]
+            nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
+            apart = draw_together(nominal, group, build.narrow)
             close = CLOSE + max(float(np.ptp(build.point[build.foot == k, 1])) for k in range(len(build.place)))
-            apart = float(np.linalg.norm(r["middle"][0][1] - r["middle"][0][0]))
-            draw_together(nominal, group, min(close + grip * max(apart - close, 0.0), apart))
-            r["middle"][0] = [nominal[group == g].mean(axis=0) for g in range(len(r["middle"][0]))]
+            draw_together(nominal, group, apart - (1.0 - grip) * max(apart - close, 0.0))
+            r["nominal"], r["middle"] = nominal, [nominal[group == g].mean(axis=0) for g in range(2)]
             for name in ("slow_double_support", "fast_double_support"):
-                r[name] = SWIFT + grip * (r[name] - SWIFT)
+                r[name] = SWIFT + grip * (getattr(pace, name) - SWIFT)
 
     def observe(self, state: State) -> None:
         """See :class:`~harpy_pin.gaits.gait.Gait`; a state with entries that are not finite is ignored.
