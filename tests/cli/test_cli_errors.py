@@ -33,7 +33,7 @@ def files(tmp_path):
         ("walk --set urdf=OUT/none.urdf", "no URDF"),
         ("walk --set urdf=OUT/cut.urdf", "well-formed"),
         ("walk --set urdf=OUT/footless.urdf", "no foot frame 'left_foot'"),
-        ("info --robot OUT", "no URDF"),
+        ("info --robot OUT", "unknown robot"),
         ("walk --set ground.friction_strips=0.6,1.2", "strip"),
         ("walk --set ground.friction_strips=[[1.2,0.6,0.1]]", "strip"),
         ("walk --set controller", "such as controller.mu=0.4, got 'controller'; harpy settings"),

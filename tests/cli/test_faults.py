@@ -40,10 +40,10 @@ def test_full_output_is_one_line(module, argument, code, says):
     [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}, {"TERM": "dumb"}],
     ids=str,
 )
-@pytest.mark.parametrize("arguments", [("info",), ("info", "--urdf", "no·where")], ids=str)
+@pytest.mark.parametrize("arguments", [("info",), ("info", "--robot", "no·where")], ids=str)
 def test_output_of_any_encoding(environment, arguments):
     done = python("-m", "harpy_pin", *arguments, **environment)
-    assert done.returncode == (2 if "--urdf" in arguments else 0)
+    assert done.returncode == (2 if "--robot" in arguments else 0)
     assert "Traceback" not in done.stderr
     assert ("left_hip_frontal" in done.stdout) == (arguments == ("info",))
 
@@ -69,7 +69,7 @@ def test_names_with_brackets_are_shown(tmp_path):
     text = (ROOT / "urdf" / "harpy.urdf").read_text()
     path = tmp_path / "markup.urdf"
     path.write_text(text.replace('name="harpy"', 'name="[/red]"').replace("left_knee", "[bold]knee"))
-    done = python("-m", "harpy_pin", "info", "--urdf", str(path))
+    done = python("-m", "harpy_pin", "info", "--robot", str(path), "--feet", "left_foot,right_foot")
     assert done.returncode == 0, done.stderr
     assert "[/red]: 4.020 kg" in done.stdout
     assert "[bold]knee" in done.stdout
