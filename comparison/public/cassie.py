@@ -110,6 +110,8 @@ def estimate_log(folder: Path, *, seed: int = 0, settings: EstimatorSettings | N
     log, robot = read_log(folder), load_cassie(folder)
     imu, rng = hp.Imu(position=PLACE, orientation=MOUNTED), np.random.default_rng(seed)
     names = [f"{joint}_{side}" for side in SIDES for joint in JOINTS]
+    if not set(robot.joints) <= set(names):
+        raise InputError(f"cassie.urdf has other joints: {', '.join(robot.joints)}", name="data", value=folder)
     angles = log["encoders"][:, [names.index(joint) for joint in robot.joints]]
     speeds = np.diff(angles, axis=0, prepend=angles[:1]) / PERIOD
     q, v = _truth(robot, log, imu, angles, speeds)

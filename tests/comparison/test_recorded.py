@@ -80,6 +80,13 @@ def test_what_is_missing_is_said(clones: Path, name: str) -> None:
         cassie.estimate_log(clones)
 
 
+def test_a_robot_with_other_joints_is_refused(clones: Path) -> None:
+    file = clones / cassie.SOURCES[1] / "urdf" / "cassie.urdf"
+    file.write_text(urdf().replace("toe_joint_left", "toe"))
+    with pytest.raises(InputError, match="other joints: .*toe"):
+        cassie.estimate_log(clones)
+
+
 def test_a_damaged_file_is_no_file_of_the_log(clones: Path) -> None:
     (clones / cassie.SOURCES[0] / cassie.LOG / "measurements/contact.mat").write_bytes(b"no matlab")
     with pytest.raises(InputError, match="is no file of the log"):
