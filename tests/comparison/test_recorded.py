@@ -83,7 +83,7 @@ def test_what_is_missing_is_said(clones: Path, name: str) -> None:
 def test_a_robot_with_other_joints_is_refused(clones: Path) -> None:
     file = clones / cassie.SOURCES[1] / "urdf" / "cassie.urdf"
     file.write_text(urdf().replace("toe_joint_left", "toe"))
-    with pytest.raises(InputError, match="other joints: .*toe"):
+    with pytest.raises(InputError, match=r"other joints: .*toe"):
         cassie.estimate_log(clones)
 
 
