@@ -47,7 +47,12 @@ def journal_path(target: str | Path) -> Path:
 
 
 def check_writable(path: str | Path) -> None:
-    """Make sure a file can be written before the work that fills it; a :class:`RunFileError` says why not."""
+    """Make sure a file can be written before the work that fills it is done.
+
+    Raises:
+        RunFileError: it cannot; the message says why.
+        InputError: it is no path.
+    """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"a file needs a path, got {shown(path)}", name="path", value=path)
     target = Path(path)
@@ -78,8 +83,13 @@ def check_outputs(
 ) -> None:
     """Make sure that all files of a command can be written, and that no two of them are one, links included.
 
-    They have the names by which the user calls them, such as ``--save``; those that were not asked for are None, and no
-    output may take the place of an input. Errors are :class:`RunFileError` and :class:`InputError`.
+    Args:
+        outputs: by what the user calls them, such as ``--save``; those that were not asked for are None.
+        inputs: files that no output may take the place of.
+
+    Raises:
+        RunFileError: a file cannot be written.
+        InputError: two names lead to the same file.
     """
     seen: dict[object, str] = {}
     for name, path in (*(inputs or {}).items(), *outputs.items()):
@@ -100,8 +110,11 @@ def check_outputs(
 def replacing(path: str | Path) -> Iterator[IO[bytes]]:
     """A binary file that takes the place of ``path`` once the block ends without an exception.
 
-    A symbolic link is followed, and the permissions of an older file are kept. Ctrl-C waits until the file is in place.
-    A device or a pipe is written to as it is. A :class:`RunFileError` says that the file cannot be written.
+    A symbolic link is followed, and the permissions of an older file are kept. Ctrl-C waits until the file is in
+    place. A device or a pipe is written to as it is.
+
+    Raises:
+        RunFileError: the file cannot be written.
     """
     target = Path(path)
     check_writable(target)
@@ -164,7 +177,11 @@ def json_text(data: Mapping[str, Any]) -> str:
 
 
 def write_json(path: str | Path, data: Mapping[str, Any]) -> None:
-    """Write :func:`json_text`, or raise a :class:`RunFileError`."""
+    """Write :func:`json_text`.
+
+    Raises:
+        RunFileError: the file cannot be written.
+    """
     with replacing(path) as file:
         file.write(json_text(data).encode())
 
@@ -178,12 +195,18 @@ def _list(files: Iterable[tuple[str, str]]) -> str:
 
 
 class OwnFolder:
-    """A folder for files of this library, in which nobody else's are touched; it is made if it is not there.
+    """A folder for files of this library, in which nobody else's are touched.
 
     It is new or empty, or has the file :data:`LIST`, which lists what was written there with its checksum, so that
-    ``sha256sum -c`` reads it. Only what is as it was written is replaced. Links in it are not followed. With ``force``
-    a folder with other files is taken, too, and those of the same names are replaced. A :class:`RunFileError` says why
-    it is not taken or written.
+    ``sha256sum -c`` reads it. Only what is as it was written is replaced. Links in it are not followed.
+
+    Args:
+        path: made if it is not there.
+        force: take a folder with other files, too, and replace those of the same names.
+
+    Raises:
+        InputError: it is not the name of a folder.
+        RunFileError: it has other files, or cannot be written.
     """
 
     LIST = ".harpy_pin"
@@ -203,7 +226,11 @@ class OwnFolder:
         self.write({})
 
     def place(self, name: str) -> Path:
-        """Where a file is, which is not a link, nor in a folder that is one."""
+        """Where a file is, which is not a link, nor in a folder that is one.
+
+        Raises:
+            RunFileError: something else has its name.
+        """
         path = self.path / name
         with self._explained():
             for one, regular in ((path.parent, stat.S_ISDIR), (path, stat.S_ISREG)):
@@ -214,8 +241,11 @@ class OwnFolder:
     def write(self, files: Mapping[str, str | bytes]) -> None:
         """Write files, each whole or not at all; none where one of them cannot be.
 
-        Contents are given by names, which may have one folder before them. A :class:`RunFileError` says that a file of
-        this name was not written here, was changed, or cannot be written.
+        Args:
+            files: contents by names, which may have one folder before them.
+
+        Raises:
+            RunFileError: a file of this name was not written here, was changed, or cannot be written.
         """
         contents = {name: data.encode() if isinstance(data, str) else data for name, data in files.items()}
         listed: set[tuple[str, str]] = set()

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -126,6 +127,14 @@ def fuzz(request: pytest.FixtureRequest) -> int:
 def robot() -> hp.Robot:
     """Harpy, from the packaged URDF."""
     return hp.load_harpy()
+
+
+@pytest.fixture(scope="session")
+def undamped(robot: hp.Robot) -> hp.Robot:
+    """Harpy without joint damping: it conserves energy in free flight."""
+    model = robot.model.copy()
+    model.damping = np.zeros(model.nv)
+    return replace(robot, model=model)
 
 
 @pytest.fixture(scope="session")

@@ -238,7 +238,10 @@ def _balanced(levels: Sequence[_Level], count: int, rng: np.random.Generator) ->
 def code_files() -> dict[str, Path]:
     """The files of source that decide the outcome of a walk, by their path in the repository."""
     found: dict[str, Path] = {}
-    for folder, patterns in ((Path(harpy_pin.__file__).parent, ("**/*.py",)), (Path(__file__).parents[1], WALKING)):
+    for folder, patterns in (
+        (Path(harpy_pin.__file__).parent, ("**/*.py", "**/*.c")),
+        (Path(__file__).parents[1], WALKING),
+    ):
         paths = [path for pattern in patterns for path in folder.glob(pattern)]
         found |= {path.relative_to(folder.parent).as_posix(): path for path in paths}
     return {name: path for name, path in found.items() if not name.startswith("harpy_pin/view/")}

@@ -18,7 +18,8 @@ from harpy_pin.cli.output import INTERRUPTED, TERMINATED, console, say_next
 from harpy_pin.errors import HarpyError, InputError, install_line
 from harpy_pin.files import check_outputs, journal_path, write_json
 
-LONGEST = 1e6  # longest drive, s
+LONGEST = 1e6
+"""Longest drive, s."""
 
 
 def live(

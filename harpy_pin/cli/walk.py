@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import webbrowser
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -53,7 +54,7 @@ def walk(
     harpy walk --again a.npz
     """
     journal = None if save is None else journal_path(save)
-    check_outputs({"--json": json}, inputs={"--again": again, "the journal of --save": journal})
+    check_outputs({"--html": html, "--json": json}, inputs={"--again": again, "the journal of --save": journal})
     check_outputs({"--save": save, "--html": html, "--json": json})
     choices: dict[str, Any] = {"robot": robot, "feet": feet, "posture": posture, "friction": friction}
     choices |= {"speed": speed, "push": push, "duration": duration}
@@ -68,6 +69,8 @@ def walk(
         from harpy_pin.scenario import Scenario
 
         scenario = Scenario.of(Run.load(again))
+    if html is not None:
+        import_module("harpy_pin.view.page.replay")  # what it lacks is said before the walk
     run, trouble = _run(scenario, save=save)
     # Once it is interrupted, what is left to be written is: the next Ctrl-C waits.
     with Shield(saving=isinstance(trouble, Interrupted)) as shield:

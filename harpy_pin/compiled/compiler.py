@@ -398,7 +398,9 @@ def clear(place: Path | None = None, *, unused_for: float = 0.0) -> int:
     with suppress(OSError):
         for path in list((place or folder()).iterdir()):
             with suppress(OSError):
-                if KEPT_FILE.fullmatch(path.name) and time.time() - path.stat().st_mtime >= unused_for:
+                if not KEPT_FILE.fullmatch(path.name):
+                    continue
+                if not unused_for or time.time() - path.stat().st_mtime >= unused_for:
                     path.unlink()
                     count += path.suffix == ".so"
     return count

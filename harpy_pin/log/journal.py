@@ -1,7 +1,8 @@
 """Journal: the rows of a run on disk while it goes on, whole up to the last block whenever the process dies.
 
-The file begins with :data:`MAGIC`. Records follow: length and CRC-32 of the payload, the payload. The first holds the
-signals' names and shapes and the metadata as JSON, every other one a block of rows, which are float64.
+The file begins with :data:`MAGIC`. Records follow: kind (4 bytes), length and CRC-32 of the payload, the payload. The
+first holds the signals' names and shapes and the metadata as JSON. Then comes one for each block of rows, which are
+float64, and at the end one with the metadata of a run that has ended.
 """
 
 from __future__ import annotations
@@ -26,10 +27,13 @@ from harpy_pin.errors import RunFileError, RunFileWarning
 from harpy_pin.files import check_writable, journal_path
 from harpy_pin.log.run_file import check_name, to_json
 
-MAGIC = b"harpy run journal 3\n"
-RECORD = struct.Struct("<QI")
-ITEM = 8  # bytes of a number
-MAX_ROW = 1 << 20  # numbers in a row, at most
+MAGIC = b"harpy run journal 2\n"
+RECORD = struct.Struct("<4sQI")
+HEAD, ROWS, END = b"HEAD", b"ROWS", b"END "
+ITEM = 8
+"""Bytes of a number."""
+MAX_ROW = 1 << 20
+"""Numbers in a row, at most."""
 
 
 @dataclass(frozen=True)
@@ -70,16 +74,25 @@ class Layout:
 
 
 class Journal:
-    """Written while a run goes on, and removed once the whole log, its target, has taken its place.
+    """Written while a run goes on, and removed once the whole log has taken its place.
 
-    ``error`` says why it could not go on. A :class:`RunFileError` says that the file cannot be made, that the metadata
-    are no JSON, or that another run has left its journal there.
+    Args:
+        target: the log that it is to become.
+        metadata: of a run that has not ended.
+
+    Attributes:
+        path: of the journal.
+        error: why it could not go on; the rows after that stay in memory.
+
+    Raises:
+        RunFileError: the file cannot be made, the metadata are no JSON, or another run has left its journal there.
     """
 
     def __init__(self, target: str | Path, metadata: Mapping[str, Any]) -> None:
         self.path = journal_path(target)
         self.error: OSError | None = None
         self._file: BinaryIO | None = None
+        self._added = 0  # blocks of rows
         self._metadata = to_json(target, metadata)
         check_writable(self.path)
         if self.path.exists():
@@ -90,29 +103,58 @@ class Journal:
         """Make the file at the first row, and write what a row holds."""
         head = json.dumps({"signals": dict(layout.shapes), "flags": sorted(layout.flags)})
         try:
-            self._file = open(self.path, "xb", buffering=0)  # noqa: SIM115
-            self._file.write(MAGIC)
+            self._file = open(self.path, "x+b", buffering=0)  # noqa: SIM115
         except OSError as error:  # also where another run has begun meanwhile
             self.error = error
-        self.add(f'{head[:-1]}, "metadata": {self._metadata}}}'.encode())
+        self._write(MAGIC)
+        self._add(HEAD, f'{head[:-1]}, "metadata": {self._metadata}}}'.encode())
 
-    def add(self, block: bytes) -> None:
-        """Write some rows; after a failure nothing more is written, since a reader would stop before it."""
+    def add(self, block: bytes) -> bool:
+        """Write some rows; False where they could not be written."""
+        written = self._add(ROWS, block)
+        self._added += written
+        return written
+
+    def end(self, metadata: Mapping[str, Any]) -> None:
+        """Write the metadata of the run that has ended."""
+        self._add(END, to_json(self.path, metadata).encode())
+
+    def _add(self, kind: bytes, payload: bytes) -> bool:
+        return self._write(RECORD.pack(kind, len(payload), zlib.crc32(payload))) and self._write(payload)
+
+    def _write(self, data: bytes) -> bool:
+        """Whether it could be written; after a failure nothing more is, since a reader would stop before it."""
         if self.error is not None or self._file is None:
-            return
-        rest = memoryview(RECORD.pack(len(block), zlib.crc32(block)) + block)
+            return False
+        rest = memoryview(data)
         try:
             while rest:
                 rest = rest[self._file.write(rest) :]
         except OSError as error:
             self.error = error
+        return self.error is None
 
-    def close(self, *, remove: bool = True) -> None:
-        """Close the file, which is removed where it is needed no more."""
+    def blocks(self) -> deque[bytes]:
+        """The rows that have been written; the last thing that is asked of a journal. Readers are warned of damage."""
+        if self._file is None:
+            return deque()
+        self._file.seek(0)
+        found = deque(payload for kind, payload in _records(self._file) if kind == ROWS)
+        if len(found) < self._added:
+            message = f"'{self.path}' was damaged while the run went on: {self._added - len(found)} blocks of its log"
+            warnings.warn(f"{message} are lost", RunFileWarning, stacklevel=3)
+        return found
+
+    def close(self) -> None:
+        """Leave it on disk."""
         if self._file is not None:
             self._file.close()
-            if remove:
-                self.path.unlink(missing_ok=True)
+
+    def remove(self) -> None:
+        """Remove it."""
+        if self._file is not None:
+            self._file.close()
+            self.path.unlink(missing_ok=True)
 
 
 def is_journal(path: Path) -> bool:
@@ -122,41 +164,53 @@ def is_journal(path: Path) -> bool:
 
 
 def read_journal(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
-    """Signals and metadata of a journal, up to the last block that is whole; readers are warned.
+    """Signals and metadata of a journal, up to the last block that is whole.
 
-    A :class:`RunFileError` says that there is not even a first record.
+    Readers are warned.
+
+    Raises:
+        RunFileError: there is not even a first record.
     """
-    blocks, place = deque[bytes](), len(MAGIC)
+    layout, metadata, ended, blocks = Layout({}), None, False, deque[bytes]()
+    place = len(MAGIC)
     try:
         with open(path, "rb") as file:
             size = os.fstat(file.fileno()).st_size
-            records = _records(file)
-            head = json.loads(first := next(records, b""))
-            layout, place = _checked_layout(head), place + RECORD.size + len(first)
-            for block in records:
-                if not block or len(block) % (ITEM * layout.width):
-                    raise ValueError("a block that does not fit")
-                blocks.append(block)
-                place += RECORD.size + len(block)
-        signals, metadata = layout.signals(blocks), head["metadata"]
+            for kind, payload in _records(file):
+                place += RECORD.size + len(payload)
+                if kind == ROWS and layout.shapes and payload and len(payload) % (ITEM * layout.width) == 0:
+                    blocks.append(payload)
+                elif kind == HEAD and not layout.shapes:
+                    head = json.loads(payload)
+                    layout, metadata = _checked_layout(head), head["metadata"]
+                elif kind == END and not ended:
+                    metadata, ended = json.loads(payload), True
+                else:
+                    raise ValueError("a record that does not fit")
+        if not layout.shapes:
+            raise ValueError("no signals")
+        signals = layout.signals(blocks)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, MemoryError) as error:
         raise RunFileError(f"'{path}' is damaged or holds nothing yet", path=path) from error
     rows = len(signals.get("t", ()))
+    what = "whose log was not written" if ended else "that has not ended"
     lost = "" if place == size else f"; its last {size - place} bytes are not whole"
-    message = f"'{path}' is the journal of a run that has not ended: {rows} ticks{lost}"
-    warnings.warn(message, RunFileWarning, stacklevel=3)
+    warnings.warn(f"'{path}' is the journal of a run {what}: {rows} ticks{lost}", RunFileWarning, stacklevel=3)
     return signals, metadata
 
 
-def _records(file: BinaryIO) -> Iterator[bytes]:
-    """The payload of every record, up to the first that is not whole."""
-    file.seek(len(MAGIC))
-    while len(head := file.read(RECORD.size)) == RECORD.size:
-        length, crc = RECORD.unpack(head)
-        payload = file.read(min(length, os.fstat(file.fileno()).st_size))
+def _records(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
+    """Kind and payload of every record, up to the first that is not whole."""
+    rest = os.fstat(file.fileno()).st_size - file.seek(len(MAGIC))
+    while rest >= RECORD.size:
+        kind, length, crc = RECORD.unpack(file.read(RECORD.size))
+        rest -= RECORD.size + length
+        if rest < 0:
+            return
+        payload = file.read(length)
         if len(payload) != length or zlib.crc32(payload) != crc:
             return
-        yield payload
+        yield kind, payload
 
 
 def _checked_layout(head: Mapping[str, Any]) -> Layout:

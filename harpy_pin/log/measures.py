@@ -139,7 +139,14 @@ WORDS = {entry.name: str(entry.metadata["words"]) for entry in fields(Measures)}
 
 
 def body_angles(q: Vector) -> Vector:
-    """(n, 3) roll, pitch and yaw (z-y-x angles), rad, of (n, nq) configurations."""
+    """Roll, pitch and yaw (z-y-x angles) of configurations.
+
+    Args:
+        q: (n, nq).
+
+    Returns:
+        (n, 3), rad.
+    """
     x, y, z, w = q[:, 3], q[:, 4], q[:, 5], q[:, 6]
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
@@ -148,9 +155,14 @@ def body_angles(q: Vector) -> Vector:
 
 
 def contact_age(touching: NDArray[np.bool_], period: float) -> Vector:
-    """(n, feet) time since touchdown, s, of feet (n, feet) that touch the ground; zero in swing.
+    """Time since touchdown of each foot, s; a break shorter than 20 ms is a bounce, not a new touchdown.
 
-    The period between rows is in s. A break shorter than 20 ms is a bounce, not a new touchdown.
+    Args:
+        touching: (n, feet) whether the foot touches the ground.
+        period: time between rows, s.
+
+    Returns:
+        (n, feet); zero in swing.
     """
     age = np.zeros(touching.shape)
     for k in range(touching.shape[1]):
@@ -193,8 +205,8 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
     angles[:, 2] -= angles[0, 2]
     angles[:, 2] -= 2.0 * np.pi * np.round(angles[:, 2] / (2.0 * np.pi))
     roll, pitch, yaw = np.abs(angles).max(axis=0).tolist()
-    estimated = optional.optional_signal(run, "estimated_q")
-    off = math.nan if estimated is None else float(np.linalg.norm(estimated[-1, :3] - q[-1, :3]))
+    estimated = run["estimated_q"] if "estimated_q" in run else np.full_like(q, np.nan)
+    known = estimated.shape == q.shape and estimated.dtype.kind == "f"
     cosine = np.clip(1.0 - 2.0 * (q[:, 3] * q[:, 3] + q[:, 4] * q[:, 4]), -1.0, 1.0)
     tilt = float(np.arccos(cosine).max())
     return Measures(
@@ -216,7 +228,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         stumbled=not tilt <= STUMBLE,
         bad_samples=optional.last_count(run, "bad_samples"),
         **walk_measures(run, period=period, step_duration=step_duration),
-        estimate_off_m=off,
+        estimate_off_m=float(np.linalg.norm(estimated[-1, :3] - q[-1, :3])) if known else math.nan,
     )
 
 

@@ -15,8 +15,6 @@ from harpy_pin.log.run_file import MAX_STEP, MAX_TIME
 
 SHAPES: dict[str, tuple[int | str, ...]] = {
     "x_r": (3,),
-    "x_w": (3,),
-    "estimated_q": ("q",),
     "slip_path": ("foot_force",),
     "slip_net": ("foot_force",),
     "applied_thrust": ("thrust", 3),
@@ -27,7 +25,7 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "bad_samples": (),
     "battery_energy": (7,),
 }
-"""Shapes of one row, with as many rows in a tick as the signal named has; of the references x_r and x_w, the least."""
+"""Shapes of one row, with as many rows in a tick as the signal named has; of the reference x_r, the least."""
 MAX_COUNT = 1e15
 
 
@@ -38,7 +36,7 @@ def optional_signal(run: Run, name: str) -> NDArray[Any] | None:
     signal = run[name]
     desired = tuple(run[size].shape[1] if isinstance(size, str) else size for size in SHAPES[name])
     found = signal.shape[1:]
-    if name in ("x_r", "x_w") and len(found) == 1 and found[0] > 3:
+    if name == "x_r" and len(found) == 1 and found[0] > 3:
         desired = found
     if found != desired or (desired and signal.dtype.kind != "f"):
         message = f"the signal {name} of the run must have rows of {desired} floats, got {found} of {signal.dtype}"

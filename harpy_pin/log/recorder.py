@@ -1,4 +1,4 @@
-"""Recorder: the rows of a run while it goes on, in memory and in a journal on disk."""
+"""Recorder: the rows of a run while it goes on, in memory or in a journal on disk."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ from harpy_pin.log.journal import Journal, Layout
 from harpy_pin.log.run_file import check_name
 
 FLOAT = np.dtype(np.float64)
-BLOCK = 1000  # rows of a block, at most
+BLOCK = 1000
+"""Rows of a block, at most."""
 
 
 class Recorder:
     """Keeps the signals of every tick: a row as its bytes, the cheapest copy of many small arrays there is.
 
-    A journal takes the blocks of rows, too.
+    Args:
+        journal: takes the blocks; they stay in memory where there is none, or once its disk is full.
+        block: rows that are written at a time.
     """
 
     def __init__(self, journal: Journal | None = None, *, block: int = BLOCK) -> None:
@@ -53,9 +56,13 @@ class Recorder:
         self._add(table.tobytes(), len(table))
 
     def append(self, row: Mapping[str, ArrayLike]) -> None:
-        """Add one row, arrays and numbers by name; names and shapes are those of the first row.
+        """Add one row; the names and shapes are those of the first row.
 
-        An :class:`InputError` says that they differ, or that a name is none for a signal.
+        Args:
+            row: arrays and numbers by name.
+
+        Raises:
+            InputError: names or shapes differ from those of the first row, or a name is none for a signal.
         """
         if not self._layout.shapes:
             self._learn(row)
@@ -103,13 +110,12 @@ class Recorder:
             self.flush()
 
     def flush(self) -> None:
-        """Make a block of the latest rows, also on disk where there is a journal."""
+        """Make a block of the latest rows, on disk where there is a journal."""
         if not self._held:
             return
         block = b"".join(self._rows)
-        self._blocks.append(block)
-        if self._journal is not None:
-            self._journal.add(block)
+        if self._journal is None or not self._journal.add(block):
+            self._blocks.append(block)
         self._before += self._held
         self._rows, self._held = [], 0
         self._due = self._size - self._before % self._size
@@ -117,8 +123,9 @@ class Recorder:
     def take(self) -> dict[str, NDArray[Any]]:
         """All signals, each with a row for every tick; the recorder is empty then."""
         self.flush()
-        self._before = 0
-        return self._layout.signals(self._blocks)
+        blocks = self._blocks if self._journal is None else self._journal.blocks() + self._blocks
+        self._blocks, self._before = deque(), 0
+        return self._layout.signals(blocks)
 
 
 def _getter(names: Sequence[str]) -> Callable[[Mapping[str, Any]], tuple[Any, ...]]:

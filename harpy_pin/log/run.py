@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
 from harpy_pin.compiled.compiler import version as compiler_version
-from harpy_pin.errors import InputError, RunFileError, RunFileWarning, install_line
+from harpy_pin.errors import InputError, RunFileError, RunFileWarning, install_line, shown
 from harpy_pin.files import check_writable, journal_path, replacing
 from harpy_pin.log.journal import is_journal, read_journal
 from harpy_pin.log.run_file import check_log, read_run, write_run
@@ -109,7 +109,10 @@ class Run:
             RunFileError: the file is missing, damaged, or no run log.
         """
         source = checks.path("path", path)
-        journal = journal_path(source)
+        try:
+            journal = journal_path(source)
+        except ValueError as error:  # a character that no name of a file has
+            raise RunFileError(f"no run log at {shown(str(source))}", path=source) from error
         if not os.path.isfile(source) and os.path.isfile(journal):
             source = journal
         elif os.path.isfile(journal) and source != journal:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.errors import InputError, RunFileError, shown
+from harpy_pin.errors import RunFileError, shown
 from harpy_pin.files import replacing
 
 FORMAT = 1
@@ -31,8 +31,9 @@ AXES = {
     "thrust": (None, 3),
 }
 """Signals of every log, and the axes of one row; None where the robot decides."""
-LEAST = {"q": 7, "v": 6}  # numbers in a row, at least: those of the base
-TEXT, NUMBER, MAPPING, LIST = (str,), (int, float), (dict,), (list, tuple)
+LEAST = {"q": 7, "v": 6}
+"""Numbers in a row, at least: those of the base."""
+TEXT, NUMBER, MAPPING, LIST = (str,), (int, float), (dict,), (list,)
 KINDS: dict[str, tuple[type, ...]] = {
     **dict.fromkeys(("ending", "robot", "controller"), TEXT),
     **dict.fromkeys(("end_time", "control_period", "dt", "mass"), NUMBER),
@@ -42,8 +43,10 @@ KINDS: dict[str, tuple[type, ...]] = {
 """Types of the metadata that readers of a log rely on, where they are there."""
 MAX_TIME, MAX_STEP = 1e9, 10.0
 """Bounds of the times of a log and of the time between its rows, s; no simulation comes near."""
-MAX_NUMBER = 1e300  # bound of the other numbers: JSON has whole numbers that no float can hold
-MAX_TEXT = 1 << 26  # bytes of the metadata in the file, at most (four for each character)
+MAX_NUMBER = 1e300
+"""Bound of the other numbers: JSON has whole numbers that no float can hold."""
+MAX_TEXT = 1 << 26
+"""Bytes of the metadata in the file, at most (four for each character)."""
 MAX_SIGNALS = 1000
 SMALL, RATIO, MAX_PACKED = 1 << 26, 100, 1 << 31
 """A file may not say that it holds more bytes than SMALL and more than RATIO times its size, nor more than MAX_PACKED
@@ -73,7 +76,11 @@ def _check_numbers(path: Path, name: str, dtype: np.dtype[Any]) -> None:
 
 
 def to_json(path: str | Path, metadata: Mapping[str, Any]) -> str:
-    """Metadata as text; a :class:`RunFileError` where they are no JSON."""
+    """Metadata as text.
+
+    Raises:
+        RunFileError: they cannot be.
+    """
     try:
         return json.dumps(metadata, default=str)
     except (TypeError, ValueError, RecursionError) as error:
@@ -83,7 +90,8 @@ def to_json(path: str | Path, metadata: Mapping[str, Any]) -> str:
 def write_run(path: str | Path, metadata: Mapping[str, Any], signals: Mapping[str, NDArray[Any]]) -> None:
     """Write a log; a file of that name is replaced only once the new one is whole.
 
-    A :class:`RunFileError` says that it cannot be written, or that a signal has a name or a type that no log can hold.
+    Raises:
+        RunFileError: the file cannot be written, or a signal has a name or a type that no log can hold.
     """
     arrays = {name: np.asarray(signal) for name, signal in signals.items()}
     for name, array in arrays.items():
@@ -99,7 +107,11 @@ def write_run(path: str | Path, metadata: Mapping[str, Any], signals: Mapping[st
 
 
 def read_run(path: Path) -> tuple[dict[str, NDArray[Any]], Any]:
-    """Signals and metadata of a log; a :class:`RunFileError` for a file that is damaged, or holds what no log holds."""
+    """Signals and metadata of a log.
+
+    Raises:
+        RunFileError: the file is damaged, or holds what no log holds.
+    """
     try:
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             entries = _entries(path, archive, os.fstat(file.fileno()).st_size)
@@ -155,21 +167,14 @@ def _read(path: Path, archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo
 def check_log(source: Path, signals: Mapping[str, NDArray[Any]], metadata: Any) -> None:
     """Refuse what is not the log of a robot over time; takes the list of signals out of the metadata.
 
-    What is refused is a :class:`RunFileError`.
+    Raises:
+        RunFileError: it is not.
     """
     if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
         raise RunFileError(f"'{source}' has a format this version cannot read (expected {FORMAT})", path=source)
+    _check_signals(source, signals)
     if metadata.pop("signals", sorted(signals)) != sorted(signals):
         raise RunFileError(f"'{source}' is damaged: it does not hold the signals it lists", path=source)
-    try:
-        check_signals(signals)
-        check_metadata(metadata)
-    except InputError as error:
-        raise RunFileError(f"'{source}' is damaged or not a run log: {error}", path=source) from error
-
-
-def check_metadata(metadata: Mapping[str, Any]) -> None:
-    """Refuse metadata that are not of the types in :data:`KINDS`, by an :class:`InputError`."""
     for name, kinds in KINDS.items():
         value = metadata.get(name, kinds[0]())
         good = type(value) in kinds
@@ -178,29 +183,29 @@ def check_metadata(metadata: Mapping[str, Any]) -> None:
         if good and name in ("feet", "thrusters"):
             good = all(type(entry) is str for entry in value)
         if not good:
-            raise InputError(f"{name} in the run's metadata is {shown(value)}", name="run")
+            raise RunFileError(f"'{source}' is not a run log: {name} is {shown(value)}", path=source)
 
 
-def check_signals(signals: Mapping[str, NDArray[Any]]) -> None:
-    """Refuse signals of other shapes and types, and times that do not go on evenly, by an :class:`InputError`."""
+def _check_signals(source: Path, signals: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse signals of other shapes and types, and times that do not go on evenly."""
     missing = [name for name in AXES if name not in signals]
     if missing:
-        raise InputError(f"the run lacks the signals {', '.join(missing)}", name="run")
+        raise RunFileError(f"'{source}' is not a run log: no {', '.join(missing)}", path=source)
     if any(array.ndim == 0 for array in signals.values()) or len({len(array) for array in signals.values()}) != 1:
-        raise InputError("the signals of the run differ in length", name="run")
+        raise RunFileError(f"'{source}' is damaged: its signals differ in length", path=source)
     for name, axes in AXES.items():
         shape, dtype = signals[name].shape[1:], signals[name].dtype
         fits = len(shape) == len(axes) and all(n in (None, m) for n, m in zip(axes, shape, strict=True))
         if not fits or (name in LEAST and shape[0] < LEAST[name]):
-            raise InputError(f"{name} has shape {signals[name].shape}", name="run")
+            raise RunFileError(f"'{source}' is not a run log: {name} has shape {signals[name].shape}", path=source)
         if dtype != np.float64:
-            raise InputError(f"{name} holds {dtype}, not float64", name="run")
+            raise RunFileError(f"'{source}' is not a run log: {name} holds {dtype}, not float64", path=source)
     if len({signals[name].shape[1] for name in AXES if name.startswith("foot")}) != 1:
-        raise InputError("the signals of the run differ in the number of feet", name="run")
+        raise RunFileError(f"'{source}' is damaged: its signals differ in the number of feet", path=source)
     time = signals["t"]
     if not np.all(np.abs(time) < MAX_TIME):
-        raise InputError(f"the times of the run are not finite or beyond {MAX_TIME:g} s", name="run")
+        raise RunFileError(f"'{source}' is damaged: its times are not finite or beyond {MAX_TIME:g} s", path=source)
     steps = np.diff(time)
     step = float(np.median(steps)) if len(steps) else 1.0
     if not 0.0 < step <= MAX_STEP or np.any(np.abs(steps - step) > 0.5 * step):
-        raise InputError("the times of the run do not go on evenly", name="run")
+        raise RunFileError(f"'{source}' is damaged: its times do not go on evenly", path=source)

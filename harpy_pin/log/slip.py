@@ -14,10 +14,11 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.model.record import RecordOf, sized
+from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 
-DEBOUNCE = 0.02  # longest break of a contact that is a bounce, s
+DEBOUNCE = 0.02
+"""Longest break of a contact that is a bounce, s."""
 
 
 class SlipRecord(RecordOf):
@@ -31,15 +32,18 @@ class SlipRecord(RecordOf):
     away: Vector = sized("feet", fill=np.inf)  # (feet,) since the last touch, s
 
 
+def slip_record(feet: int) -> Records[SlipRecord]:
+    """A new :class:`SlipRecord`."""
+    return make_record(SlipRecord, {"feet": feet})
+
+
 @kernel
 def forget_slip(s: SlipRecord, position: Vector) -> None:
     """Begin anew, with the feet where they are."""
-    s.path[:] = 0.0
-    s.net[:] = 0.0
-    s.ended[:] = 0.0
-    s.away[:] = np.inf
     for k in range(position.shape[0]):
-        s.before[k] = position[k]
+        s.path[k], s.net[k], s.ended[k], s.away[k] = 0.0, 0.0, 0.0, np.inf
+        for i in range(3):
+            s.before[k, i] = position[k, i]
 
 
 @kernel

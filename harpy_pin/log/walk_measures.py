@@ -13,13 +13,20 @@ from harpy_pin.model.state import Vector
 
 GRAVITY = 9.81
 """m/s²."""
-HEAVIEST, LONGEST = 1e9, 1e9  # largest mass of a robot, kg, and longest window, rows
-SHORTEST = 0.1  # path below which a walk has no cost of transport, m
-CORNERS = 4  # corners of a flat foot: front left, front right, rear left, rear right
-LOADED = 0.2  # share of the weight from which on the centre of pressure of a sole counts
-QUANTILE = 0.05  # share of the time in which it may be nearer to the edge than the margin says
-CLOSE = 1e-6  # how close to its limit a torque is at it, as a share of the limit
-BIN, BINS = 1e-4, 2000  # width of a bin of margins, m, and how many there are
+HEAVIEST, LONGEST = 1e9, 1e9
+"""Largest mass of a robot, kg, and longest window, rows."""
+SHORTEST = 0.1
+"""Path below which a walk has no cost of transport, m."""
+CORNERS = 4
+"""Corners of a flat foot: front left, front right, rear left, rear right."""
+LOADED = 0.2
+"""Share of the weight from which on the centre of pressure of a sole counts."""
+QUANTILE = 0.05
+"""Share of the time in which it may be nearer to the edge than the margin says."""
+CLOSE = 1e-6
+"""How close to its limit a torque is at it, as a share of the limit."""
+BIN, BINS = 1e-4, 2000
+"""Width of a bin of margins, m, and how many there are."""
 
 
 def walk_measures(run: Run, *, period: float, step_duration: float) -> dict[str, float]:

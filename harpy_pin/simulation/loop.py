@@ -17,6 +17,7 @@ from harpy_pin.files import Shield
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.log.run import Run, describe_versions
+from harpy_pin.log.run_file import FORMAT
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import plain_source
 from harpy_pin.model.state import Command, State
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
     from harpy_pin.simulation.plant import Plant
     from harpy_pin.simulation.sensing import EstimatedState
 
-REPORT = 100  # ticks in Python between two reports of progress
+REPORT = 100
+"""Ticks in Python between two reports of progress."""
 
 
 @runtime_checkable
@@ -59,20 +61,27 @@ def keep_run(
 ) -> tuple[Run, RunFileError | None]:
     """The run, and why it could not be written if it was to be. A file is left as it is where nothing was logged."""
     if len(recorder) == 0:
-        run, unsaved = Run({name: np.zeros((0, *array.shape)) for name, array in plant.signals.items()}, metadata), None
-    else:
-        run, unsaved = Run(recorder.take(), metadata), None
-        try:
-            if save is not None:
-                run.save(save)
-        except RunFileError as error:
-            kept = ""
-            if journal is not None:
-                where = f"'{journal.path}'"
-                kept = f"; its rows are in {where}" if journal.error is None else f"; {where} holds its beginning"
-            unsaved = RunFileError(f"{error}{kept}", path=save, run=run)
+        if journal is not None:
+            journal.remove()
+        return Run({name: np.zeros((0, *array.shape)) for name, array in plant.signals.items()}, metadata), None
+    recorder.flush()
     if journal is not None:
-        journal.close(remove=unsaved is None)
+        journal.end({**metadata, "format": FORMAT})
+    run, unsaved = Run(recorder.take(), metadata), None
+    try:
+        if save is not None:
+            run.save(save)
+    except RunFileError as error:
+        kept = ""
+        if journal is not None:
+            where = f"'{journal.path}'"
+            kept = f"; its rows are in {where}" if journal.error is None else f"; {where} holds its beginning"
+            journal.close()
+        unsaved = RunFileError(f"{error}{kept}", path=save)
+        unsaved.run = run
+    else:
+        if journal is not None:
+            journal.remove()
     return run, unsaved
 
 
@@ -106,6 +115,7 @@ class ClosedLoop:
         simulator.counts[:] = 0
         height = float(simulator.q[2]) - simulator.ground_below
         start, fall_height = simulator.t, 0.6 * height if height > 0.0 else -math.inf
+        self._telemetry = self._signals if hasattr(self.sensors, "signals") else self._of_controller
         while tick < self.ticks and self.ending == "completed":
             if compiled is not None:
                 with shield.whole():
@@ -132,11 +142,14 @@ class ClosedLoop:
             if self.on_piece is not None and tick % REPORT == 1:
                 self.on_piece(simulator.t)
 
-    def _telemetry(self) -> Mapping[str, ArrayLike]:
+    def _of_controller(self) -> Mapping[str, ArrayLike]:
+        """Signals of the controller."""
+        signals: Mapping[str, ArrayLike] = getattr(self.controller, "telemetry", dict)()
+        return signals
+
+    def _signals(self) -> Mapping[str, ArrayLike]:
         """Signals of the controller and of the sensors."""
-        own: Mapping[str, ArrayLike] = getattr(self.controller, "telemetry", dict)()
-        signals = getattr(self.sensors, "signals", None)
-        return own if signals is None else {**own, **signals}
+        return {**self._of_controller(), **getattr(self.sensors, "signals", {})}
 
     def _control(self, shield: Shield) -> Command | None:
         """The command at the present state, logged; None where the controller failed."""

@@ -38,8 +38,10 @@ STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
     "savefig.dpi": 200,
 }
-PANEL = (6.4, 1.5)  # width and height of a chart, inches
-ROWS = 6  # charts one above the other; more stand beside them
+PANEL = (6.4, 1.5)
+"""Width and height of a chart, inches."""
+ROWS = 6
+"""Charts one above the other; more stand beside them."""
 P = ParamSpec("P")
 Drawn = TypeVar("Drawn")
 

@@ -19,7 +19,8 @@ FLOOR = "#1b2430"
 PRESSURE = "#f0e442"
 FEET = (LEFT, RIGHT, "#009e73", "#b0408a")
 """One after the other for feet (or thrusters) in one chart."""
-RUNS = ("#0072b2", "#d55e00", "#009e73", "#b0408a")  # one after the other for runs side by side
+RUNS = ("#0072b2", "#d55e00", "#009e73", "#b0408a")
+"""One after the other for runs side by side."""
 _ICE, _GRIP = (0xC6, 0xE0, 0xF2), (0xF3, 0xF1, 0xEC)
 _GRIPPING = 0.8
 

@@ -1,5 +1,7 @@
 """The rows of a run while it goes on: names, shapes, copies, pieces."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,21 @@ def test_blocks_hold_the_rows(tmp_path, on_disk, rows):
         np.testing.assert_array_equal(arrays[name], array)
         assert arrays[name].dtype == array.dtype
     assert len(recorder) == 0
+
+
+def test_rows_on_disk_leave_the_memory(tmp_path):
+    recorder = Recorder(Journal(tmp_path / "run.npz", {}), block=100)
+    row = {"a": np.zeros(100)}
+    recorder.append(row)
+    tracemalloc.start()
+    try:
+        for _ in range(20_000):
+            recorder.append(row)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 1_000_000
+    assert (tmp_path / "run.npz.part").stat().st_size >= 800 * 20_000
 
 
 @pytest.mark.parametrize("name", ["__metadata__", "__", "<b>", "a/b", ""])

@@ -3,22 +3,46 @@
 import numpy as np
 import pytest
 from guarded_walks import NAMES, REFERENCE, X_R, X, command_of, controller_of, copy, equal, governor_of
-from walks import started
 
 import harpy_pin as hp
 from harpy_pin.governors import ForceRows
 from reproduction.gait.spatial import make_named_gait
 from reproduction.vlip_model import AngleRow
 
+GUARD = 16
+CANARY = 1.2345e67
+
+
+def guarded(array):
+    """A copy in the middle of a larger buffer, and a function that says whether the rest of it is untouched."""
+    array = np.asarray(array, dtype=np.float64)
+    buffer = np.full(array.size + 2 * GUARD, CANARY)
+    inner = buffer[GUARD : GUARD + array.size].reshape(array.shape)
+    inner[...] = array
+    return inner, lambda: (buffer[:GUARD] == CANARY).all() and (buffer[GUARD + array.size :] == CANARY).all()
+
+
 SIZES = ("q", "v", "foot_position", "foot_force", "torque", "thrust")
 
 
 def misshapen(rng, array):
     """The array in a form that is wrong, or right but unusual; and whether it can be used all the same."""
-    wrong = (array[:-1], np.concatenate((array, array)), array[None], array.ravel()[:1], array[:0])
-    unusual = (np.repeat(array, 2, axis=0)[::2], array.tolist(), np.asarray(array, dtype=object))
     kind = rng.integers(8)
-    return (*wrong, *unusual)[kind], kind > 4
+    if kind == 0:
+        return array[:-1], False
+    if kind == 1:
+        return np.concatenate((array, array)), False
+    if kind == 2:
+        return array[None], False
+    if kind == 3:
+        return array.ravel()[:1], array.shape == (1,)
+    if kind == 4:
+        return array[:0], False
+    if kind == 5:
+        return np.repeat(array, 2, axis=0)[::2], True
+    if kind == 6:
+        return array.tolist(), True
+    return np.asarray(array, dtype=object), True
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -73,11 +97,20 @@ def test_contact_governor_names_what_is_wrong(robot, states):
 def test_wrong_references_are_refused(name, robot):
     governor = governor_of(name, robot)
     governor.reset(X_R)
-    wrong = [(x, X_R, 1e-3) for x in (X[:8], np.tile(X, 2), X[None], "x", None, X.tolist())]
-    wrong += [(X, x_r, 1e-3) for x_r in (X_R[:5], np.tile(X_R, 2))] + [(X, X_R, dt) for dt in (np.nan, -1e-3)]
-    for arguments in wrong:
+    for x, x_r, dt in (
+        (X[:8], X_R, 1e-3),
+        (X, X_R[:5], 1e-3),
+        (np.tile(X, 2), X_R, 1e-3),
+        (X, np.tile(X_R, 2), 1e-3),
+        (X[None], X_R, 1e-3),
+        (X, X_R, np.nan),
+        (X, X_R, -1e-3),
+        ("x", X_R, 1e-3),
+        (None, X_R, 1e-3),
+        (X.tolist(), X_R, 1e-3),
+    ):
         with pytest.raises(hp.InputError):
-            governor.update(*arguments)
+            governor.update(x, x_r, dt)
     for start in (X_R[:5], 0.6, np.full(6, np.nan), "x"):
         with pytest.raises(hp.InputError, match="x_r"):
             governor.reset(start)
@@ -86,8 +119,16 @@ def test_wrong_references_are_refused(name, robot):
 
 
 @pytest.mark.parametrize("rows", [ForceRows(mass=4.6, mu=0.25), AngleRow()])
-def test_rows_need_arrays_of_their_size(rows):
+def test_rows_fill_only_what_is_theirs(rows, fuzz):
+    rng = np.random.default_rng(3)
     n = len(rows.names)
+    right = ((9,), (6,), (n,), (n, 6))
+    for _ in range(60 * fuzz):
+        arrays, checks = zip(*(guarded(np.ones(rng.integers(0, 12, rng.integers(1, 3)))) for _ in right), strict=True)
+        if tuple(a.shape for a in arrays) != right:
+            with pytest.raises(Exception, match=r"rows need|dimension|types|No implementation|array"):
+                rows.evaluate(*arrays)
+        assert all(intact() for intact in checks)
     with pytest.raises(hp.InputError, match="rows need"):
         rows.evaluate(X, X_R, np.zeros(n - 1), np.zeros((n - 1, 6)))
 
@@ -127,7 +168,8 @@ def test_simulator_checks_commands(robot, gait, simulator):
     np.testing.assert_array_equal(simulator.q, place)
     assert simulator.t == 0.0
     act(hp.Command([1, 1, 1, 1, 1, 1], np.ones((2, 3), dtype=int)))
-    again = started(hp.Simulator(robot, simulator.ground), gait)
+    again = hp.Simulator(robot, simulator.ground)
+    again.reset(*gait.initial_state(penetration=simulator.static_penetration))
     again.advance(command_of(robot, 1.0, 1.0))
     np.testing.assert_array_equal(simulator.v, again.v)
 
@@ -135,11 +177,14 @@ def test_simulator_checks_commands(robot, gait, simulator):
 def test_simulator_needs_a_state(robot, gait):
     simulator = hp.Simulator(robot)
     controller = controller_of("none", gait)
-    act, run = (lambda: simulator.advance(command_of(robot))), (lambda: simulator.run(controller, 0.01))
-    for use in (act, run, lambda: simulator.state):
-        with pytest.raises(hp.InputError, match="reset"):
-            use()
-    assert started(simulator, gait).run(controller, 0.01).ending == "completed"
+    with pytest.raises(hp.InputError, match="reset"):
+        simulator.advance(command_of(robot))
+    with pytest.raises(hp.InputError, match="reset"):
+        simulator.run(controller, 0.01)
+    with pytest.raises(hp.InputError, match="reset"):
+        _ = simulator.state
+    simulator.reset(*gait.initial_state(penetration=simulator.static_penetration))
+    assert simulator.run(controller, 0.01).ending == "completed"
 
 
 @pytest.mark.parametrize("name", ["hand", "optimised"])

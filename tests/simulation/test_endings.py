@@ -5,13 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from needs import needs_mujoco
 from scripted import NO_COMMAND, Script, idle, standing
-from walks import put, started
 
 import harpy_pin as hp
 from harpy_pin import Command, ControlError, InputError, Interrupted, Simulator
-from harpy_pin.simulation.mujoco import MujocoPlant
 
 
 def from_tick(first, function):
@@ -54,13 +51,12 @@ def test_fall_keeps_the_log(robot):
     assert down(simulator.q)
 
 
-@pytest.mark.parametrize("plant", [Simulator, pytest.param(MujocoPlant, marks=needs_mujoco)])
-def test_divergence_keeps_the_log(robot, plant):
-    simulator = started(plant(robot, hp.Ground(mu_s=0.8)), hp.make_gait(robot, speed=0.0))
-    run = simulator.run(from_tick(5, lambda: Command(np.full(6, 1e12), np.zeros((2, 3)))), 1.0)
+def test_divergence_keeps_the_log(robot):
+    simulator, _ = standing(robot)
+    run = simulator.run(from_tick(5, lambda: Command(np.full(6, 1e9), np.zeros((2, 3)))), 1.0)
+    assert run.ending == "diverged"
     assert run.fell
-    assert run.ending == "diverged" or plant is MujocoPlant
-    assert 6 <= len(run) < 20
+    assert len(run) == 6
     assert np.all(np.isfinite(run["q"]))
 
 
@@ -78,7 +74,7 @@ def test_interrupt_in_the_controller_keeps_the_log(robot, tick):
 @pytest.mark.parametrize("tick", [0, 5])
 def test_failing_controller_hands_over_the_log(robot, tick):
     simulator, _ = standing(robot)
-    with pytest.raises(ControlError, match="controller failed: ZeroDivisionError: out of ideas") as caught:
+    with pytest.raises(ControlError, match="out of ideas") as caught:
         simulator.run(from_tick(tick, lambda: throw(ZeroDivisionError("out of ideas"))), 1.0)
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
     assert caught.value.time == pytest.approx(tick * 1e-3)
@@ -152,7 +148,11 @@ def test_telemetry_is_logged(robot):
 
 def test_low_start_is_not_a_fall(sled):
     """A robot whose origin rests in the ground (height ≤ 0) has not fallen by standing still."""
-    run = put(Simulator(sled)).run(Script(lambda tick, state: NO_COMMAND), 0.05)
+    simulator = Simulator(sled)
+    q = pin.neutral(sled.model)
+    q[2] = -simulator.static_penetration
+    simulator.reset(q, np.zeros(6))
+    run = simulator.run(Script(lambda tick, state: NO_COMMAND), 0.05)
     assert run.ending == "completed"
 
 

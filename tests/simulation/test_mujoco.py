@@ -1,19 +1,18 @@
 """MuJoCo as a second plant: the same robot, the same ground, the same walks."""
 
 import sys
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from forward_dynamics import mass_matrix
 from needs import needs_robots
 from random_trees import BODIES, random_model, random_state
 from scipy.integrate import solve_ivp
-from walks import put, walked
 
 import harpy_pin as hp
-from harpy_pin import Command, Ground, InputError, Mujoco, Push, Robot, Scenario, Simulator
+from harpy_pin import Command, Disturbances, Governed, Ground, InputError, Mujoco, Push, Robot, Scenario, Simulator
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.simulation.mujoco import PRESETS, MujocoModel, MujocoPlant, preset_ground
 from harpy_pin.simulation.mujoco import mujoco_plant as plant_module
@@ -22,7 +21,7 @@ from harpy_pin.simulation.mujoco.mujoco_model import MIN_INERTIA
 
 NOTHING = Command(np.zeros(0), np.zeros((0, 3)))
 G = np.array([0.0, 0.0, -9.81])
-WALK = {"plant": "mujoco", "controller": hp.Governed(governor="none")}
+UNGOVERNED = hp.Governed(governor="none")
 
 POLE = """<robot name="pole">
   <link name="base"><inertial><mass value="2"/>
@@ -40,13 +39,40 @@ def pole(tmp_path_factory):
     return hp.load_robot(path, feet=("tip",))
 
 
-def own_matrix(model, data):
+def mass_matrix(model, data):
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_forward(model, data)
     full = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, full)
     return full
+
+
+def walked(plant="compliant", *, friction=0.8, controller=UNGOVERNED, duration=3.0, **more):
+    ground = Ground(mu_s=friction)
+    return hp.walk(Scenario(controller=controller, plant=plant, ground=ground, duration=duration, **more))
+
+
+def test_robot_is_the_one_that_mujoco_reads_itself(robot, draw_state):
+    """MuJoCo's own reading of the URDF has the same mass matrix and the same feet at any configuration."""
+    spec = mujoco.MjSpec.from_file(str(robot.urdf))
+    spec.compiler.discardvisual = True
+    spec.bodies[1].add_freejoint()
+    own = spec.compile()
+    own.dof_armature[:] = robot.model.armature
+    other = mujoco.MjData(own)
+    ours = MujocoModel(robot, friction=0.8, dt=5e-4, gravity=G, foot_radius=1e-4)
+    assert (ours.model.nq, ours.model.nv, ours.model.npair) == (13, 12, 2)
+    np.testing.assert_array_equal(ours.model.dof_damping, robot.model.damping)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        q, v = draw_state(rng)
+        ours.reset(q, v)
+        other.qpos[:] = np.concatenate((q[:3], q[[6, 3, 4, 5]], q[7:]))
+        np.testing.assert_allclose(mass_matrix(ours.model, ours.data), mass_matrix(own, other), rtol=0, atol=1e-12)
+        feet = hp.Dynamics(robot)
+        feet.update(q, v)
+        np.testing.assert_allclose(ours.data.geom_xpos[ours.feet], feet.foot_position, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -73,7 +99,7 @@ def test_state_of_any_tree_comes_back_and_means_the_same(seed):
         body = inside.data.body(f"body:{model.names[i]}")
         np.testing.assert_allclose(body.xpos, data.oMi[i].translation, rtol=0, atol=1e-12)
         np.testing.assert_allclose(body.xmat.reshape(3, 3), data.oMi[i].rotation, rtol=0, atol=1e-12)
-    full = own_matrix(inside.model, inside.data)
+    full = mass_matrix(inside.model, inside.data)
     energy = 0.5 * inside.data.qvel @ full @ inside.data.qvel
     assert energy == pytest.approx(0.5 * v @ pin.crba(model, model.createData(), q) @ v, rel=1e-12)
 
@@ -95,8 +121,10 @@ def test_every_robot_of_the_catalogue_accelerates_as_pinocchio_says():
         # It turns accelerations as it does velocities.
         from_mujoco(inside.conventions.record, inside.qpos, found, own, own_v)
         own_v[:3] -= np.cross(v[3:6], v[:3])
-        matrix = mass_matrix(model, q)
-        force = matrix @ own_v + pin.nle(model, model.createData(), q, v) + model.damping * v
+        data = model.createData()
+        matrix = np.triu(pin.crba(model, data, q))
+        matrix += np.triu(matrix, 1).T
+        force = matrix @ own_v + pin.nle(model, data, q, v) + model.damping * v
         given = np.concatenate((np.zeros(6), torque))
         # A link of icub has no inertia of its own; MuJoCo's copy has the least that it takes, a few times.
         tolerance = 1e-11 * np.abs(matrix * own_v).max() + 4.0 * MIN_INERTIA * np.abs(own_v).max()
@@ -140,7 +168,10 @@ def test_presets_have_the_stiffness_and_damping_they_state(sled, preset):
     assert exact[:, 0].min() < -0.5 * mass * 9.81 / k  # it went in
     errors = []
     for dt in (4e-4, 2e-4, 1e-4):
-        plant = put(MujocoPlant(sled, ground, dt=dt), z=0.005)
+        plant = MujocoPlant(sled, ground, dt=dt)
+        q = pin.neutral(sled.model)
+        q[2] = 0.005
+        plant.reset(q, np.zeros(6))
         rows = []
         for _ in times:
             rows.append([plant.q[2], plant.v[2]])
@@ -159,7 +190,10 @@ def test_a_sliding_foot_is_lifted(sled, preset):
     """MuJoCo's contact is convex: at sliding speed s the normal force has μ (d + k Δt) s beside spring and damper."""
     angle, mu = np.radians(20), 0.25
     ground = preset_ground(Ground(mu_s=mu), preset)
-    plant = put(MujocoPlant(sled, ground, gravity=9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)])))
+    plant = MujocoPlant(sled, ground, gravity=9.81 * np.array([np.sin(angle), 0.0, -np.cos(angle)]))
+    q = pin.neutral(sled.model)
+    q[2] = -plant.static_penetration
+    plant.reset(q, np.zeros(6))
     plant.advance(NOTHING, steps=60)
     k, d = ground.stiffness, ground.damping
     law = -k * plant.q[2] - d * plant.v[2]
@@ -174,7 +208,10 @@ def roll(pole, monkeypatch, *, radius, moved):
     if not moved:
         monkeypatch.setattr(MujocoPlant, "_move_contacts", lambda plant: None)
     plant = MujocoPlant(pole, Ground(mu_s=1.0))
-    put(plant, z=0.4 - plant.static_penetration, v=(0.4 * 2.0, 0.0, 0.0, 0.0, 2.0, 0.0))  # turns about its foot
+    q, v = pin.neutral(pole.model), np.zeros(6)
+    q[2] = 0.4 - plant.static_penetration
+    v[0], v[4] = 0.4 * 2.0, 2.0  # turns about its foot
+    plant.reset(q, v)
     start = plant.state.foot_position[0].copy()
     while plant.q[4] < np.sin(0.2):
         plant.advance(NOTHING)
@@ -198,9 +235,11 @@ def test_feet_are_points(pole, monkeypatch):
 def test_spheres_roll_and_that_is_no_slip(pole):
     """A pole that falls about a sphere moves its centre by radius times angle, and its lowest point by nothing."""
     radius = 0.02
-    plant, still = (MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius) for _ in range(2))
-    height = 0.4 - plant.static_penetration
-    put(plant, z=height, v=((0.4 + radius) * 2.0, 0.0, 0.0, 0.0, 2.0, 0.0))
+    plant = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
+    q, v = pin.neutral(pole.model), np.zeros(6)
+    q[2] = 0.4 - plant.static_penetration
+    v[0], v[4] = (0.4 + radius) * 2.0, 2.0
+    plant.reset(q, v)
     start = plant.state.foot_position[0, 0]
     while plant.q[4] < np.sin(0.1):
         plant.advance(NOTHING)
@@ -208,16 +247,18 @@ def test_spheres_roll_and_that_is_no_slip(pole):
     # A contact lies half-way between plane and sphere, so that it rolls over half the penetration less.
     assert plant.state.foot_position[0, 0] - start == pytest.approx(radius * angle, rel=0.1)
     assert plant.slip_path[0] < 0.02 * radius * angle
-    put(still, z=height, v=(0.1, 0.0, 0.0, 0.0, 0.0, 0.0)).advance(NOTHING, steps=4)
+    still = MujocoPlant(pole, Ground(mu_s=1.0), foot_radius=radius)
+    still.reset(q, np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    still.advance(NOTHING, steps=4)
     assert still.slip_path[0] > 0.0
 
 
 @pytest.mark.parametrize("controller", [hp.Governed(), hp.Governed(governor="filter"), hp.Condensed(), hp.WholeBody()])
 def test_walks_agree_with_ours(controller):
     """Distance within 5 %, mean normal force within 3 %, of our plant on the same ground."""
-    ours = walked(controller=controller, duration=2.0)
+    ours = walked(friction=0.25, controller=controller)
     for preset in PRESETS:
-        theirs = walked(plant=Mujoco(preset), controller=controller, duration=2.0)
+        theirs = walked(Mujoco(preset), friction=0.25, controller=controller)
         assert ours.ending == theirs.ending == "completed"
         assert theirs.metadata["contact_unconverged"] == 0
         ways = [run["q"][-1, 0] - run["q"][0, 0] for run in (ours, theirs)]
@@ -232,7 +273,7 @@ def test_logged_forces_are_those_that_move_the_robot(robot):
     """Newton for the whole: the momentum changes by what is logged, step by step."""
     dt = 2.5e-4
     push = Push(0.3, (0.0, 0.5, 0.0))
-    run = walked(**WALK, mu_s=0.8, duration=0.6, dt=dt, period=dt, pushes=(push,))
+    run = walked("mujoco", duration=0.6, dt=dt, period=dt, disturbances=Disturbances(pushes=(push,)))
     model, data = robot.model, robot.model.createData()
     momentum = []
     for q, v in zip(run["q"], run["v"], strict=True):
@@ -245,12 +286,50 @@ def test_logged_forces_are_those_that_move_the_robot(robot):
     assert np.abs(impulse).sum(axis=0).min() > 0.3
 
 
-def test_slip_in_the_log_is_that_of_the_steps():
+def test_slip_in_the_log_is_that_of_the_steps(robot):
     """The log of every step, summed by its definition."""
-    run = walked(**WALK, duration=1.2, period=5e-4)
+    run = walked("mujoco", friction=0.25, duration=1.2, period=5e-4)
     way = np.linalg.norm(np.diff(run["foot_position"][:, :, :2], axis=0), axis=2)
     path = np.sum(way * (run["foot_force"][1:, :, 2] > 0.0), axis=0)
     np.testing.assert_allclose(run["slip_path"][-1], path, rtol=1e-9)
+
+
+def test_everything_of_a_scenario_works_and_walks_again(tmp_path):
+    scenario = Scenario(
+        plant=Mujoco("stiff"),
+        controller=Governed(governor="filter"),
+        ground=Ground(mu_s=0.6),
+        disturbances=Disturbances(
+            mass_error=0.1,
+            start_velocity=(0.02, -0.03, 0.0, 0.0, 0.1, 0.0),
+            pushes=(Push(0.1, (0.0, 1.0, 0.0)),),
+            noise=hp.Noise.typical(0.2),
+            delay=1e-3,
+            seed=7,
+        ),
+        duration=0.4,
+    )
+    path = tmp_path / "run.npz"
+    run = hp.walk(scenario, save=path)
+    loaded = hp.Run.load(path)
+    again = hp.walk(Scenario.of(loaded))
+    for name in run.signals.keys() - {"tick_ns"}:
+        np.testing.assert_array_equal(run[name], again[name])
+    assert loaded.metadata["plant"]["name"] == "mujoco"
+    assert loaded.metadata["plant"]["version"] == mujoco.__version__
+    assert loaded.metadata["ground"]["stiffness"] == 80e3
+    assert loaded.metadata["mass"] == pytest.approx(hp.build(scenario).simulator.model.body_mass.sum())
+    # Each of them matters.
+    disturbances = (
+        {"mass_error": 0.0},
+        {"start_velocity": (0.0,) * 6},
+        {"pushes": ()},
+        {"noise": hp.Noise()},
+        {"delay": 0.0},
+    )
+    changes = [{"disturbances": replace(scenario.disturbances, **change)} for change in disturbances]
+    for change in (*changes, {"plant": Mujoco("soft")}, {"plant": "compliant"}):
+        assert not np.array_equal(hp.walk(replace(scenario, **change))["q"][-1], run["q"][-1]), change
 
 
 def test_what_mujoco_cannot_do_is_refused(robot, monkeypatch):
@@ -271,6 +350,22 @@ def test_what_mujoco_cannot_do_is_refused(robot, monkeypatch):
         hp.build(Scenario(plant="mujoco"))
 
 
+def test_a_divergence_ends_the_run(robot):
+    """Torques beyond reason: the run is over, kept, and nothing warns or fails."""
+
+    class Wild:
+        period = 1e-3
+
+        def step(self, state):
+            return Command(np.full(6, 1e12), np.zeros((2, 3)))
+
+    plant = MujocoPlant(robot)
+    plant.reset(*hp.make_gait(robot).initial_state(penetration=plant.static_penetration))
+    run = plant.run(Wild(), 0.1)
+    assert run.fell
+    assert len(run) >= 1
+
+
 ARM = """<robot name="arm"><link name="base"><inertial><mass value="100"/>
 <inertia ixx="9" ixy="0" ixz="0" iyy="9" iyz="0" izz="9"/></inertial></link>
 <link name="arm"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
@@ -282,7 +377,8 @@ ARM = """<robot name="arm"><link name="base"><inertial><mass value="100"/>
 @pytest.mark.parametrize(("torque", "end"), [(2.0, 0.5), (-2.0, -0.2)])
 def test_joints_end_where_the_robot_says(tmp_path, torque, end):
     (tmp_path / "arm.urdf").write_text(ARM)
-    plant = put(MujocoPlant(hp.load_robot(tmp_path / "arm.urdf", feet=()), dt=1e-3, gravity=np.zeros(3)), z=0.0)
+    plant = MujocoPlant(hp.load_robot(tmp_path / "arm.urdf", feet=()), dt=1e-3, gravity=np.zeros(3))
+    plant.reset(pin.neutral(plant.robot.model), np.zeros(7))
     angles = []
     for _ in range(2000):
         plant.advance(Command(np.array([torque]), np.zeros((0, 3))))

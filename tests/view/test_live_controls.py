@@ -88,6 +88,36 @@ def update(uuid: str, value: Any) -> dict[str, Any]:
     return {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
 
 
+def test_values_that_are_no_option_are_refused(page: Page, capfd: pytest.CaptureFixture[str], fuzz: int) -> None:
+    """They reach neither the control nor the session; the panel says so, and nothing prints a traceback."""
+    rng = np.random.default_rng(3)
+    odd: list[Any] = [None, "x", "", [], {}, [1, 2], {"a": 1}, float("nan"), float("inf"), -1e308, 1e308, 2**63 - 1]
+    odd += [b"\x00", "1e5", "real time\n", -1, 3.5, "x" * 5000]
+    odd += [float(value) for value in rng.standard_cauchy(5 * fuzz) * 1e3]
+    before = {uuid: handle.value for uuid, handle in page.controls.items()}
+    kinds = {uuid: type(handle).__name__ for uuid, handle in page.controls.items()}
+    assert {"GuiDropdownHandle", "GuiButtonGroupHandle", "GuiSliderHandle", "GuiCheckboxHandle"} <= set(kinds.values())
+    for uuid, handle in page.controls.items():
+        if kinds[uuid] == "GuiButtonHandle":
+            continue
+        low, high = getattr(handle, "min", np.inf), getattr(handle, "max", -np.inf)
+        whole = isinstance(before[uuid], int)
+
+        def fits(value: Any, low: float = low, high: float = high, whole: bool = whole) -> bool:
+            return isinstance(value, int | float) and low <= value <= high and (not whole or value == int(value))
+
+        page.panel._standing |= {"note": "", "refused": False}
+        send(page, [update(uuid, value) for value in odd if not fits(value)])
+        wait_until(lambda: page.panel.note)
+        assert handle.value == before[uuid], handle.label
+        assert page.panel.note, handle.label
+        said = [word for word in page.said() if word[0] != "viewers"]
+        assert said == [], handle.label
+    printed = capfd.readouterr()
+    assert "Traceback" not in printed.err + printed.out
+    assert "exception" not in printed.err
+
+
 def test_what_controls_have_is_taken(page: Page) -> None:
     pace, walk = (
         next(uuid for uuid, handle in page.controls.items() if getattr(handle, "label", "") == label)
@@ -100,6 +130,28 @@ def test_what_controls_have_is_taken(page: Page) -> None:
     assert len(said) == 3
     for word in (("change", {"pace": 0.5}), ("step", 10), ("change", {"friction": 0.4})):  # from threads of their own
         assert word in said
+
+
+@pytest.mark.filterwarnings("ignore:.viser.:UserWarning")
+def test_drags_that_are_none_are_refused(page: Page, capfd: pytest.CaptureFixture[str]) -> None:
+    node = page.page._scene.handles[0].name
+    drag = {
+        "type": "SceneNodeDragMessage",
+        "phase": "start",
+        "name": node,
+        "instance_index": None,
+        "start_screen_pos": [0.0, 0.0],
+        "end_screen_pos": [0.0, 0.0],
+        "button": "left",
+        "modifier": None,
+    }
+    for place in ([], [1.0], [float("nan")] * 3):
+        page.panel._standing |= {"note": "", "refused": False}
+        send(page, [{**drag, "start_position": place, "end_position": place}])
+        wait_until(lambda: page.panel.note)
+        assert page.page._grip is None
+        assert page.panel.note, place
+    assert "Traceback" not in capfd.readouterr().err
 
 
 def test_the_camera_follows() -> None:

@@ -12,7 +12,7 @@ import harpy_pin as hp
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.view.identity import robot_of
-from harpy_pin.view.live.drive import Drive
+from harpy_pin.view.live.drive import LiveLog
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.panel import WholeFeet
 from harpy_pin.view.live.settings import DriveRanges, usual_settings
@@ -114,13 +114,13 @@ def test_what_a_robot_does_not_have_is_refused(robot: hp.Robot, go2: hp.Robot) -
 
 
 def test_a_drive_is_logged_and_replayed(go2: hp.Robot, tmp_path: Any) -> None:
-    drive = Drive(usual_settings(go2).changed({"forward": 0.4}), robot=go2, save=tmp_path / "drive.npz")
-    session = drive.session
+    session = make(go2, forward=0.4)
+    log = LiveLog(session, tmp_path / "drive.npz")
+    session.on_tick = lambda tick: log.append()
     walk(session, 0.5)
     session.change({"schedule": "crawl"})
     walk(session, 2.0)
-    drive.stop()
-    drive.run()
+    log.close("completed")
     run = Run.load(tmp_path / "drive.npz")
     names = run.metadata["live"]["schedules"]
     assert names[int(run["schedule"][0])] == "trot"

@@ -15,7 +15,7 @@ from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
 from harpy_pin.view import replay_html
 from harpy_pin.view.identity import CONTROLLERS
-from harpy_pin.view.live.drive import Drive
+from harpy_pin.view.live.drive import Drive, LiveLog
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.settings import LiveSettings, usual_settings
 from harpy_pin.view.live.shared_snapshots import PLACES, SharedSnapshots
@@ -302,8 +302,9 @@ def test_board_keeps_the_newest(robot: hp.Robot) -> None:
 
 def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
     path = tmp_path / "drive.npz"
-    drive = Drive(LiveSettings(forward=0.3, friction=0.6), robot=robot, save=path)
-    session = drive.session
+    session = make(robot)
+    log = LiveLog(session, path)
+    session.on_tick = lambda tick: log.append()
     session.step(700)
     session.change({"controller": "paper", "friction": 0.3})
     session.step(700)
@@ -313,8 +314,7 @@ def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
     session.reset()
     session.change({"controller": "condensed"})
     session.step(600)
-    drive.stop()
-    drive.run()
+    log.close("completed")
     run = Run.load(path)
     assert list(tmp_path.iterdir()) == [path]
     assert len(run) == 2000
@@ -336,7 +336,7 @@ def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
 def test_log_refuses_what_is_no_file(robot: hp.Robot, tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "none" / "drive.npz", Path("/dev/null")):
         with pytest.raises(RunFileError):
-            Drive(robot=robot, save=path)
+            LiveLog(make(robot), path)
 
 
 def test_drive_without_a_page(robot: hp.Robot, tmp_path: Path) -> None:

@@ -31,10 +31,13 @@ from harpy_pin.view.live.settings import LiveSettings
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 from harpy_pin.view.live.times import TickTimes
 
-SNAPSHOT_PERIOD = 0.02  # time between snapshots, s
-NAP = 2e-3  # longest sleep, s: ticks that have come due meanwhile are made up for
+SNAPSHOT_PERIOD = 0.02
+"""Time between snapshots, s."""
+NAP = 2e-3
+"""Longest sleep, s: ticks that have come due meanwhile are made up for."""
 PAGE_ENDED = "the process of the page ended; what was driven until then is kept"
-READY_WITHIN = 120.0  # time that the page's process may take to start, s
+READY_WITHIN = 120.0
+"""Time that the page's process may take to start, s."""
 WISHES: Mapping[str, Callable[[LiveSession, Any], str | None]] = {
     "change": LiveSession.change,
     "strip": LiveSession.lay_strip,
@@ -50,8 +53,9 @@ WISHES: Mapping[str, Callable[[LiveSession, Any], str | None]] = {
 def listen(host: str, port: int) -> socket.socket:
     """A socket that listens on an address.
 
-    An :class:`InputError` for a port or a host that is none, a :class:`RunFileError` for a port that is taken or not
-    free to use.
+    Raises:
+        InputError: no port has that number, or the host is none.
+        RunFileError: the port is taken, or may not be used.
     """
     checks.whole("port", port, high=65535)
     try:
@@ -107,11 +111,15 @@ class Drive:
     Args:
         settings: to begin with, see :class:`LiveSession`.
         robot: who walks, see :class:`LiveSession`.
-        save: file of the log of :attr:`LiveSession.signals`; none is kept without it. Walks follow each other in it: a
-            robot that begins anew jumps back to the origin, and time goes on.
+        save: file of the log; none is kept without it.
         listener: the page's socket; no page without one.
         on_page: called with the page's address when it can be opened. The robot stands there; controllers are compiled
             only then, which takes some seconds the first time.
+
+    Attributes:
+        session: what is driven.
+        url: of the page; empty without one.
+        viewers: how many pages are open.
 
     Raises:
         HarpyError: the page cannot be started.
@@ -128,22 +136,14 @@ class Drive:
         listener: socket.socket | None = None,
         on_page: Callable[[str], None] = lambda url: None,
     ) -> None:
-        self.viewers, self.url, self._over = 0, "", False  # pages that are open; address of the page, empty without one
+        self.viewers, self.url, self._over = 0, "", False
         self._listener, self._on_page = listener, on_page
         self._pipe: Connection | None = None
         self._page: Any = None
-        self._save, self._journal = save, None
-        self._recorder: Recorder | None = None
         self.driven = DriveSummary()
         try:
             self.session = LiveSession(settings, robot=robot, on_standing=self._open_page)
-            if save is not None:
-                check_writable(save)
-                if not replaceable(save):
-                    raise RunFileError(f"cannot write '{save}': a drive is saved as a file", path=save)
-                self._journal = Journal(save, {**self._metadata("unfinished"), "format": FORMAT})
-                self._recorder = Recorder(self._journal)
-            self.session.on_tick = self._after
+            self._log = None if save is None else LiveLog(self.session, save)
         except BaseException:
             self.close()
             raise
@@ -177,7 +177,10 @@ class Drive:
         self._on_page(self.url)
 
     def run(self, duration: float | None = None) -> DriveSummary:
-        """Drive until Ctrl-C, or for a duration by the clock, s.
+        """Drive until Ctrl-C, or for a time of the clock.
+
+        Args:
+            duration: s.
 
         Raises:
             HarpyError: the page's process ended; the log is kept.
@@ -185,7 +188,7 @@ class Drive:
         """
         if duration is not None:
             duration = checks.number("duration", duration, low=0.0, strict=True)
-        trouble, unsaved, begin = None, None, time.monotonic()
+        trouble, begin = None, time.monotonic()
         with Shield(saving=True) as shield:  # a signal waits for the end of a tick
             try:
                 self._loop(begin, duration, shield)
@@ -194,13 +197,9 @@ class Drive:
             self.driven.signal = shield.late
             self._summarise(time.monotonic() - begin)
             self.close()
-            if self._recorder is not None:
-                metadata = self._metadata(self.session.ending or "completed")
-                plant, recorder = self.session.simulator, self._recorder
-                self.driven.run, unsaved = keep_run(plant, recorder, metadata, self._journal, self._save)
+            if self._log is not None:
+                self.driven.run = self._log.close(self.session.ending or "completed")
             shield.late = None
-        if unsaved is not None:
-            raise unsaved
         if trouble is not None and self.driven.signal is None:  # a signal to all processes ends the page's first
             raise trouble
         return self.driven
@@ -220,7 +219,7 @@ class Drive:
                 self._page.join()
 
     def _loop(self, begin: float, duration: float | None, shield: Shield) -> None:
-        session = self.session
+        session, self.session.on_tick = self.session, self._after
         published = checked = begin
         while True:
             now = time.monotonic()
@@ -244,8 +243,8 @@ class Drive:
     def _after(self, tick: Tick) -> None:
         """Count a tick, and log it."""
         self.driven.times.setdefault(self.viewers, TickTimes()).add(tick.elapsed)
-        if self._recorder is not None:
-            self._recorder.append(self.session.signals)
+        if self._log is not None:
+            self._log.append()
 
     def _listen(self) -> None:
         """Do what the page asks for; what cannot be done is said in the page."""
@@ -283,9 +282,49 @@ class Drive:
         driven.falls, driven.slip = session.falls, float(session.slip[:, 0].sum())
         driven.factor = 1.0 - min(session.pacer.lost / elapsed, 1.0) if elapsed > 0.0 else 1.0
 
+
+class LiveLog:
+    """What was driven, as a run on disk: its rows leave the memory every second, and are read back at the end.
+
+    Walks follow each other in the log: a robot that begins anew jumps back to the origin, and time goes on. It holds
+    :attr:`LiveSession.signals`, the same whatever controller drives.
+
+    Args:
+        session: that is logged.
+        path: of the log; it must be a file that can be replaced.
+
+    Raises:
+        RunFileError: it cannot be written.
+    """
+
+    def __init__(self, session: LiveSession, path: str | Path) -> None:
+        check_writable(path)
+        if not replaceable(path):
+            raise RunFileError(f"cannot write '{path}': a drive is saved as a file", path=path)
+        self.path = Path(path)
+        self._session = session
+        self._journal = Journal(path, {**self._metadata("unfinished"), "format": FORMAT})
+        self._recorder = Recorder(self._journal)
+
+    def append(self) -> None:
+        """Keep a tick."""
+        self._recorder.append(self._session.signals)
+
+    def close(self, ending: str) -> Run:
+        """Write the log in its place, with an ending (:attr:`harpy_pin.log.run.Run.ending`).
+
+        Raises:
+            RunFileError: it cannot be written; its rows are in the journal beside it, which the message names.
+        """
+        simulator = self._session.simulator
+        run, unsaved = keep_run(simulator, self._recorder, self._metadata(ending), self._journal, self.path)
+        if unsaved is not None:
+            raise unsaved
+        return run
+
     def _metadata(self, ending: str) -> dict[str, Any]:
         """How the drive came about and how it ended."""
-        session = self.session
+        session = self._session
         return {
             **run_metadata(session.simulator, session.controller, ending, PERIOD, ()),
             "end_time": session.time,

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 import viser
 
-from harpy_pin.errors import HarpyError
+from harpy_pin import checks
+from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.guard import guarded_server
@@ -32,11 +33,16 @@ FRAME, NUMBERS, CHARTS = 0.025, 0.25, 0.2
 """Time between frames of the scene, and between updates of numbers and charts, s."""
 EYE, MIDDLE = (1.2, -1.42, 0.87), (0.0, 0.0, 0.33)
 """Where the camera is, and what it looks at, m; for a robot of Harpy's size."""
-FIELD_OF_VIEW = 42.0  # its angle, degrees
-UPRIGHT = 0.8  # aspect below which a screen is upright, with the panel below
-TOLERANCE = 0.01  # distance that the camera may be off, m
-ARRIVES_WITHIN = 20  # moves of a new page's camera until it is where it was put
-FARTHEST = 1e6  # largest coordinate of a camera, m
+FIELD_OF_VIEW = 42.0
+"""Its angle, degrees."""
+UPRIGHT = 0.8
+"""Aspect below which a screen is upright, with the panel below."""
+TOLERANCE = 0.01
+"""Distance that the camera may be off, m."""
+ARRIVES_WITHIN = 20
+"""Moves of a new page's camera until it is where it was put."""
+FARTHEST = 1e6
+"""Largest coordinate of a camera, m."""
 LOWEST, HIGHEST = 0.03, 1.4
 """Elevation of the camera over the robot, rad: not below the ground, and not from straight above."""
 
@@ -44,7 +50,15 @@ LOWEST, HIGHEST = 0.03, 1.4
 def serve(
     pipe: Connection, listener: socket.socket, board: SharedSnapshots, robot: Robot, settings: Mapping[str, Any]
 ) -> None:
-    """What the process of the page does until the pipe to the session's process is closed."""
+    """What the process does until the pipe is closed.
+
+    Args:
+        pipe: to the session's process.
+        listener: the page's socket.
+        board: of snapshots.
+        robot: who is driven.
+        settings: as the session begins.
+    """
     sys.stdout = open(os.devnull, "w")  # noqa: SIM115 - viser says there when it stops
     try:
         page = _Page(pipe, listener, board, robot, settings)
@@ -72,7 +86,7 @@ class _Page:
     ) -> None:
         self._pipe, self._board = pipe, board
         self._sending = threading.Lock()
-        self.server = guarded_server(listener, label="harpy live")
+        self.server = guarded_server(listener, label="harpy live", on_refused=lambda reason: self._panel.refuse(reason))
         ranges = DriveRanges.of(robot)
         self._spring = ranges.spring
         self._scene = LiveScene(self.server, robot)
@@ -135,9 +149,15 @@ class _Page:
             self._grip = None
             self._send("pull", (0.0, 0.0, 0.0))
             return
+        try:
+            start = checks.vector("the drag's start", event.start_position, 3)
+            hand = checks.vector("the drag's end", event.end_position, 3)
+        except InputError as error:
+            self._panel.refuse(str(error))
+            return
         if event.phase == "start" or self._grip is None:
-            self._grip = np.array(event.start_position) - self._scene.body
-        self._hand = np.array(event.end_position)
+            self._grip = start - self._scene.body
+        self._hand = hand
 
     def _pull(self) -> None:
         """A spring between the hand and the body."""
@@ -186,10 +206,15 @@ def _put(camera: viser.CameraHandle, eye: Vector, look_at: Vector) -> None:
 
 
 def followed(eye: Vector, look_at: Vector, middle: Vector) -> Vector | None:
-    """(3,) where a camera belongs that has been moved: it looks at the middle as it has looked, over the ground, m.
+    """Where a camera belongs that has been moved: where it looks at the middle as it has looked, over the ground.
 
-    One that looks at its own place belongs where it was first. None where it is there already, or where what the page
-    has sent is no place.
+    Args:
+        eye: (3,) where it is, m.
+        look_at: (3,) what it looks at, m; one that looks at its own place belongs where it was first.
+        middle: (3,) what it should look at, m.
+
+    Returns:
+        (3,) its place; None where it is there already, or where what the page has sent is no place.
     """
     if not (_is_place(eye) and _is_place(look_at)):
         return None

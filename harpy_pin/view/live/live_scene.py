@@ -22,29 +22,45 @@ from harpy_pin.view.scene.frames import REFERENCES, Contacts
 from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Motion, Motions, Node, Sphere, from_matrices
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
-FOLLOW_TIME = 0.4  # time constant with which the middle of the picture follows the body, s
-JUMP = 0.5  # distance over which it does not follow but jumps, m
-CELL, SECTION = 0.1, 0.5  # distance between thin and between strong lines of the ground, m
+FOLLOW_TIME = 0.4
+"""Time constant with which the middle of the picture follows the body, s."""
+JUMP = 0.5
+"""Distance over which it does not follow but jumps, m."""
+CELL, SECTION = 0.1, 0.5
+"""Distance between thin and between strong lines of the ground, m."""
 TRAIL, TRAIL_STEP = 150, 0.01
 """Points of a trail on the ground, at most, and the distance between two, m."""
 STRIP, PUSH, WAY = "#6ebefa", "#cc3377", "#5b6573"
-HARPY_HEIGHT = 0.6  # height of Harpy's body above the ground, m
-EDGE = 1.5  # width of lines, pixels
+HARPY_HEIGHT = 0.6
+"""Height of Harpy's body above the ground, m."""
+EDGE = 1.5
+"""Width of lines, pixels."""
 FULL = 0.97
 """Share of the friction from which on a force counts as on its cone's edge: the cone turns red."""
 
 
 class LiveScene:
-    """What is drawn."""
+    """What is drawn.
+
+    Args:
+        server: viser's.
+        robot: who is drawn.
+
+    Attributes:
+        origin: (3,) place in the world that is the scene's origin, m.
+        body: (3,) the body in the scene, m.
+        handles: of the robot's shapes.
+        scale: the robot's size, relative to Harpy's.
+    """
 
     def __init__(self, server: viser.ViserServer, robot: Robot) -> None:
         scene = server.scene
-        self.origin, self.body = np.zeros(3), np.zeros(3)  # of the scene in the world; the body in the scene, m
+        self.origin, self.body = np.zeros(3), np.zeros(3)
         self._time, self._mu, self._slope = -1.0, -1.0, 0.0
         self._strip: tuple[float, float] | None = None  # where it lies along x, m
         self._model, self._data = robot.model, robot.model.createData()
         self._mounts = [robot.frame_id(name) for name in robot.thrusters]
-        self.scale = scale = _size(robot)  # relative to Harpy's
+        self.scale = scale = _size(robot)
         _set_stage(scene)
         self._floor = scene.add_grid(
             "/floor",
@@ -69,7 +85,7 @@ class LiveScene:
         self._drawn.add([Node("friction_strip", Box((1.0, 8.0, 0.002)), Look(STRIP, 0.75, light="ground"))])
         for name, size, colour in (("target", 0.16, TARGET), ("applied", 0.15, APPLIED)):
             self._drawn.add([Node(f"reference/{name}", _frame(size * scale), Look(colour))])
-        self.handles = self._drawn.handles  # of the robot's shapes
+        self.handles = self._drawn.handles
         self._points: dict[str, list[Vector]] = {"target": [], "body": []}
         self._trails = {
             name: scene.add_line_segments(f"/walk/trail/{name}", np.zeros((1, 2, 3)), as_rgb(colour), thickness=0.006)
@@ -183,7 +199,11 @@ def _set_stage(scene: viser.SceneApi) -> None:
 class ViserScene:
     """Nodes and motions as viser draws them, below a frame that stands for the world's: what has changed is sent.
 
-    ``handles`` are those of nodes that cast a shadow: the robot.
+    Args:
+        scene: of viser.
+
+    Attributes:
+        handles: of nodes that cast a shadow: the robot.
     """
 
     def __init__(self, scene: viser.SceneApi) -> None:

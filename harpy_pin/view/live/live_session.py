@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from time import perf_counter_ns
 from types import SimpleNamespace
 from typing import Any, cast
@@ -31,16 +31,20 @@ from harpy_pin.view.identity import CONTROLLERS
 from harpy_pin.view.live.settings import DrivenGait, DriveRanges, LiveSettings, make_driven_gait, usual_settings
 from harpy_pin.view.live.times import RealTimePacer, TickTimes
 
-PERIOD, STEPS = 1e-3, 2  # time between control ticks, s, and physics steps in each
+PERIOD, STEPS = 1e-3, 2
+"""Time between control ticks, s, and physics steps in each."""
 PULL_LASTS = 0.25
 """How long a pull acts that is not renewed, s: one whose driver is gone does not last."""
-FOLLOWED = 10  # ticks between two changes of the ground
+FOLLOWED = 10
+"""Ticks between two changes of the ground."""
 STIFFNESS_RATE, TILT_RATE = 4.0, 0.1
 """How fast the ground's stiffness changes, 1/s (by a factor of e in 0.25 s), and how fast it tilts, rad/s."""
 SLOW = 0.02
 """Velocity below which a robot that never stops stepping may change its schedule, m/s and rad/s."""
-MAX_AT_ONCE = 50  # ticks that are made up for before the caller gets its turn
-STRIP_LENGTH = 0.6  # how far a friction strip goes along x, m
+MAX_AT_ONCE = 50
+"""Ticks that are made up for before the caller gets its turn."""
+STRIP_LENGTH = 0.6
+"""How far a friction strip goes along x, m."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +68,24 @@ class LiveSession:
         robot: who walks: Harpy, the default, or any robot with two or four feet and a posture in which it stands.
         on_standing: called with the session when the robot stands, before the controllers' kernels are compiled.
 
-    ``ending`` is empty while it walks; otherwise ``fell``, ``diverged``, or what the controller failed with. Then
-    nothing moves until :meth:`reset`.
+    Attributes:
+        settings: as they are.
+        ranges: what may be set with this robot.
+        simulator: the plant.
+        gait: the commanded walk.
+        plane: surface of the ground as it is.
+        controller: the present one.
+        ending: empty while it walks; otherwise ``fell``, ``diverged``, or what the controller failed with. Then
+            nothing moves until :meth:`reset`.
+        paused: whether time stands still.
+        ticks: of all walks since the session began.
+        walks: that were begun.
+        falls: so far.
+        times: of the present controller's ticks; the first one with a controller is not counted, since it loads
+            compiled code.
+        pacer: of the clock.
+        last: the last tick; before the first of a walk, the robot as it stands, and no command.
+        on_tick: called after every tick (a log).
     """
 
     def __init__(
@@ -76,21 +96,21 @@ class LiveSession:
         on_standing: Callable[[LiveSession], None] = lambda session: None,
     ) -> None:
         self.robot = robot if robot is not None else load_harpy()
-        self.ranges = DriveRanges.of(self.robot)  # of what may be set
+        self.ranges = DriveRanges.of(self.robot)
         self.settings = s = settings if settings is not None else usual_settings(self.robot)
         self.ranges.check(s)
         self.simulator = Simulator(
             self.robot, Ground(mu_s=s.friction, stiffness=s.stiffness, friction_strips=s.friction_strips)
         )
-        self.times, self.pacer = TickTimes(), RealTimePacer(PERIOD)  # of the present controller's ticks; of the clock
-        self.paused = False  # whether time stands still
-        self.ticks = self.falls = self.walks = 0  # of all walks since the session began
+        self.times, self.pacer = TickTimes(), RealTimePacer(PERIOD)
+        self.paused = False
+        self.ticks = self.falls = self.walks = 0
         self._tick, self._fall_height = 0, 0.0  # of the present walk
         self.gait: DrivenGait
         self._pushes: list[Push] = []
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
-        self.on_tick: Callable[[Tick], None] | None = None  # called after every tick (a log)
+        self.on_tick: Callable[[Tick], None] | None = None
         self._slip_before = np.zeros((len(self.robot.feet), 2))
         self._warm: set[str] = set()
         self._stand()
@@ -119,8 +139,12 @@ class LiveSession:
         schedules, gait, slip = self.ranges.schedules, self.gait, self.slip
         schedule = {"schedule": schedules.index(gait.schedule)} if isinstance(gait, WalkingGait) else {}
         return {
-            **{entry.name: getattr(tick.state, entry.name) for entry in fields(State)},
             "t": (self.ticks - 1) * PERIOD,
+            "q": tick.state.q,
+            "v": tick.state.v,
+            "foot_position": tick.state.foot_position,
+            "foot_velocity": tick.state.foot_velocity,
+            "foot_force": tick.state.foot_force,
             "slip_path": slip[:, 0],
             "slip_net": slip[:, 1],
             "torque": tick.command.torque,
@@ -159,9 +183,13 @@ class LiveSession:
         return np.full(len(self.robot.feet), self.settings.mu)
 
     def change(self, changes: Mapping[str, Any]) -> str:
-        """Set values of :class:`LiveSettings` by their names, from the next tick on; returns what a driver should know.
+        """Set values of :class:`LiveSettings` by their names, from the next tick on.
 
-        An unknown name or a value out of its domain is an :class:`InputError`, and changes nothing.
+        Returns:
+            What a driver should know of it; empty where it is as expected.
+
+        Raises:
+            InputError: an unknown name or a value out of its domain; then nothing has changed.
         """
         before, after = self.settings, self.settings.changed(changes)
         self.ranges.check(after)
@@ -196,7 +224,8 @@ class LiveSession:
     def push(self, impulse: ArrayLike) -> None:
         """Push the body by a (3,) impulse, world axes, N·s, within a tenth of a second.
 
-        A larger one than 30 N·s, for robots heavier than Harpy a larger one, is an :class:`InputError`.
+        Raises:
+            InputError: no finite vector, or a larger one than 30 N·s; it may be larger for robots heavier than Harpy.
         """
         vector = checks.vector("impulse", impulse, 3)
         size, most = float(np.linalg.norm(vector)), self.ranges.impulse
@@ -209,6 +238,9 @@ class LiveSession:
         """Pull the body by a (3,) force, world axes, N, for a quarter of a second unless it is pulled again.
 
         A force above 60 N is shortened; it may be larger for robots heavier than Harpy.
+
+        Raises:
+            InputError: no finite vector.
         """
         vector = checks.vector("force", force, 3)
         size = float(np.linalg.norm(vector))
@@ -229,7 +261,11 @@ class LiveSession:
         self._take_over(self._make_controller(self.settings))
 
     def step(self, ticks: int) -> None:
-        """Pause, and walk 1 to 1000 ticks, whatever the clock says."""
+        """Pause, and walk some ticks, whatever the clock says.
+
+        Raises:
+            InputError: no whole number from 1 to 1000.
+        """
         checks.whole("ticks", ticks, low=1, high=1000)
         self.pause(True)
         for _ in range(ticks):
@@ -288,7 +324,7 @@ class LiveSession:
         """Stand at the origin, without a controller."""
         settings, s = self.settings, self.simulator
         self.gait = make_driven_gait(self.robot, settings)
-        self.plane = Plane(slope=settings.slope)  # surface of the ground as it is
+        self.plane = Plane(slope=settings.slope)
         self._lay_ground(settings.stiffness)
         placed = OnTerrain(self.gait, self.plane) if settings.slope else self.gait
         q, v = placed.initial_state(penetration=s.static_penetration)
@@ -299,7 +335,7 @@ class LiveSession:
         self.walks += 1
         self._pull, self._pull_until = np.zeros(3), 0.0
         self._make_sensors()
-        self.last = Tick(s.state, self._nothing, 0, np.zeros(3))  # before the first tick the robot as it stands
+        self.last = Tick(s.state, self._nothing, 0, np.zeros(3))
         self.controller: GaitController = cast(GaitController, SimpleNamespace(target=self.gait.target))
 
     def _make_controller(self, settings: LiveSettings) -> GaitController:

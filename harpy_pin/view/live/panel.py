@@ -7,6 +7,7 @@ itself, the controls follow.
 from __future__ import annotations
 
 import math
+import threading
 from collections import deque
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -39,18 +40,30 @@ HELP = (
     "**P** pause · **N** step · **R** reset · **I** friction strip · **J L** push. "
     "Drag the robot to pull it."
 )
-SLOW = 0.97  # real-time factor below which the page says that it cannot keep up
-SMOOTH = 0.2  # share of the present power in the one that is shown
-SPAN = 5.0  # s
+SLOW = 0.97
+"""Real-time factor below which the page says that it cannot keep up."""
+SMOOTH = 0.2
+"""Share of the present power in the one that is shown."""
+SPAN = 5.0
+"""s."""
 HEIGHT = 150
 EDGES, DASH = ("#7fb8d8", "#eab48a"), (5.0, 4.0)
 """Colours and dashes of the friction that there is under the feet; of more than two feet, the least."""
-MIN_LOAD = 3.0  # normal force below which the ratio of a foot is not drawn, N
+MIN_LOAD = 3.0
+"""Normal force below which the ratio of a foot is not drawn, N."""
 Send = Callable[[str, Any], None]
 
 
 class Panel:
-    """Controls of what may be set with a robot, and numbers; wishes are sent by their kind and value."""
+    """Controls and numbers.
+
+    Args:
+        gui: of viser.
+        robot: who is driven.
+        ranges: what may be set with it.
+        settings: as the session begins.
+        send: takes a wish to the session: its kind and its value.
+    """
 
     def __init__(
         self, gui: viser.GuiApi, robot: Robot, ranges: DriveRanges, settings: Mapping[str, Any], send: Send
@@ -60,6 +73,7 @@ class Panel:
         self._handles: dict[str, Any] = {}
         self._shown: dict[str, Callable[[Any], Any]] = {}  # a setting as its control shows it
         self._dragged: set[str] = set()
+        self._lock = threading.Lock()
         self._power = np.zeros(2)
         self._standing: dict[str, Any] = {"paused": False, "ending": "", "note": "", "refused": False, "busy": ""}
         gui.set_panel_label("harpy live")
@@ -82,7 +96,9 @@ class Panel:
 
     def take(self, standing: Mapping[str, Any]) -> None:
         """How things stand, from the session."""
-        self._standing, self._settings = dict(standing), standing["settings"]
+        with self._lock:
+            self._standing = dict(standing)
+            self._settings = standing["settings"]
         self._pause.label = "Go on" if standing["paused"] else "Pause"
         for name, handle in self._handles.items():
             value = self._shown[name](self._settings[name])
@@ -91,6 +107,16 @@ class Panel:
         self._dragged.clear()
         self._assumed.disabled = self._settings["assumed"] is None
 
+    def refuse(self, reason: str) -> None:
+        """Say why something that a page sent was not done."""
+        with self._lock:
+            self._standing |= {"note": reason, "refused": True}
+
+    @property
+    def note(self) -> str:
+        """What is said last of a wish; empty where all was done."""
+        return str(self._standing["note"])
+
     @property
     def follows(self) -> bool:
         """Whether the camera follows the robot."""
@@ -98,7 +124,9 @@ class Panel:
 
     def show(self, s: Any) -> None:
         """Numbers of a snapshot."""
-        _say(self._status, _state(self._settings, self._standing, float(s["factor"])))
+        with self._lock:
+            settings, standing = self._settings, self._standing
+        _say(self._status, _state(settings, standing, float(s["factor"])))
         force = self._feet.force(s["contact_force"])
         normal = np.maximum(force[:, 2], 1e-9)
         room = np.maximum(self._feet.least(s["foot_friction"]), 1e-9)
@@ -275,7 +303,12 @@ def _plain(text: str) -> str:
 
 
 class Charts:
-    """Two charts with one time axis."""
+    """Two charts with one time axis.
+
+    Args:
+        gui: of viser, in the container that they go into.
+        feet: of the robot.
+    """
 
     def __init__(self, gui: viser.GuiApi, feet: WholeFeet) -> None:
         self._rows: deque[tuple[float, ...]] = deque(maxlen=1000)
@@ -331,7 +364,14 @@ class Charts:
 
 
 class WholeFeet:
-    """Which contact points are one foot, and the names of the feet."""
+    """Which contact points are one foot.
+
+    Args:
+        robot: with feet.
+
+    Attributes:
+        names: of the feet.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._starts = np.cumsum((0, *robot.corners[:-1]))

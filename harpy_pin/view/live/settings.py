@@ -38,28 +38,51 @@ ENDS: Mapping[str, tuple[float, float]] = {
     "pace": (0.01, 1.0),
 }
 """Least and largest value of settings, in their units; those of a robot (:class:`DriveRanges`) lie between them."""
-MAX_DELAY = 20  # largest delay of the measurements, ms
+MAX_DELAY = 20
+"""Largest delay of the measurements, ms."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LiveSettings:
-    """Everything that a driver sets; pushes and resets are not settings but events. Bad values are refused."""
+    """Everything that a driver sets; pushes and resets are not settings but events.
 
-    controller: str = "condensed"  # one of :data:`harpy_pin.view.identity.CONTROLLERS`
-    forward: float = 0.0  # commanded velocity, m/s
-    sideways: float = 0.0  # to the left, m/s
-    turning: float = 0.0  # to the left, rad/s
-    height: float = 0.0  # change of the body's height, m; of robots other than Harpy
-    schedule: str | None = None  # of contacts, of robots other than Harpy; by default the gait's own
-    friction: float = 0.8  # static coefficient of the ground
-    friction_strips: tuple[tuple[float, float, float], ...] = ()  # see :class:`harpy_pin.ground.ground.Ground`
-    stiffness: float = 8000.0  # of the ground, N/m
-    slope: float = 0.0  # angle by which the ground rises along x, rad
-    assumed: float | None = None  # friction that the controller assumes; by default that outside the strips
-    estimate: bool = False  # whether the controller estimates the friction as it goes
-    delay: int = 0  # age of the measurements, ms
-    noise: float = 0.0  # of the measurements, as a multiple of typical noise (:class:`harpy_pin.simulation.Noise`)
-    pace: float = 1.0  # simulated time per time of the clock, at most 1
+    Attributes:
+        controller: one of :data:`harpy_pin.view.identity.CONTROLLERS`.
+        forward: commanded velocity, m/s.
+        sideways: to the left, m/s.
+        turning: to the left, rad/s.
+        height: change of the body's height, m; of robots other than Harpy.
+        schedule: contact schedule of robots other than Harpy, see :class:`harpy_pin.gaits.WalkingGait`; by default
+            the gait's own.
+        friction: static coefficient of the ground.
+        friction_strips: strips of ground with another friction, see :class:`harpy_pin.ground.ground.Ground`.
+        stiffness: of the ground, N/m.
+        slope: angle by which the ground rises along x, rad.
+        assumed: friction that the controller assumes; that of the ground outside the strips by default.
+        estimate: whether the controller estimates the friction as it goes.
+        delay: age of the measurements, ms.
+        noise: of the measurements, as a multiple of typical noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
+        pace: simulated time per time of the clock, at most 1.
+
+    Raises:
+        InputError: an unknown name, or a value out of its domain.
+    """
+
+    controller: str = "condensed"
+    forward: float = 0.0
+    sideways: float = 0.0
+    turning: float = 0.0
+    height: float = 0.0
+    schedule: str | None = None
+    friction: float = 0.8
+    friction_strips: tuple[tuple[float, float, float], ...] = ()
+    stiffness: float = 8000.0
+    slope: float = 0.0
+    assumed: float | None = None
+    estimate: bool = False
+    delay: int = 0
+    noise: float = 0.0
+    pace: float = 1.0
 
     def __post_init__(self) -> None:
         checks.one_of("controller", self.controller, CONTROLLERS)
@@ -88,31 +111,56 @@ class LiveSettings:
         return CONTROLLERS[self.controller].name != "governed"
 
     def changed(self, changes: Mapping[str, Any]) -> LiveSettings:
-        """A copy with other values; an :class:`InputError` for an unknown name, or a value out of its domain."""
-        for name in checks.mapping("changes", changes):
-            checks.one_of("setting", name, [entry.name for entry in fields(self)])
+        """A copy with other values.
+
+        Raises:
+            InputError: no mapping, an unknown name, or a value out of its domain.
+        """
+        if not isinstance(changes, Mapping):
+            raise InputError(f"changes must be a mapping, got {changes!r:.60}", name="changes", value=changes)
+        valid = [entry.name for entry in fields(self)]
+        for name in changes:
+            checks.one_of("setting", name, valid)
         return replace(self, **changes)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveRanges:
-    """Ends of what a driver sets, and what there is to choose from; the defaults are Harpy's."""
+    """Ends of what a driver sets, and what there is to choose from; the defaults are Harpy's.
 
-    controllers: tuple[str, ...] = tuple(CONTROLLERS)  # those that walk the robot
-    schedules: tuple[str, ...] = ()  # of contacts; none where the gait has only its own
-    forward: float = 0.5  # largest velocity forward, m/s
-    sideways: float = 0.2  # largest velocity to the left, m/s
-    turning: float = 1.0  # largest velocity of turning, rad/s
-    stiffness: tuple[float, float] = (SOFTEST, HARDEST)  # least and largest of the ground, N/m
-    height: tuple[float, float] | None = None  # least and largest change of the body's height, m; None: it stays
-    impulse: float = 30.0  # largest push, N·s
-    pull: float = 60.0  # largest pull, N
-    spring: float = 80.0  # of the hand that drags the robot, N/m
-    ahead: float = 0.25  # distance from the body to ice that is laid ahead, m
+    Attributes:
+        controllers: names of :data:`harpy_pin.view.identity.CONTROLLERS` that walk the robot.
+        schedules: contact schedules; none where the gait has only its own.
+        forward: largest velocity forward, m/s.
+        sideways: largest velocity to the left, m/s.
+        turning: largest velocity of turning, rad/s.
+        stiffness: least and largest of the ground, N/m.
+        height: least and largest change of the body's height, m; None where the gait keeps it.
+        impulse: largest push, N·s.
+        pull: largest pull, N.
+        spring: of the hand that drags the robot, N/m.
+        ahead: distance from the body to ice that is laid ahead, m.
+    """
+
+    controllers: tuple[str, ...] = tuple(CONTROLLERS)
+    schedules: tuple[str, ...] = ()
+    forward: float = 0.5
+    sideways: float = 0.2
+    turning: float = 1.0
+    stiffness: tuple[float, float] = (SOFTEST, HARDEST)
+    height: tuple[float, float] | None = None
+    impulse: float = 30.0
+    pull: float = 60.0
+    spring: float = 80.0
+    ahead: float = 0.25
 
     @classmethod
     def of(cls, robot: Robot) -> DriveRanges:
-        """The ranges of Harpy or a variant of it, or of any robot with two or four feet; others are refused."""
+        """The ranges of Harpy or a variant of it, or of any robot with two or four feet.
+
+        Raises:
+            InputError: it does not walk.
+        """
         if is_harpy(robot):
             return cls()
         gait = WalkingGait(robot)

@@ -10,17 +10,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.log.power import PRESETS
-from harpy_pin.view.live.live_session import LiveSession
+from harpy_pin.model.state import Vector
+from harpy_pin.view.live.live_session import LiveSession, Tick
 from harpy_pin.view.scene.frames import about_normals
 
-PLACES = 256  # snapshots that a reader may be late by: five seconds
+PLACES = 256
+"""Snapshots that a reader may be late by: five seconds."""
 
 
 class SharedSnapshots:
-    """A ring of a session's snapshots with one writer; it may be handed to a process that is being started.
+    """A ring of snapshots with one writer; it may be handed to a process that is being started.
 
     A reader that is more than a ring late misses snapshots. One that reads while the oldest is overwritten throws it
     away: the count is looked at before and after.
+
+    Args:
+        context: of the processes.
+        session: whose snapshots they are.
     """
 
     def __init__(self, context: BaseContext, session: LiveSession) -> None:
@@ -55,16 +61,21 @@ class SharedSnapshots:
         return found[overwritten:], count
 
 
+def power_of(tick: Tick) -> Vector:
+    """(2,) of a tick: of the joints without braking, and of the thrusters at 1 kW for 18 N, W."""
+    joints = np.maximum(tick.command.torque * tick.state.v[6:], 0.0).sum()
+    return np.array((joints, PRESETS["fan"].electrical(np.linalg.norm(tick.command.thrust, axis=1)).sum()))
+
+
 def _snapshot(session: LiveSession) -> dict[str, ArrayLike]:
     """What is logged, and what only the page shows."""
-    state, command, times, pacer = session.last.state, session.last.command, session.times, session.pacer
+    state, times, pacer = session.last.state, session.times, session.pacer
     about = (about_normals(session.plane, state.foot_position, v) for v in (state.foot_force, state.foot_velocity))
-    joints = np.maximum(command.torque * state.v[6:], 0.0).sum()  # without braking, W
     return {
         **session.signals,
         **dict(zip(("contact_force", "contact_velocity"), about, strict=True)),
         "below": session.simulator.ground_below,
-        "power": np.array((joints, PRESETS["fan"].electrical(np.linalg.norm(command.thrust, axis=1)).sum())),
+        "power": power_of(session.last),
         "falls": session.falls,
         "p50": times.percentile(50.0),
         "p99": times.percentile(99.0),

@@ -6,11 +6,17 @@ import math
 
 import numpy as np
 
-BIN, BINS = 100, 50_000  # width of a bin, ns, and how many there are: up to 5 ms
+BIN, BINS = 100, 50_000
+"""Width of a bin, ns, and how many there are: up to 5 ms."""
 
 
 class TickTimes:
-    """A histogram of tick times, ns: percentiles are exact to 0.1 µs, whatever the number of ticks."""
+    """A histogram of tick times: percentiles are exact to 0.1 µs, whatever the number of ticks.
+
+    Attributes:
+        count: of ticks.
+        longest: ns.
+    """
 
     def __init__(self) -> None:
         self._bins = np.zeros(BINS + 1, dtype=np.int64)
@@ -31,11 +37,18 @@ class TickTimes:
 
 
 class RealTimePacer:
-    """How many ticks of a period, s, are due by the clock.
+    """How many ticks are due by the clock.
 
-    Where ticks take longer than they may, at most ``most_late``, s, is made up for; the rest is ``lost``, and the walk
-    runs slower than it should. ``factor`` is the simulated time per time that it should have taken, over the last
-    second.
+    Where ticks take longer than they may, at most ``most_late`` is made up for; the rest is lost, and the walk runs
+    slower than it should.
+
+    Args:
+        period: of a tick, s of simulated time.
+        most_late: s of the clock.
+
+    Attributes:
+        factor: simulated time per time that it should have taken, over the last second: 1 where the walk keeps up.
+        lost: time of the clock that was not made up for, s.
     """
 
     def __init__(self, period: float, *, most_late: float = 0.1) -> None:

@@ -13,7 +13,8 @@ from harpy_pin.view.palette import CONTACT, FLOOR, FRICTION, SLIDING, THRUST
 from harpy_pin.view.scene.frames import Contacts
 from harpy_pin.view.scene.nodes import Lines, Look, Mesh, Motion, Motions, Node, node_name, revolved, turn_z_to
 
-HEAD_LENGTH, HEAD_WIDTH = 3.2, 2.4  # length and diameter of an arrow's head in shaft diameters
+HEAD_LENGTH, HEAD_WIDTH = 3.2, 2.4
+"""Length and diameter of an arrow's head in shaft diameters."""
 SIDES = 64
 ROUNDING = 1.0 + 1e-6
 CONE_SLANT, CONTACT_RADIUS, THRUST_RADIUS = 0.45, 0.009, 0.013
@@ -23,9 +24,18 @@ CONE_SLANT, CONTACT_RADIUS, THRUST_RADIUS = 0.45, 0.009, 0.013
 class Arrow:
     """Arrow of a force: it starts at a point, points along the force, and is as long as the force is strong.
 
-    One shorter than its head, ``head``, m, consists of a head alone, smaller in proportion; one shorter than a
-    hundredth of it is not drawn. Its nodes, of a colour ``#rrggbb``, are a shaft of a radius, m, from z = 0 to z = 1,
-    which is stretched, and a head from z = 0 on.
+    One shorter than its head consists of a head alone, smaller in proportion; one shorter than a hundredth of it is not
+    drawn.
+
+    Args:
+        path: of its node.
+        colour: ``#rrggbb``.
+        radius: of the shaft, m.
+        metres_per_newton: scale.
+
+    Attributes:
+        nodes: a shaft from z = 0 to z = 1, which is stretched, and a head from z = 0 on.
+        head: length of the head, m.
     """
 
     def __init__(self, path: str, colour: str, *, radius: float, metres_per_newton: float) -> None:
@@ -58,10 +68,16 @@ class Arrow:
 class Cone:
     """Friction cone of a foot: blue while the foot sticks, red while it slides or its force lies outside.
 
-    It is circular, or the pyramid |f_x| ≤ μ f_z, |f_y| ≤ μ f_z, with a side of the length ``slant``, m; its nodes are
-    of half-angle 45° and height 1, stretched as the friction is. A ring at a height, m, marks the smallest normal force
-    that is desired; there is none where the cone ends below. From a share ``full`` of its friction on a force counts as
-    outside.
+    Args:
+        path: of its node.
+        slant: length of the side of the circular cone, m.
+        per_axis: the pyramid |f_x| ≤ μ f_z, |f_y| ≤ μ f_z instead of a circular cone.
+        ring: height at which a ring marks the smallest normal force that is desired, m; there is none where the cone
+            ends below.
+        full: share of its friction from which on a force counts as outside.
+
+    Attributes:
+        nodes: of half-angle 45° and height 1, stretched as the friction is.
     """
 
     def __init__(
@@ -107,8 +123,15 @@ class Cone:
 class Forces:
     """Arrow and friction cone of each foot, and arrow of each thruster.
 
-    ``floor`` is the smallest normal force that is desired, N; None where there is none. Further arguments are those of
-    :class:`Cone`.
+    Args:
+        robot: whose forces they are.
+        scales: of the arrows.
+        cones: draw friction cones.
+        floor: smallest normal force that is desired, N; None where there is none.
+        cone: further arguments of :class:`Cone`.
+
+    Attributes:
+        nodes: of all arrows and cones.
     """
 
     def __init__(
@@ -128,10 +151,14 @@ class Forces:
     def motions(
         self, contacts: Contacts, foot_force: Vector, normal: Vector | None, mount: Vector, thrust: Vector
     ) -> Motions:
-        """Motion of all arrows and cones, from (n, feet) contacts.
+        """Motion of all arrows and cones.
 
-        Forces of the ground on the feet and its normals, by default vertical, are (n, feet, 3), places of the
-        thrusters, m, and their forces on the robot (n, thrusters, 3); forces are in N, all in world axes.
+        Args:
+            contacts: (n, feet).
+            foot_force: (n, feet, 3) of the ground on the feet, world axes, N.
+            normal: (n, feet, 3) of the ground; None is the vertical.
+            mount: (n, thrusters, 3) where thrusters are, m.
+            thrust: (n, thrusters, 3) their forces on the robot, N.
         """
         motions: Motions = {}
         for k, arrow in enumerate(self._contacts):

@@ -21,14 +21,23 @@ from harpy_pin.ground.contact_frame import in_contact_frames
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.log.measures import SLIDING_SPEED
-from harpy_pin.log.optional import optional_signal, step_duration
 from harpy_pin.log.run import Run
-from harpy_pin.log.run_file import check_metadata, check_signals
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-LARGEST = 1e9  # largest number that is drawn
+LARGEST = 1e9
+"""Largest number that is drawn."""
 MAX_FRAMES = 1_000_000
+RANKS = {"t": 1, "q": 2, "v": 2, "torque": 2, "x_r": 2, "x_w": 2, "estimated_q": 2}
+RANKS |= dict.fromkeys(("foot_position", "foot_velocity", "foot_force", "thrust"), 3)
+"""Number of dimensions of the signals; those with three hold vectors."""
+NEVER_EMPTY = ("q", "v", "x_r", "x_w", "estimated_q")
+"""Every robot has some of it; not all have feet, thrusters or joints."""
+KINDS: dict[str, Any] = {
+    **dict.fromkeys(("ground", "parameters", "gait"), Mapping),
+    **dict.fromkeys(("feet", "thrusters"), list | tuple),
+    **dict.fromkeys(("control_period", "step_duration"), int | float),
+}
 DRAWN = ("t", "q", "foot_position", "foot_velocity", "foot_force", "thrust")
 REFERENCES = {"target": "x_r", "applied": "x_w"}
 PLACES = REFERENCES | {"estimate": "estimated_q"}
@@ -41,8 +50,24 @@ class Frames:
     Rows from the first one on that is not finite (a divergence) are left out. The last finite row is always drawn, so
     that the end of a fall is seen.
 
-    A log with fewer rows than frames per second of simulated time, ``fps``, gives fewer frames. One of another robot,
-    or without a finite row, is an :class:`InputError`.
+    Args:
+        run: the log.
+        robot: the robot that was logged.
+        fps: frames per second of simulated time; a log with fewer rows gives fewer frames.
+
+    Attributes:
+        run: the rows of the log before the first one that is not finite.
+        complete: whether these are all rows.
+        ground: of the run; None where the log has none.
+        surface: terrain of the ground; None where it is level.
+        references: for each logged reference ("target", "applied") its (rows of the run, 3) positions, m.
+        rows: (n,) numbers of the rows that are drawn.
+        time: (n,) time since the first frame, s.
+        joints: (n, model joints, 4, 4) placement of every joint frame of the model.
+        mount: (n, thrusters, 3) position of the thruster mounts, m.
+
+    Raises:
+        InputError: the frame rate is not positive, the run holds no finite row, or it is of another robot.
     """
 
     @checked
@@ -50,14 +75,13 @@ class Frames:
         self.fps, self.robot = checks.number("fps", fps, low=0.0, strict=True), robot
         _require_match(run, robot)
         self.run = finite = _finite_part(run)
-        self.complete = len(finite) == len(run)  # whether these are all rows
-        self.ground = ground_of(finite)  # None where the log has none
-        self.surface = surface_of(self.ground)  # None where it is level
-        logged = {label: optional_signal(finite, name) for label, name in PLACES.items()}
-        # of each that is logged the (rows of the run, 3) positions, m
-        self.references = {label: place[:, :3] for label, place in logged.items() if place is not None}
-        self.rows = sample_rows(finite["t"], fps)  # (n,) numbers of the rows that are drawn
-        self.time = finite["t"][self.rows] - finite["t"][0]  # (n,) since the first frame, s
+        self.complete = len(finite) == len(run)
+        self.ground = ground_of(finite)
+        self.surface = surface_of(self.ground)
+        logged = {label: finite[name] for label, name in PLACES.items() if name in finite}
+        self.references = {label: place[:, :3] for label, place in logged.items() if place.shape[1] >= 3}
+        self.rows = sample_rows(finite["t"], fps)
+        self.time = finite["t"][self.rows] - finite["t"][0]
         self.joints, self.mount = _placements(robot, self["q"])
 
     def __len__(self) -> int:
@@ -73,7 +97,11 @@ class Frames:
 
 
 def ground_of(run: Run) -> Ground | None:
-    """The ground of a run; None where the log holds no friction coefficient. One that is none is refused."""
+    """The ground of a run; None where the log holds no friction coefficient.
+
+    Raises:
+        InputError: the metadata hold a ground that is none.
+    """
     given = run.metadata.get("ground")
     mu = given.get("mu_s") if isinstance(given, Mapping) else None
     if not isinstance(given, Mapping) or not isinstance(mu, int | float) or not 0.0 <= mu <= checks.MAX_FRICTION:
@@ -89,9 +117,12 @@ def surface_of(ground: Ground | None) -> Terrain | None:
 
 
 def about_normals(surface: Terrain | None, place: Vector, vectors: Vector) -> Vector:
-    """Vectors (..., 3) at feet, of world axes, in the frames of the contacts: their third part is along the normal.
+    """Vectors at feet, of world axes, in the frames of the contacts: their third part is along the normal.
 
-    They stay as they are where there is no surface; the feet's places (..., 3) are in m.
+    Args:
+        surface: of the ground; where it is None they stay as they are.
+        place: (..., 3) of the feet, m.
+        vectors: (..., 3).
     """
     if surface is None:
         return vectors
@@ -175,9 +206,10 @@ def _require_match(run: Run, robot: Robot) -> None:
     """Make sure that a run is of a robot."""
     if not run.signals or len(run) == 0:
         raise InputError(f"the run holds no tick (it ended: {shown(run.ending, 200)})", name="run")
-    check_signals(run.signals)
-    check_metadata(run.metadata)
-    step_duration(run)
+    _check_metadata(run.metadata)
+    missing = [name for name in DRAWN if name not in run]
+    if missing:
+        raise InputError(f"the run lacks the signals {', '.join(missing)}", name="run")
     feet = dict.fromkeys(("foot_position", "foot_velocity", "foot_force"), (len(robot.feet), 3))
     for name, shape in {"q": (robot.model.nq,), **feet, "thrust": (len(robot.thrusters), 3)}.items():
         if run[name].shape[1:] != shape:
@@ -192,10 +224,11 @@ def _require_match(run: Run, robot: Robot) -> None:
 
 def _finite_part(run: Run) -> Run:
     """The rows before the first one whose motion or forces are not finite, beyond all measure, or of no rotation."""
+    run = Run({name: _plain(run, name) for name in run.signals}, run.metadata)
     finite = np.ones(len(run), dtype=bool)
     for name in DRAWN:
         finite &= (np.abs(run[name]) < LARGEST).reshape(len(run), -1).all(axis=1)
-    length = np.linalg.norm(run["q"][:, 3:7], axis=1)
+    length = np.linalg.norm(run["q"].reshape(len(run), -1)[:, 3:7], axis=1)
     finite &= (length > 0.7) & (length < 1.4)
     rows = len(run) if finite.all() else int(np.argmin(finite))
     if rows == 0:
@@ -203,11 +236,38 @@ def _finite_part(run: Run) -> Run:
     return Run({name: signal[:rows] for name, signal in run.signals.items()}, run.metadata)
 
 
+def _check_metadata(metadata: Mapping[str, Any]) -> None:
+    """What is read of the metadata is there as it should be, or not at all."""
+    places = dict(metadata)
+    for outer, inner in (("parameters", "gait"), ("gait", "step_duration")):
+        if isinstance(places.get(outer), Mapping) and inner in places[outer]:
+            places[inner] = places[outer][inner]
+    for name, kind in KINDS.items():
+        if name in places and (not isinstance(places[name], kind) or isinstance(places[name], bool)):
+            raise InputError(f"the run's metadata holds no {name} as it should be", name="run")
+
+
+def _plain(run: Run, name: str) -> Vector:
+    """A signal as plain numbers, of the shape that its name asks for."""
+    signal, rank = run[name], RANKS.get(name)
+    if rank is None:
+        return signal
+    vectors = rank == 3 and signal.shape[2:] != (3,)
+    empty = name in NEVER_EMPTY and 0 in signal.shape[1:2]
+    if signal.dtype.kind not in "biuf" or signal.ndim != rank or vectors or empty:
+        raise InputError(f"the signal {name} of the run is not made of numbers as it should be", name="run")
+    return signal.astype(np.float64)
+
+
 def sample_rows(t: Vector, fps: float) -> NDArray[np.intp]:
     """Indices of the rows nearest to a regular frame clock, without repetition, the last row included.
 
-    Times (n,) are in s. An :class:`InputError` says that they do not increase, or that the pages of a film so long
-    would not fit into memory.
+    Args:
+        t: (n,) increasing times, s.
+        fps: frames per second.
+
+    Raises:
+        InputError: the times do not increase, or the pages of a film so long would not fit into memory.
     """
     if np.any(np.diff(t) <= 0.0) or (t[-1] - t[0]) * fps > MAX_FRAMES:
         raise InputError(f"the times of the run must increase, and give at most {MAX_FRAMES} frames", name="run")

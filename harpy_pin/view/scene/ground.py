@@ -23,11 +23,17 @@ PATH_HEIGHT, FOOTHOLD_HEIGHT, SLIP_HEIGHT = 0.0006, 0.0010, 0.0014
 """Over the ground, m: one above the other, and above the lines of the grid."""
 MAX_MARKS = 150
 """Objects that slip marks are drawn with: those of a longer run appear several at a time."""
-SHORTEST = 0.1  # a contact that lasts as long leaves a foothold, s
+SHORTEST = 0.1
+"""A contact that lasts as long leaves a foothold, s."""
 
 
 def ground_nodes(path: Vector, ground: Ground | None) -> list[Node]:
-    """The ground under points (n, 3), m, with lines, and in the colours of its friction where that is known."""
+    """The ground in the colours of its friction, with lines.
+
+    Args:
+        path: (n, 3) points that it has to reach, world, m.
+        ground: of the run; None where it is not known.
+    """
     surface = surface_of(ground)
     return _flat_ground(path, ground) if surface is None else _surface_ground(path, surface, ground)
 
@@ -94,8 +100,9 @@ def _grid(low: Vector, high: Vector, step: float, height: float) -> Vector:
 def slip_steps(frames: Frames) -> tuple[NDArray[np.intp], Vector]:
     """Where stance feet slid from one frame to the next, faster than 10 mm/s.
 
-    (m,) number of the frame at which each step ends, increasing, and (m, 2, 2) where it begins and ends on the ground,
-    m.
+    Returns:
+        (m,) number of the frame at which each step ends, increasing, and (m, 2, 2) where it begins and ends on the
+        ground, m.
     """
     touching, place = frames["foot_force"][..., 2] > 0.0, frames["foot_position"][..., :2]
     length = np.linalg.norm(np.diff(place, axis=0), axis=2)
@@ -127,7 +134,9 @@ def centre_of_pressure(frames: Frames) -> Vector:
 def marks(frames: Frames, size: float) -> list[Node]:
     """The way of the target on the ground, and a ring where each foot touches down, past and to come.
 
-    ``size`` is the height of the robot, m.
+    Args:
+        frames: the motion.
+        size: height of the robot, m.
     """
     nodes, surface = [], frames.surface
     if "target" in frames.references:

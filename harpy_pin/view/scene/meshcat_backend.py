@@ -19,8 +19,10 @@ try:
 except ImportError as error:
     raise HarpyError(f"replays need Meshcat ({error}): {install_line('view')}") from error
 
-ROOT = "/meshcat/walk"  # path of the node that stands for the world's frame
-FIELD_OF_VIEW = 32.0  # vertical field of view of the camera, degrees
+ROOT = "/meshcat/walk"
+"""Path of the node that stands for the world's frame."""
+FIELD_OF_VIEW = 32.0
+"""Vertical field of view of the camera, degrees."""
 LIGHTS = (
     ("/Grid", "visible", False),
     ("/Axes", "visible", False),
@@ -73,9 +75,11 @@ def node_commands(nodes: Iterable[Node], motions: Motions) -> list[dict[str, Any
 
 
 def keyframes(motions: Motions) -> list[dict[str, Any]]:
-    """Tracks of motions: path, property, kind, and (n, …) values as base64 of little-endian 32-bit floats.
+    """Tracks of motions.
 
-    One that never changes is ``still`` and has its first row alone.
+    Returns:
+        For each its path, property, kind, and (n, …) values as base64 of little-endian 32-bit floats; one that never
+        changes is ``still`` and has its first row alone.
     """
     tracks = []
     for path, name, values in _tracks(motions):

@@ -11,8 +11,10 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import coal  # type: ignore[import-untyped]
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from harpy_pin.errors import install_line
 from harpy_pin.model.state import Vector
@@ -20,13 +22,18 @@ from harpy_pin.view.scene.nodes import Mesh
 
 MAX_TRIANGLES = 8000
 """Most triangles of a mesh: what a replay page can hold of every link, and more than is seen of it."""
-FINEST = 1.0 / 300.0  # size of the first cells in which corners are merged, beside that of the mesh
-CELLS = 1 << 10  # more than there are along one side
-COARSER = 1.25  # growth of these cells until there are few enough triangles
+FINEST = 1.0 / 300.0
+"""Size of the first cells in which corners are merged, beside that of the mesh."""
+CELLS = 1 << 10
+"""More than there are along one side."""
+COARSER = 1.25
+"""Growth of these cells until there are few enough triangles."""
 SAME_PLACE = 2e-3
 """Largest distance between the bounds of a mesh as Pinocchio and as trimesh read it, m."""
-WHITE = 0.9  # brightness from which on the colour in a URDF is none
-COLOURED = (".dae", ".obj", ".glb", ".gltf")  # mesh files that may hold colours
+WHITE = 0.9
+"""Brightness from which on the colour in a URDF is none."""
+COLOURED = (".dae", ".obj", ".glb", ".gltf")
+"""Mesh files that may hold colours."""
 Colour: TypeAlias = tuple[float, float, float, float]
 """Red, green, blue and opacity, between 0 and 1."""
 
@@ -41,8 +48,7 @@ def mesh_parts(shape: pin.GeometryObject) -> list[tuple[Mesh, Colour]]:
     path, scale = str(shape.meshPath), tuple(float(s) for s in shape.meshScale)
     read = _read_parts(path, scale)
     if read is None or np.max(np.abs(read[1] - _bounds(vertices))) > SAME_PLACE:
-        triangles = (shape.geometry.tri_indices(k) for k in range(shape.geometry.num_tris))
-        faces = np.array([[triangle[i] for i in range(3)] for triangle in triangles], dtype=np.int64).reshape(-1, 3)
+        faces = _faces(shape.geometry)
         # Of a file with several geometries Pinocchio numbers the corners of each from zero: those of the last ones are
         # left over.
         if len(np.unique(faces)) < len(vertices):
@@ -116,3 +122,9 @@ def _colour(mesh: Any) -> Colour:
 def _bounds(vertices: Vector) -> Vector:
     """(2, 3) least and largest coordinates, m."""
     return np.array([vertices.min(axis=0), vertices.max(axis=0)])
+
+
+def _faces(geometry: coal.BVHModelBase) -> NDArray[np.int64]:
+    """(m, 3) triangles of Pinocchio's mesh, which it gives one by one."""
+    triangles = (geometry.tri_indices(k) for k in range(geometry.num_tris))
+    return np.array([[triangle[i] for i in range(3)] for triangle in triangles], dtype=np.int64).reshape(-1, 3)

@@ -119,7 +119,11 @@ def shifted(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Vector:
 
 
 def revolved(profile: Sequence[tuple[float, float]]) -> Mesh:
-    """A surface about the z axis, with an edge at each circle: radius and height, m, from the lower end up."""
+    """A surface about the z axis.
+
+    Args:
+        profile: radius and height of its circles, m, from the lower end to the upper one; it has an edge at each.
+    """
     angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
     circle = np.stack((np.cos(angle), np.sin(angle), np.zeros(SIDES)), axis=1)
     rings = [radius * circle + (0.0, 0.0, height) for radius, height in profile]

@@ -44,14 +44,21 @@ GREY, CARBON, ROD = (Look(colour, light="body") for colour in ("#666b75", "#2225
 HINT = "meshes are looked for in the folders above the file and those of $ROS_PACKAGE_PATH"
 Y_UP = pin.SE3(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]), np.zeros(3))
 """Placement of a mesh whose y axis points up."""
-HEADER = 1 << 14  # bytes of a COLLADA file within which it names its axis
-MOTOR_TOLERANCE = 0.02  # how far the thigh's centre of mass may be from the knee motor's place, m
+HEADER = 1 << 14
+"""Bytes of a COLLADA file within which it names its axis."""
+MOTOR_TOLERANCE = 0.02
+"""How far the thigh's centre of mass may be from the knee motor's place, m."""
 
 
 class RobotNodes:
     """A robot as it looks; one without visuals, or whose mesh files are missing, is a skeleton of rods between joints.
 
-    The rods are as thick as fits the height of its body above the ground, m.
+    Args:
+        robot: who is drawn.
+        height: of its body above the ground, m, from which a skeleton's rods are as thick as fits.
+
+    Attributes:
+        nodes: of all shapes.
     """
 
     def __init__(self, robot: Robot, height: float) -> None:

@@ -20,7 +20,8 @@ from harpy_pin.view.scene.robot_nodes import RobotNodes
 
 FLIES, MOST_RISE = 0.2, 5.0
 """Rise of the body above the ground from which on the picture shows more, m, and up to which it does."""
-WINDOW = 1.5  # time over which the camera's path is averaged, s: two steps of the gait
+WINDOW = 1.5
+"""Time over which the camera's path is averaged, s: two steps of the gait."""
 BALLS = (("target", TARGET, 0.030), ("applied", APPLIED, 0.023), ("estimate", ESTIMATE, 0.019), ("body", BODY, 0.016))
 """References, their colours, and their balls' radius as a share of the robot's height."""
 

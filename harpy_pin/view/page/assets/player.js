@@ -21,8 +21,8 @@ async function start() {
   // At rest the scene and all numbers are of the same instant, that of a frame.
   function seek(time) {
     pause();
-    const frames = content.charts.frames;
-    show(frames[row_at(frames, time + 0.5 / content.fps)]);
+    const frames = content.charts.frames, row = row_at(frames, time), next = Math.min(row + 1, frames.length - 1);
+    show(frames[frames[next] - time < time - frames[row] ? next : row]);
   }
   function pause() {
     playing = false;
@@ -56,7 +56,8 @@ async function start() {
     if (event.code === "Space") { event.preventDefault(); if (playing) seek(now); else play(); }
     if (event.code === "ArrowLeft" || event.code === "ArrowRight") {
       event.preventDefault();
-      seek(now + (event.code === "ArrowLeft" ? -1 : 1) / content.fps);
+      const frames = content.charts.frames, row = row_at(frames, now) + (event.code === "ArrowLeft" ? -1 : 1);
+      seek(frames[Math.max(0, Math.min(frames.length - 1, row))]);
     }
   });
 
