@@ -31,7 +31,7 @@ PUSH = 0.1
 DELAY = 3e-3
 """Of the sensors, with noise, rounded up to whole steps, s."""
 LAW = (1.0, 0.3)
-"""Stiffness and damping of the motors, in the units of :class:`harpy_pin.WholeBodyParameters`."""
+"""Stiffness and damping of the motors, in the units of :class:`harpy_pin.controllers.WholeBodyParameters`."""
 LAW_CONTACT_DAMPING = 20.0
 """Of a stance foot's velocity where motors hold the legs, too, 1/s."""
 LOWEST, UPRIGHT = 0.55, 0.5

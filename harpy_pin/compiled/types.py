@@ -151,7 +151,7 @@ class Value:
 
     type: Type  # what it is
     code: str = ""  # in C. Of an array the address of its first element; of a record the address of it.
-    binding: int = 100  # how tightly the outermost operator of the code binds, see :mod:`harpy_pin.compiled.scalars`
+    binding: int = 100  # how tightly the outermost operator of the code binds, see :mod:`harpy_pin.compiled.operators`
     constant: int | float | bool | None = None  # the number, where it is known when compiling
     items: tuple[Value, ...] = ()  # of a tuple
     roots: frozenset[str] = frozenset()  # names of the arguments whose memory it is

@@ -200,7 +200,7 @@ class Standing(Staying):
 
     Args:
         robot: any robot with feet, points or flat feet.
-        posture: (joints,) angles, rad; by default as :func:`harpy_pin.model.posture.find_posture` says.
+        posture: (joints,) angles, rad; by default as :func:`harpy_pin.model.ik.find_posture` says.
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
         penetration_offset: how much deeper than the ground an unloaded foot aims, m: without it such a foot would come

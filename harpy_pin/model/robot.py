@@ -264,7 +264,7 @@ def load_robot(
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
         posture: (joints,) angles in which it stands, rad; those of the file or the catalogue by default. Where there
-            are none, gaits find one (:func:`harpy_pin.model.posture.find_posture`).
+            are none, gaits find one (:func:`harpy_pin.model.ik.find_posture`).
 
     A joint whose effort is zero in the file has no known one: it is warned of, and has no limit.
 
