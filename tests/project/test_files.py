@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from harpy_pin import InputError, RunFileError
-from harpy_pin.files import Shield, check_outputs, check_writable, replacing, write_json
+from harpy_pin.files import Shield, check_outputs, check_writable, replacing, without_interrupts, write_json
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -179,3 +179,18 @@ def test_other_threads_have_no_signals(tmp_path):
     thread.start()
     thread.join()
     assert (tmp_path / "a").exists()
+
+
+def test_an_interrupt_waits_although_another_thread_would_take_it():
+    done, ended = threading.Event(), False
+    other = threading.Thread(target=done.wait)
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt), without_interrupts():
+            press()
+            ended = sum(range(100_000)) > 0
+    finally:
+        done.set()
+        other.join()
+    assert ended
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
