@@ -187,7 +187,7 @@ def test_an_interrupt_waits_although_another_thread_would_take_it():
     def work():
         with without_interrupts():
             press()
-            for turn in range(10_000):
+            for turn in range(100_000):
                 turns.append(turn)
 
     other = threading.Thread(target=done.wait)
@@ -199,5 +199,5 @@ def test_an_interrupt_waits_although_another_thread_would_take_it():
     finally:
         done.set()
         other.join()
-    assert len(turns) == 30_000
+    assert len(turns) == 300_000
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
