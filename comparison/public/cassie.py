@@ -127,7 +127,8 @@ def estimate_log(folder: Path, *, seed: int = 0, settings: EstimatorSettings | N
         state = estimator.step(hp.Readings(PERIOD * k, gyroscope, accelerometer, *legs, foot_force=force))
         guess.append(state.q.copy())
         speed.append(state.v.copy())
-    return off(q[BEGIN:], v[BEGIN:], np.array(guess), np.array(speed)) | {"status": estimator.status}
+    error = off(q[BEGIN:], v[BEGIN:], np.array(guess), np.array(speed), period=PERIOD)
+    return error | {"status": estimator.status}
 
 
 def _truth(

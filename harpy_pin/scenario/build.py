@@ -11,7 +11,6 @@ controller's default solver) the last digits may differ, as they depend on where
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +20,6 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, shown
-from harpy_pin.estimation import Estimator, EstimatorSettings
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.log.run import Run
@@ -29,10 +27,10 @@ from harpy_pin.model.robot import heavier, load_harpy
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.model.state import State
 from harpy_pin.scenario.gait_parts import GaitPart, Stand
-from harpy_pin.scenario.scenario import ESTIMATED, Scenario
+from harpy_pin.scenario.scenario import Scenario
 from harpy_pin.simulation.loop import Controller
 from harpy_pin.simulation.plant import Plant
-from harpy_pin.simulation.sensing import EstimatedState
+from harpy_pin.simulation.sensing import ESTIMATED, EstimatedState, estimated_state
 from harpy_pin.simulation.sensors import Sensors
 
 
@@ -134,21 +132,12 @@ def build(
     delay = checks.multiple("delay", disturbances.delay, "period", scenario.period, low=0)
     sensors: Sensors | EstimatedState | None = None
     if scenario.sensors is not None:
-        sensors = _estimated(scenario, gait, chosen, simulator)
+        how: dict[str, Any] = {"feedback": scenario.state == ESTIMATED, "seed": disturbances.seed}
+        how |= {"controller": chosen, "period": period}
+        sensors = estimated_state(simulator, gait.robot, scenario.sensors, **how)
     elif disturbances.noise or delay > 0:
         sensors = Sensors(simulator.robot, disturbances.noise, delay=delay, seed=disturbances.seed)
     return Walk(scenario, gait, chosen, simulator, sensors, own)
-
-
-def _estimated(scenario: Scenario, gait: Gait, controller: Controller, simulator: Plant) -> EstimatedState:
-    """Sensors and estimator of what the controller believes of the robot."""
-    surface, imu = scenario.ground.surface, scenario.sensors
-    level = surface is None or bool(surface.record["level"][0])
-    settings = EstimatorSettings() if level else EstimatorSettings(height_noise=math.inf)
-    radius = getattr(simulator, "foot_radius", 0.0)
-    estimator = Estimator(gait.robot, imu, settings=settings, period=scenario.period, foot_radius=radius)
-    how: dict[str, Any] = {"feedback": scenario.state == ESTIMATED, "seed": scenario.disturbances.seed}
-    return EstimatedState(simulator, estimator, controller=controller, **how)
 
 
 def _on_ground(gait: Gait, part: GaitPart, scenario: Scenario) -> Gait:

@@ -21,8 +21,7 @@ from harpy_pin.scenario.gait_parts import GAIT_PARTS, GaitPart, Walking, gaits_o
 from harpy_pin.scenario.parts import plain, read_part, read_record
 from harpy_pin.scenario.plant_parts import PLANT_PARTS, PlantPart
 from harpy_pin.simulation.push import check_pushes
-
-TRUE, ESTIMATED = "true", "estimated"  # what a controller may know of the state
+from harpy_pin.simulation.sensing import ESTIMATED, TRUE
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.estimation.estimator import Estimator
+from harpy_pin.estimation.estimator import Estimator, EstimatorSettings
 from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.model.entry import as_array, as_state
@@ -20,6 +21,9 @@ from harpy_pin.model.record import field
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.simulation.plant import Plant
+
+TRUE, ESTIMATED = "true", "estimated"
+"""What a controller may know of the state."""
 
 
 class Sensing(KeepsViews):
@@ -156,3 +160,24 @@ class EstimatedState(KeepsViews):
         self._unit[0], self._unit[1] = readings.gyroscope, readings.accelerometer
         estimate = self.estimator.step(readings, getattr(self._controller, "target", None))
         return estimate if self.feedback else state
+
+
+def estimated_state(
+    plant: Plant, robot: Robot, imu: Imu, *, period: float, level: bool | None = None, **how: Any
+) -> EstimatedState:
+    """The estimate of a robot in a plant.
+
+    Args:
+        plant: see :class:`EstimatedState`.
+        robot: as the controller believes it to be.
+        imu: its sensors.
+        period: between samples, s.
+        level: whether footholds are known to be at height zero; by default, whether the plant's ground is.
+        how: ``controller``, ``feedback`` and ``seed`` of :class:`EstimatedState`.
+    """
+    if level is None:
+        level = plant.ground.surface is None or bool(plant.ground.surface.record["level"][0])
+    settings = EstimatorSettings() if level else EstimatorSettings(height_noise=math.inf)
+    radius = getattr(plant, "foot_radius", 0.0)
+    estimator = Estimator(robot, imu, settings=settings, period=period, foot_radius=radius)
+    return EstimatedState(plant, estimator, **how)

@@ -153,8 +153,17 @@ def test_episodes_end_as_they_should():
 def test_what_does_not_fit_is_refused():
     noisy, late = hp.Disturbances(noise=hp.Noise.typical()), hp.Disturbances(delay=5e-3)
     slope = hp.Ground(slope=0.1)
-    for more in ({"disturbances": noisy}, {"disturbances": late}, {"plant": "mujoco"}, {"ground": slope}):
-        with pytest.raises(hp.InputError, match="own plant, without noise, delay and other actuators, on flat ground"):
+    given = (
+        {"disturbances": noisy},
+        {"disturbances": late},
+        {"plant": "mujoco"},
+        {"ground": slope},
+        {"state": "estimated"},
+    )
+    for more in given:
+        with pytest.raises(
+            hp.InputError, match="own plant, without sensors, noise, delay or actuators, on flat ground"
+        ):
             HarpyEnv(hp.Scenario(period=5e-3, dt=1e-3, **more))
     with pytest.raises(hp.InputError, match="num_envs must be"):
         HarpyVectorEnv(0)

@@ -154,6 +154,24 @@ def test_equal_seeds_give_equal_episodes_with_noise_and_pushes():
     assert np.abs(episodes[0] - episodes[2]).max() > 1e-3
 
 
+def test_on_the_estimate():
+    """The controller and the observation have the estimate; episodes of one seed are equal, and others are not."""
+    last = []
+    for state, seed in (("true", 4), ("estimated", 4), ("estimated", 4), ("estimated", 5)):
+        env = RobotEnv("go2", scenario=hp.Scenario(robot="go2", ground=hp.Ground(mu_s=0.6), state=state, duration=2.0))
+        env.reset(seed=seed)
+        over = False
+        while not over:
+            observation, _, terminated, over, _ = env.step(np.array([0.4, 0.0, 0.1], dtype=np.float32))
+            assert not terminated
+        velocity = env.state.v[:3]
+        assert np.abs(observation[4:7] - velocity).max() < 0.1
+        assert np.array_equal(observation[4:7], velocity.astype(np.float32)) == (state == "true")
+        last.append(observation)
+    np.testing.assert_array_equal(last[1], last[2])
+    assert np.abs(last[1] - last[3]).max() > 1e-3
+
+
 def test_a_fall_terminates():
     env = RobotEnv("solo12", action="joints")
     env.reset(seed=0)

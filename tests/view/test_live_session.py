@@ -199,9 +199,28 @@ def test_delay_noise_and_estimate_act(robot: hp.Robot) -> None:
     assert session.ending == "fell"  # joint PIDs do not survive 2 ms of delay (docs/delay.md)
 
 
+def test_driven_on_the_estimate(robot: hp.Robot) -> None:
+    """It walks and turns on what it feels, on a slope, too; the log has the estimate, and it is not the truth."""
+    session = walk(make(robot), 0.2)
+    assert np.isnan(np.asarray(session.signals["estimated_q"])).all()
+    session.change({"state": "estimated", "forward": 0.3, "turning": 0.5})
+    walk(session, 3.0)
+    off = np.asarray(session.signals["estimated_q"])[:3] - session.last.state.q[:3]
+    assert 1e-5 < np.linalg.norm(off) < 0.05
+    session.change({"slope": 0.1, "turning": 0.0})
+    assert not walk(session, 3.0).ending
+    assert session.plane.slope == 0.1
+    session.change({"state": "true"})
+    assert np.isnan(np.asarray(session.signals["estimated_q"])).all()
+    assert not walk(session, 0.5).ending
+
+
 @pytest.mark.parametrize(
     "changes",
     [
+        {"state": "guessed"},
+        {"state": "estimated", "noise": 1.0},
+        {"state": "estimated", "delay": 2},
         {"forward": float("nan")},
         {"forward": "fast"},
         {"turning": float("inf")},

@@ -99,8 +99,8 @@ class BatchedEnv(KeepsViews):
     rest of the gait, and the controller, are the learner's business. With a ``shield``, which knows the ground's
     friction, commands pass it. At most ``threads`` step at a time, by default one for each core.
 
-    An :class:`InputError` refuses an n that is no positive integer, and a scenario with another engine, noise, delay or
-    other actuators, which are not here.
+    An :class:`InputError` refuses an n that is no positive integer, and a scenario with another engine, sensors, noise,
+    delay or other actuators, which are not here.
     """
 
     n = property(attrgetter("_n"))
@@ -112,9 +112,9 @@ class BatchedEnv(KeepsViews):
         self.scenario = s = scenario if scenario is not None else default_scenario()
         self._n = n = checks.whole("num_envs", n, low=1, high=checks.MAX_TICKS)
         disturbances = s.disturbances
-        signals = disturbances.noise or disturbances.delay or disturbances.actuators
+        signals = disturbances.noise or disturbances.delay or disturbances.actuators or s.sensors
         if not isinstance(s.plant, Compliant) or signals or s.robot != "harpy" or s.ground.surface is not None:
-            message = "an environment has Harpy in the library's own plant, without noise, delay and other actuators"
+            message = "an environment has Harpy in the library's own plant, without sensors, noise, delay or actuators"
             raise InputError(f"{message}, on flat ground: put a wrapper around it", name="scenario", value=s)
         if not isinstance(s.gait, Straight):
             message = f"an environment rewards a speed along x, which the gait '{s.gait.name}' lacks: give Straight"

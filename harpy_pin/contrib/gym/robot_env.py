@@ -9,7 +9,7 @@
   a spring gives the torque limit, or weight times standing height where that is less; a damper has 0.03 s of its
   spring.
 
-**Observation**, each entry clipped to ±10, of the measured state (with noise and delay where the scenario has them):
+**Observation**, each entry clipped to ±10, of the measured state (with the scenario's noise and delay, or estimated):
 
 | entries | what | unit |
 |---|---|---|
@@ -50,6 +50,7 @@ from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.scenario import Governed, Scenario
 from harpy_pin.scenario import Walking as WalkingPart
 from harpy_pin.simulation.plant import GRAVITY
+from harpy_pin.simulation.sensing import ESTIMATED, EstimatedState, estimated_state
 from harpy_pin.simulation.sensors import Sensors
 
 Numbers = NDArray[np.float32]
@@ -164,15 +165,11 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         self.simulator.reset(*self._start())
         self._tick = 0
         self._last_action[:] = 0.0
-        self._sensors = None
-        d = self.scenario.disturbances
-        if d.noise or self._delay:
-            sensors_seed = int(self.np_random.integers(2**31))
-            self._sensors = Sensors(self.robot, d.noise, delay=self._delay, seed=sensors_seed)
         if self._drives:
-            self.gait.command[:] = 0.0
             s = self.scenario
+            self.gait.command[:] = 0.0
             self._controller = s.controller.make(self._laid, mu=s.mu, period=s.period)
+        self._sensors = self._make_sensors()
         return self._observe(self._measured()), {}
 
     def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
@@ -256,6 +253,18 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
             feet = [data.oMf[self.robot.frame_id(foot)].translation for foot in self.robot.feet]
             q[2] -= min(foot[2] - self._below(foot) for foot in feet) + self.simulator.static_penetration
         return q, v
+
+    def _make_sensors(self) -> Sensors | EstimatedState | None:
+        """Sensors with a new seed; None where the true state is measured."""
+        s, noise = self.scenario, self.scenario.disturbances.noise
+        if s.sensors is None and not (noise or self._delay):
+            return None
+        seed = int(self.np_random.integers(2**31))
+        if s.sensors is None:
+            return Sensors(self.robot, noise, delay=self._delay, seed=seed)
+        how: dict[str, Any] = {"controller": self._controller if self._drives else None, "seed": seed}
+        how |= {"feedback": s.state == ESTIMATED, "period": s.period}
+        return estimated_state(self.simulator, self.robot, s.sensors, **how)
 
     def _below(self, place: Vector) -> float:
         """Height of the ground below a place, m."""

@@ -16,9 +16,9 @@ from harpy_pin.gaits.standing import Standing
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.live.settings import is_harpy
-from harpy_pin.view.palette import APPLIED, TARGET, as_rgb, ground_colour
+from harpy_pin.view.palette import APPLIED, ESTIMATE, TARGET, as_rgb, ground_colour
 from harpy_pin.view.scene.forces import Arrow, Forces, Scales
-from harpy_pin.view.scene.frames import REFERENCES, Contacts
+from harpy_pin.view.scene.frames import PLACES, Contacts
 from harpy_pin.view.scene.nodes import Box, Cylinder, Lines, Look, Motion, Motions, Node, Sphere, from_matrices
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
@@ -83,7 +83,7 @@ class LiveScene:
         for part in (self._robot, self._forces, self._push):
             self._drawn.add(part.nodes)
         self._drawn.add([Node("friction_strip", Box((1.0, 8.0, 0.002)), Look(STRIP, 0.75, light="ground"))])
-        for name, size, colour in (("target", 0.16, TARGET), ("applied", 0.15, APPLIED)):
+        for name, size, colour in (("target", 0.16, TARGET), ("applied", 0.15, APPLIED), ("estimate", 0.14, ESTIMATE)):
             self._drawn.add([Node(f"reference/{name}", _frame(size * scale), Look(colour))])
         self.handles = self._drawn.handles
         self._points: dict[str, list[Vector]] = {"target": [], "body": []}
@@ -106,7 +106,7 @@ class LiveScene:
         motions |= self._forces.motions(contacts, s["foot_force"][None], normal, mounts, s["thrust"][None])
         motions |= self._push.motions(s["q"][None, :3], s["push"][None])
         half = 0.5 * float(s["heading"][0])
-        for name, signal in REFERENCES.items():
+        for name, signal in PLACES.items():
             place = s[signal][None, :3]
             motions[f"reference/{name}"] = Motion(
                 position=place,

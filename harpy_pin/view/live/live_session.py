@@ -17,7 +17,9 @@ from harpy_pin.compiled import BACKEND
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.named_controllers import make_controller
 from harpy_pin.errors import InputError, reason
+from harpy_pin.estimation.imu import Imu
 from harpy_pin.gaits.commanded import CommandedGait
+from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground
@@ -25,6 +27,7 @@ from harpy_pin.ground.terrain import Plane
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.push import Push
+from harpy_pin.simulation.sensing import ESTIMATED, EstimatedState, estimated_state
 from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.view.identity import CONTROLLERS
@@ -112,6 +115,7 @@ class LiveSession:
         self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
         self.on_tick: Callable[[Tick], None] | None = None
         self._slip_before = np.zeros((len(self.robot.feet), 2))
+        self._sensors: Sensors | EstimatedState | None
         self._warm: set[str] = set()
         self._stand()
         on_standing(self)
@@ -122,6 +126,11 @@ class LiveSession:
     def time(self) -> float:
         """Simulated time of all walks, s."""
         return self.ticks * PERIOD
+
+    @property
+    def target(self) -> GaitTarget:
+        """The gait's targets of the last tick."""
+        return self.controller.target
 
     @property
     def slip(self) -> Vector:
@@ -135,7 +144,7 @@ class LiveSession:
         ``controller`` and ``schedule`` are numbers, whose names are in the metadata ``live``; ``push`` is the force on
         the body from outside, N.
         """
-        tick, target, settings, s = self.last, self.controller.target, self.settings, self.simulator
+        tick, target, settings, s = self.last, self.target, self.settings, self.simulator
         schedules, gait, slip = self.ranges.schedules, self.gait, self.slip
         schedule = {"schedule": schedules.index(gait.schedule)} if isinstance(gait, WalkingGait) else {}
         return {
@@ -152,6 +161,7 @@ class LiveSession:
             "tick_ns": tick.elapsed,
             "x_r": target.body,
             "x_w": self._applied_reference(),
+            "estimated_q": self._estimate,
             "stance": target.stance,
             "command": gait.command,
             "applied_velocity": gait.applied[:3],
@@ -201,7 +211,8 @@ class LiveSession:
         self.settings = after
         if (after.friction, after.friction_strips) != (before.friction, before.friction_strips):
             self._lay_ground(self.simulator.ground.stiffness)
-        if (after.delay, after.noise) != (before.delay, before.noise):
+        seen = [(s.delay, s.noise, s.state, s.slope) for s in (before, after)]
+        if seen[0] != seen[1]:
             self._make_sensors()
         if restarts:
             note = "The walk had turned, and this controller faces x: it began anew."
@@ -396,10 +407,16 @@ class LiveSession:
         return float(np.abs(gait.applied).max()) < SLOW and (not gait.walking or (always and not swinging))
 
     def _make_sensors(self) -> None:
-        """Sensors as set; none where they would measure the true state."""
-        s = self.settings
-        noise = Noise.typical(s.noise)
-        self._sensors = Sensors(self.robot, noise, delay=s.delay, seed=self.walks) if s.delay or s.noise else None
+        """Sensors as set, anew; none where they would measure the true state."""
+        s, self._sensors, seed = self.settings, None, self.walks
+        self._estimate: Vector = np.full(len(self.simulator.q), math.nan)
+        if s.state == ESTIMATED:
+            level = s.slope == 0.0 and bool(self.plane.record["level"][0])
+            how: dict[str, Any] = {"level": level, "controller": self, "seed": seed}
+            self._sensors = estimated_state(self.simulator, self.robot, Imu(), period=PERIOD, **how)
+            self._estimate = self._sensors.estimator.signals["estimated_q"]
+        elif s.delay or s.noise:
+            self._sensors = Sensors(self.robot, Noise.typical(s.noise), delay=s.delay, seed=seed)
 
     def _lay_ground(self, stiffness: float) -> None:
         s = self.settings

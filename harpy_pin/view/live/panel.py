@@ -19,6 +19,7 @@ from viser import uplot
 
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.sensing import ESTIMATED, TRUE
 from harpy_pin.view.identity import CONTROLLERS
 from harpy_pin.view.live.settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION, DriveRanges
 from harpy_pin.view.palette import FEET
@@ -133,7 +134,7 @@ class Panel:
         used = np.where(force[:, 2] > 1.0, np.hypot(force[:, 0], force[:, 1]) / normal / room, 0.0)
         self._power += SMOOTH * (s["power"] - self._power)
         joints, thrusters = self._power
-        v = s["applied_velocity"]
+        v, drift = s["applied_velocity"], float(np.linalg.norm(s["estimated_q"][:3] - s["q"][:3]))
         rows = (
             ("Time", f"{float(s['t']):.1f} s"),
             ("Falls", f"{int(s['falls'])}"),
@@ -142,6 +143,7 @@ class Panel:
             ("Power", f"{joints:.0f} W joints" + (f", {thrusters:.0f} W thrusters" if len(s["thrust"]) else "")),
             ("Friction used", " · ".join(f"{100.0 * share:.0f} %" for share in used)),
             ("Assumed μ", " · ".join(f"{value:.2f}" for value in self._feet.least(s["friction_estimate"]))),
+            *((("Estimate", f"{1e3 * drift:.0f} mm off"),) if np.isfinite(drift) else ()),
             ("Tick", f"p50 {float(s['p50']):.0f}, p99 {float(s['p99']):.0f} µs"),
             ("Real time", f"{s['factor']:.2f} ×" + (f", {float(s['lost']):.1f} s lost" if s["lost"] > 0.05 else "")),
         )
@@ -190,6 +192,8 @@ class Panel:
         self._assumed.on_update(self._on_assumed)
         estimate = gui.add_checkbox("Estimates friction", False, hint="From measured forces and slip.")
         self._bind("estimate", estimate, bool, bool)
+        sensed = gui.add_checkbox("Knows only its sensors", False, hint="Inertial unit, encoders, motor torques.")
+        self._bind("state", sensed, lambda state: bool(state == ESTIMATED), lambda on: ESTIMATED if on else TRUE)
         self._slider("delay", "Delay, ms", 0, 10, 1, "Of the measurements.")
         self._slider("noise", "Noise", 0.0, 3.0, 0.1, "As a multiple of typical noise.")
 

@@ -17,6 +17,7 @@ from harpy_pin.ground.ground import Ground, walking_stiffness
 from harpy_pin.model.record import field
 from harpy_pin.model.robot import HARPY_FEET, HARPY_THRUSTERS, Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.simulation.sensing import ESTIMATED, TRUE
 from harpy_pin.view.identity import CONTROLLERS
 
 DrivenGait: TypeAlias = CommandedGait | WalkingGait
@@ -60,6 +61,7 @@ class LiveSettings:
         slope: angle by which the ground rises along x, rad.
         assumed: friction that the controller assumes; that of the ground outside the strips by default.
         estimate: whether the controller estimates the friction as it goes.
+        state: what the controller knows: ``true``, or ``estimated`` from the usual sensors (:class:`harpy_pin.Imu`).
         delay: age of the measurements, ms.
         noise: of the measurements, as a multiple of typical noise (:meth:`harpy_pin.simulation.sensors.Noise.typical`).
         pace: simulated time per time of the clock, at most 1.
@@ -80,6 +82,7 @@ class LiveSettings:
     slope: float = 0.0
     assumed: float | None = None
     estimate: bool = False
+    state: str = TRUE
     delay: int = 0
     noise: float = 0.0
     pace: float = 1.0
@@ -99,6 +102,10 @@ class LiveSettings:
         if self.estimate and self.controller == "none":
             raise InputError("without a governor nothing takes an estimate of the friction", name="estimate")
         checks.keep(self, delay=checks.whole("delay in ms", self.delay, high=MAX_DELAY))
+        checks.one_of("state", self.state, (TRUE, ESTIMATED))
+        if self.state == ESTIMATED and (self.noise or self.delay):
+            message = "the sensors of the estimate have noise of their own: set noise and delay to 0"
+            raise InputError(message, name="state", value=self.state)
 
     @property
     def mu(self) -> float:
