@@ -105,7 +105,7 @@ def export(
     robot: Annotated[str, typer.Argument(metavar="ROBOT", help=options.ROBOTS)],
     to: Annotated[str, typer.Option("--to", metavar="DIR", help="Output folder: new, empty, or an exported one.")],
     controller: Annotated[
-        str, typer.Option(metavar="NAME", help="condensed, wbc, paper, filter or estimator.")
+        str, typer.Option(metavar="NAME", help="condensed, walk, wbc, paper, filter or estimator.")
     ] = "condensed",
     precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
     feet: options.FeetOption = None,
@@ -114,8 +114,9 @@ def export(
 ) -> None:
     """Write a controller as C99 for a microcontroller.
 
-    With recorded ticks to check it with. The controllers paper (its governor) and filter (the contact-force filter) are
-    for Harpy; estimator is the state from IMU and encoders. The code allocates no memory and needs only the C
+    With recorded ticks to check it with. walk is the condensed controller with a walking gait, which takes a velocity;
+    paper (its governor) and filter (the contact-force filter) are for Harpy; estimator is the state from IMU and
+    encoders. The code allocates no memory and needs only the C
     mathematical library. Where gcc-arm-none-eabi and qemu-system-arm are installed, the README in the folder gives the
     cost of a tick.
     """

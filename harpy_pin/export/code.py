@@ -92,7 +92,14 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
 
     texts = {
         **{"name": name, "NAME": name.upper(), "type": "".join(part.capitalize() for part in name.split("_"))},
-        **{"title": what.title, "robot": what.robot.name, "real": real, "whole": whole, "step": step.name},
+        **{
+            "title": what.title,
+            "robot": what.robot.name,
+            "target": about_target(what),
+            "real": real,
+            "whole": whole,
+            "step": step.name,
+        },
         **{"code": unit.code(), "table": table, "statements": "\n    ".join(statements)},
         **{"inputs": _described(what.inputs, INPUTS), "outputs": _described(what.outputs, OUTPUTS)},
         "structs": re.sub(r"^    real ", f"    {real} ", structs, flags=re.M),
@@ -107,6 +114,13 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
     source = shipped("controller.c", **texts, parameters=parameters("real"))
     ram = _entries(what.record.dtype) * (4 if single else 8)
     return Code(name, header, source, shipped("controller.hpp", **texts), real, ram)
+
+
+def about_target(what: Exportable) -> str:
+    """What the target of a tick is."""
+    if "velocity" in (what.target.dtype.names or ()):
+        return "the velocity: forward, to the left, m/s, turning, rad/s; and the change of the height, m"
+    return "what the gait asks for at this time"
 
 
 def _copy(own: str, count: int, command: str) -> str:

@@ -1,18 +1,23 @@
-"""What is exported of a controller or an estimator: its record before the first tick, and the kernel of its tick."""
+"""What is exported of a controller, alone or with its gait, or of an estimator.
+
+That is its record before the first tick, and the kernel of its tick.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import kernel
+from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.condensed import CondensedController
+from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
+from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedTargetsRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
@@ -22,12 +27,16 @@ from harpy_pin.estimation.estimator import STATUS, Estimator
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.estimation.tick import estimate
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
+from harpy_pin.gaits.walking.measuring import measure
+from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.tick import begin_walk, walk_on
+from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.rows import ForceRows
-from harpy_pin.model.record import Record, make_record
+from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
 from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
 
@@ -51,6 +60,7 @@ class Exportable:
     kind: str  # its short name, a part of the names in C
     title: str  # what it is, in words
     robot: Robot  # whose it is
+    target: Record  # the gait's targets, or the velocity that the gait follows
     record: Record  # before the first tick
     step: Callable[..., int]  # the kernel of its tick
     inputs: Mapping[str, tuple[int, ...]]  # names and shapes of what is measured, in the kernel's order
@@ -67,11 +77,6 @@ class Exportable:
         command = self.command_of(record)[0]
         parts = (command["motors"]["law"][LAW.index(name)] if name in LAW else command[name] for name in self.outputs)
         return np.concatenate([np.ravel(part) for part in parts])
-
-    @property
-    def target(self) -> Record:
-        """A record of a gait's targets."""
-        return GaitTarget(len(self.robot.feet))._record_
 
 
 def exportable(controller: object) -> Exportable:
@@ -90,6 +95,74 @@ def _condensed(controller: CondensedController) -> Exportable:
     controller.reset()
     title, record = "condensed whole-body controller", controller._record_.copy()
     return _exportable("condensed", title, controller.robot, record, controller._step, CondensedStatus.__members__)
+
+
+class VelocityCommandRecord(RecordOf):
+    """What an exported walk is asked for."""
+
+    velocity: Vector = sized("entries")  # (4,) forward, to the left, m/s, turning, rad/s, change of the height, m
+
+
+class WalkTickRecord(RecordOf):
+    """A walking gait, and the condensed whole-body controller behind it."""
+
+    gait: WalkingRecord
+    goal: GaitTargetRecord
+    control: CondensedTickRecord | CondensedTargetsRecord
+
+
+def _walk_of(step: Kernel[int]) -> Kernel[int]:
+    """The tick of a walk with a tick of the controller."""
+
+    @kernel
+    def walk_and_control(
+        r: WalkTickRecord, command: VelocityCommandRecord, elapsed: Vector, q: Vector, v: Vector, foot_force: Vector
+    ) -> int:
+        gait = r.gait
+        measure(gait, q, v, foot_force)
+        gait.command[:] = command.velocity
+        if gait.measured.seen:
+            span = elapsed[0] if elapsed[0] > 0.0 else 0.0
+            if gait.time < 0.0:
+                begin_walk(gait)
+                gait.time = 0.0
+                span = 0.0
+            walk_on(gait, r.goal, span)
+        return step(r.control, r.goal, q, v, foot_force)
+
+    return walk_and_control
+
+
+WALKS: dict[Any, Kernel[int]] = {step: _walk_of(step) for step in (condensed_step, WITH_TARGETS["condensed"])}
+"""The tick of a walk by that of its controller, the time since the last one (1,), s, instead of a clock."""
+
+
+def exportable_walk(controller: CondensedController) -> Exportable:
+    """What is exported of a condensed whole-body controller together with its walking gait.
+
+    It is asked for a velocity. A gait of another class, on ground that is not level, or whose velocity is a script or a
+    function, is an :class:`InputError`.
+    """
+    gait, alone = controller.gait, exportable(controller)
+    if not isinstance(gait, WalkingGait):
+        raise InputError(f"a walk is exported with a WalkingGait, not with a {type(gait).__name__}", name="controller")
+    _refuse(
+        bool(gait.script) or gait.calls(State(0.0, *controller._sample)) is None, "a script or function of velocities"
+    )
+    before = gait._record_.copy()
+    before["time"], before["measured"]["seen"] = -1.0, 0
+    return replace(
+        alone,
+        kind="walk",
+        title="walking gait and condensed whole-body controller",
+        target=make_record(VelocityCommandRecord, {"entries": len(gait.command)}),
+        record=make_record(
+            WalkTickRecord, gait=before, goal=GaitTarget(len(gait.robot.feet))._record_, control=alone.record
+        ),
+        step=WALKS[alone.step],
+        inputs={"elapsed": (1,), **alone.inputs},
+        control="control",
+    )
 
 
 def _refuse_lags(p: WholeBodyParameters) -> None:
@@ -187,7 +260,8 @@ def _estimator(estimator: Estimator) -> Exportable:
     inputs |= {"normal_force": (feet,), "thrust": (len(robot.thrusters), 3)}
     outputs = {name: record[name].shape[1:] for name in ESTIMATED}
     statuses = {text.upper().replace(" ", "_"): code for code, text in STATUS.items()}
-    return Exportable("estimator", "state estimator", robot, record, estimate_after, inputs, outputs, statuses)
+    target = GaitTarget(feet)._record_
+    return Exportable("estimator", "state estimator", robot, target, record, estimate_after, inputs, outputs, statuses)
 
 
 def _exportable(
@@ -203,7 +277,8 @@ def _exportable(
     outputs: dict[str, tuple[int, ...]] = {"torque": joints, "thrust": (len(robot.thrusters), 3)}
     if "motors" in ((record[control] if control else record).dtype.names or ()):
         outputs |= dict.fromkeys(LAW, joints)
-    return Exportable(kind, title, robot, record, step, inputs, outputs, statuses, control)
+    target = GaitTarget(feet)._record_
+    return Exportable(kind, title, robot, target, record, step, inputs, outputs, statuses, control)
 
 
 def _refuse(found: bool, what: str) -> None:

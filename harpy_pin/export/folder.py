@@ -16,9 +16,9 @@ from harpy_pin.arguments import checked
 from harpy_pin.compiled.compiler import work_folder
 from harpy_pin.errors import InputError, shown
 from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
-from harpy_pin.export.code import Code, controller_code, lengths, number_text, shipped
-from harpy_pin.export.exported_controllers import Exportable, exportable
-from harpy_pin.export.recording import Recording, answers, ready, record
+from harpy_pin.export.code import Code, about_target, controller_code, lengths, number_text, shipped
+from harpy_pin.export.exported_controllers import Exportable, exportable, exportable_walk
+from harpy_pin.export.recording import WALK, Recording, answers, ready, record
 from harpy_pin.files import OwnFolder
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot
@@ -26,7 +26,7 @@ from harpy_pin.simulation.sensing import EstimatedState
 
 SHIPPED = ("CMakeLists.txt", "check.c", "count.c", "arm-none-eabi.cmake", "board/startup.c")
 TICKS, EVERY = 200, 10
-"""Recorded ticks, and how far they are apart in ticks of the motion; those of an estimator follow each other."""
+"""Recorded ticks, and how far they are apart in ticks of the motion; those of walks and estimators are not apart."""
 PRECISIONS = ("float", "double")
 
 
@@ -54,7 +54,8 @@ def export(
     Args:
         robot: ``harpy``, a name of :data:`~harpy_pin.model.catalogue.CATALOGUE`, or one's own.
         folder: where to; new, empty, or an exported one. Nothing in it that was not exported is replaced.
-        controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`, or ``estimator``.
+        controller: one of :data:`~harpy_pin.export.recording.CONTROLLERS`, ``estimator``, or ``walk``, the condensed
+            controller with a walking gait.
         precision: ``float`` or ``double``.
         force: take a folder with other files, too, and replace those of the same names.
 
@@ -70,6 +71,8 @@ def export(
     place, felt = OwnFolder(folder, force=force), motion.sensors
     if isinstance(felt, EstimatedState):
         what, rows = exportable(felt.estimator), slice(TICKS)
+    elif controller == WALK:
+        what, rows = exportable_walk(motion.controller), slice(TICKS)  # type: ignore[arg-type]
     else:
         what, rows = exportable(motion.controller), slice(None, None, EVERY)
     every = record(motion, what)
@@ -100,7 +103,7 @@ def write_folder(
     texts |= {f"board/{chip.machine}.ld": board_text(chip) for chip in CHIPS.values()}
     if readme:
         inputs = ", ".join(what.inputs)
-        about = {"title": what.title, "robot": what.robot.name, "inputs": inputs}
+        about = {"title": what.title, "robot": what.robot.name, "inputs": inputs, "target": about_target(what)}
         texts["README.md"] = shipped("README.md", **names, **about, cost=_cost(code, texts, len(given)))
     place.write(texts)
     return Exported(code, what, len(given), place.path)

@@ -31,6 +31,9 @@ from harpy_pin.simulation.sensing import EstimatedState, Sensing
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
 """Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
 ESTIMATOR = "estimator"  # the state estimator's name
+WALK = "walk"  # a walking gait and the condensed controller
+WALK_PERIOD, WALK_SPEED = 4e-3, 0.5
+"""Time between its recorded ticks, s, and share of the largest speed."""
 SINK = 1e-3  # how deep feet sink in where a robot stands, m: it makes the ground's stiffness
 SHIFT = (0.02, 0.01, 0.0)
 """How far a robot that stays in one place moves its body back and forth, m."""
@@ -62,13 +65,19 @@ def ready(
 ) -> Walk:
     """A motion that fits a robot, with a controller: Harpy walks, others stand, step in place or hover.
 
-    The controller, one of :data:`CONTROLLERS`, or :data:`ESTIMATOR`, for which the condensed controller walks, knows
-    the friction. In ``single`` precision its weight on contact forces of a robot that stands is larger
+    The controller, one of :data:`CONTROLLERS`, :data:`WALK`, or :data:`ESTIMATOR`, for which the condensed controller
+    walks, knows the friction. In ``single`` precision its weight on contact forces of a robot that stands is larger
     (:data:`SINGLE_FORCE`). One that is unknown, or does not take the robot, is an :class:`InputError`. The duration is
     in s.
     """
-    if controller not in (*CONTROLLERS, ESTIMATOR):
-        raise InputError.unknown("controller", controller, (*CONTROLLERS, ESTIMATOR))
+    if controller not in (*CONTROLLERS, ESTIMATOR, WALK):
+        raise InputError.unknown("controller", controller, (*CONTROLLERS, ESTIMATOR, WALK))
+    if controller == WALK:
+        walk = WalkingGait(robot)
+        walk.command[0] = WALK_SPEED * walk.max_speed
+        outside = Disturbances(pushes=tuple(pushes))
+        stepped = Scenario(ground=Ground(mu_s=friction), period=WALK_PERIOD, duration=duration, disturbances=outside)
+        return build(stepped, gait=walk)
     sensors = Imu() if controller == ESTIMATOR else None
     controller = "condensed" if controller == ESTIMATOR else controller
     whole_body = controller in ("condensed", "wbc")
@@ -103,7 +112,7 @@ class _Watch:
     inputs: list[list[NDArray[np.float64]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.period = self.inner.period
+        self.period, self._last = self.inner.period, 0.0
         if self.sensing is not None:
             self._given = Command(*(np.zeros(self.what.inputs[name]) for name in ("joint_torque", "thrust")))
 
@@ -111,7 +120,8 @@ class _Watch:
         """A tick; sensors belong to the target and the command of the last one."""
         if self.sensing is None:
             command = self.inner.step(state)
-            self._keep([getattr(state, name) for name in MEASURED])
+            self._keep([*(getattr(state, name) for name in MEASURED), np.full(1, state.t - self._last)])
+            self._last = state.t
             return command
         s, given = self.sensing.read(state, self._given.torque, self._given.thrust), self._given
         elapsed, force = np.full(1, self.period), np.full(len(state.foot_force), np.nan)
@@ -122,7 +132,12 @@ class _Watch:
         return command
 
     def _keep(self, inputs: list[NDArray[np.float64]]) -> None:
-        self.target.append(np.concatenate([np.ravel(self.inner.target._record_[n][0]) for n in _names(self.what)]))
+        target: Any = self.inner.target._record_
+        if isinstance(self.inner.gait, WalkingGait) and self.what.kind == WALK:
+            parts = [self.inner.gait.command]
+        else:
+            parts = [target[name][0] for name in _names(self.what)]
+        self.target.append(np.concatenate([np.ravel(part) for part in parts]))
         self.inputs.append([np.ravel(part).copy() for part in inputs])
 
 
@@ -130,7 +145,8 @@ def record(motion: Walk, what: Exportable) -> Recording:
     """The inputs of every tick of a motion with one of the library's controllers, up to its end."""
     assert isinstance(motion.controller, GaitController)
     sensing = motion.sensors.sensing if isinstance(motion.sensors, EstimatedState) else None
-    watch, names = _Watch(motion.controller, what, sensing), MEASURED if sensing is None else tuple(what.inputs)
+    names = (*MEASURED, "elapsed") if sensing is None else tuple(what.inputs)
+    watch = _Watch(motion.controller, what, sensing)
     motion.simulator.run(watch, motion.scenario.duration, pushes=motion.scenario.disturbances.pushes)
     columns = {name: np.array([row[n] for row in watch.inputs]) for n, name in enumerate(names)}
     return Recording(np.array(watch.target), columns)

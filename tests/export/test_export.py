@@ -12,13 +12,13 @@ from long import long_but
 
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
-from harpy_pin.compiled.compiler import EXACT, compiler
+from harpy_pin.compiled.compiler import EXACT, compiler, work_folder
 from harpy_pin.export import export, write_folder
 from harpy_pin.export.board import CHIPS, build, measure, missing_tools, run
 from harpy_pin.export.code import controller_code
-from harpy_pin.export.exported_controllers import exportable
+from harpy_pin.export.exported_controllers import exportable, exportable_walk
 from harpy_pin.export.mathematics import PORTABLE
-from harpy_pin.export.recording import answers, ready, record
+from harpy_pin.export.recording import _library, answers, ready, record
 from harpy_pin.gaits.gait import GaitTarget
 
 WARNINGS = (
@@ -158,6 +158,81 @@ def test_joint_targets_are_exported(controller, single, tmp_path):
         np.testing.assert_array_equal(answers(what, done.code, given)[0], np.hstack(rows))
 
 
+def condensed_on(robot, mu, **how):
+    """A condensed controller with a walking gait that goes ahead."""
+    if hp.model.catalogue.installed_data() is None:
+        pytest.skip("needs example-robot-data")
+    gait = hp.WalkingGait(hp.load_robot(robot))
+    gait.command[:3] = 0.5 * gait.max_speed, 0.0, 0.1
+    return hp.make_controller("condensed", gait, mu=mu, **how)
+
+
+@needs_compiler
+@pytest.mark.parametrize("joint_targets", [False, True])
+def test_a_walk_is_the_gaits_and_the_controllers(joint_targets, tmp_path):
+    """In double precision gait and controller together have the digits of the library's."""
+    law = {"joint_stiffness": 20.0, "joint_damping": 0.5} if joint_targets else {}
+    made = condensed_on("go2", 0.5, **law)
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.5), duration=0.5)
+    motion = hp.build(scenario, gait=made.gait, controller=lambda gait: made)
+    what = exportable_walk(made)
+    given = record(motion, what)
+    fresh = condensed_on("go2", 0.5, **law)
+    run = hp.walk(scenario, gait=fresh.gait, controller=lambda gait: fresh)
+    done = write_folder(what, given, tmp_path, name="go2_walk", single=False, readme=False)
+    assert compile_and_run(done, "-O1").stdout == "all equal: 500 ticks of go2_walk, double\n"
+    names = ("torque", "motor_law") if joint_targets else ("torque",)
+    ours = np.hstack([run[name].reshape(len(run), -1) for name in names])
+    np.testing.assert_array_equal(answers(what, done.code, given)[0], ours)
+    assert run["stance"].min() == 0.0
+
+
+class InC:
+    """A walk in C, as a controller."""
+
+    def __init__(self, controller, *, single):
+        self.code, self.period, self.inner = (
+            controller_code(exportable_walk(controller), "walk", single=single),
+            1e-3,
+            controller,
+        )
+        with work_folder() as folder:
+            self.lib = ctypes.CDLL(str(_library(self.code, Path(folder))))
+        self.state = ctypes.create_string_buffer(self.code.ram)
+        self.lib.walk_init(self.state)
+        self.torque = np.zeros(len(controller.robot.joints), np.float32 if single else np.float64)
+
+    def step(self, state):
+        arrays = (self.inner.gait.command, np.full(1, self.period), state.q, state.v, state.foot_force)
+        arrays = [np.ascontiguousarray(array, dtype=self.torque.dtype) for array in arrays]
+        self.lib.walk_step(self.state, *(ctypes.c_void_p(array.ctypes.data) for array in (*arrays, self.torque)))
+        return hp.Command(self.torque.astype(float), np.zeros((0, 3)))
+
+
+@needs_compiler
+@pytest.mark.parametrize("robot", long_but(["go2", "bolt", "g1"], ["go2"]))
+def test_a_walk_in_single_precision_walks(robot):
+    made = condensed_on(robot, 0.6)
+    inner = InC(made, single=True)
+    duration = 4.0
+    scenario = hp.Scenario(ground=hp.Ground(mu_s=0.6), duration=duration)
+    run = hp.walk(scenario, gait=made.gait, controller=lambda gait: inner)
+    assert run.ending == "completed"
+    moved = np.linalg.norm(run["q"][-1, :2] - run["q"][0, :2])
+    assert moved > 0.6 * duration * made.gait.command[0]
+
+
+def test_walks_that_are_not_exported_are_refused():
+    harpy = hp.make_controller("condensed", hp.make_gait(hp.load_harpy()), mu=0.5)
+    with pytest.raises(hp.InputError, match="with a WalkingGait, not with a"):
+        exportable_walk(harpy)
+    if hp.model.catalogue.installed_data() is None:
+        pytest.skip("needs example-robot-data")
+    scripted = hp.WalkingGait(hp.load_robot("go2"), velocity=((0.0, 0.1, 0, 0), (1.0, 0, 0, 0)))
+    with pytest.raises(hp.InputError, match="a script or function of velocities cannot be exported"):
+        exportable_walk(hp.make_controller("condensed", scripted, mu=0.5))
+
+
 @needs_compiler
 def test_single_precision_is_close():
     """Far from a change of the active set the two precisions differ by rounding; most ticks are."""
@@ -220,7 +295,7 @@ def test_missing_tools_are_named(monkeypatch):
         (
             "harpy",
             {"controller": "nothing"},
-            "unknown controller 'nothing'; valid names: condensed, estimator, filter, paper, wbc",
+            "unknown controller 'nothing'; valid names: condensed, estimator, filter, paper, walk, wbc",
         ),
         ("harpy", {"precision": "half"}, "unknown precision 'half'"),
     ],

@@ -25,7 +25,7 @@ void ${name}_init(struct ${name}_state *state);
 /* One tick.
 
      state: in and out.
-     target: of the gait at this time.
+     target: $target.
 $inputs
 
    Out:

@@ -40,10 +40,18 @@ def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
     if not (abs(t) < LONGEST and t < p.switch):
         return False
     if t <= 0.0 or p.time < 0.0 or t < p.time - p.usual_step:
-        _restart(p)
+        begin_walk(p)
         p.time = t
-    span = min(max(t - p.time, 0.0), LONGEST_GAP)
+    span = t - p.time
     p.time = max(t, p.time)
+    walk_on(p, target, span)
+    return True
+
+
+@kernel
+def walk_on(p: WalkingRecord, target: GaitTargetRecord, elapsed: float) -> None:
+    """All targets, after a time since the last ones, s."""
+    span = min(max(elapsed, 0.0), LONGEST_GAP)
     take_command(p)
     p.goal[3] = min(max(p.last_command[3], p.height_range[0]), p.height_range[1])
     _steer(p, span)
@@ -57,11 +65,10 @@ def advance(t: float, p: WalkingRecord, target: GaitTargetRecord) -> bool:
             if p.in_air[k] != 0.0:
                 swing_foot(p, k, left if p.group[k] == p.swings else 0.0, span)
     write_targets(p, target)
-    return True
 
 
 @kernel
-def _restart(p: WalkingRecord) -> None:
+def begin_walk(p: WalkingRecord) -> None:
     """Stand where the robot is."""
     m = p.measured
     p.path[0], p.path[1], p.path[2] = m.centre[0], m.centre[1], m.heading
