@@ -19,8 +19,9 @@ from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import ACROSS
 from harpy_pin.model.state import Vector
 
-APART = 0.4
-"""Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
+APART, CLEAR = 0.4, 0.01
+"""Least distance between two feet in the direction in which they stand apart, as a share of that when standing; and
+between the edges of two soles, m."""
 FROZEN = 0.25
 """Share of a step before its end from which on footholds stay where they are."""
 EARLY_FROZEN = 0.4
@@ -145,10 +146,10 @@ def _keep_apart(p: WalkingRecord, k: int, c: float, s: float) -> None:
             apart = np.hypot(ahead, aside)
             nx, ny = (c * ahead - s * aside) / apart, (s * ahead + c * aside) / apart
             x, y = p.foothold[k, 0] - p.measured.place[j, 0], p.foothold[k, 1] - p.measured.place[j, 1]
-            gap = x * nx + y * ny
-            if gap < APART * apart:
-                p.foothold[k, 0] += (APART * apart - gap) * nx
-                p.foothold[k, 1] += (APART * apart - gap) * ny
+            least, gap = max(APART * apart, p.sole_width + CLEAR), x * nx + y * ny
+            if gap < least:
+                p.foothold[k, 0] += (least - gap) * nx
+                p.foothold[k, 1] += (least - gap) * ny
 
 
 @kernel
