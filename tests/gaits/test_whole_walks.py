@@ -288,6 +288,20 @@ def test_a_pushed_humanoid_turns_and_keeps_its_knees_bent(name, time):
 
 
 @needs_robots
+@pytest.mark.parametrize("degrees", long_but((247.5, 292.5), (292.5,)))
+def test_a_pushed_humanoid_does_not_step_on_its_own_foot(degrees):
+    """Pushed towards the stance foot it would have to; the soles' corners stay on their sides."""
+    gait, angle = hp.WalkingGait(hp.load_robot("talos"), "step"), np.deg2rad(degrees)
+    time = round(2.0 + 0.625 * gait.step_duration, 3)
+    push = (0.4 * np.cos(angle), 0.4 * np.sin(angle), 0.0)
+    run = walk(gait, mu=0.6, pushes=((time, push),), duration=time + 2.0)
+    assert run.ending == "completed"
+    aside = np.sort(run["foot_position"][..., 1].reshape(len(run), 2, 4).transpose(1, 0, 2), axis=2)
+    left, right = aside if aside[0, 0, 0] > aside[1, 0, 0] else aside[::-1]
+    assert (left[..., 0] - right[..., -1]).min() > 0.0
+
+
+@needs_robots
 def test_a_robot_walks_where_it_faces():
     """iCub's base has its x axis to the back; its soles reach further ahead of the ankles than behind."""
     robot = hp.load_robot("icub")
