@@ -1,4 +1,4 @@
-"""DAQP's own C on a microcontroller: its source comes from its package, and is built in a temporary folder."""
+"""DAQP's own C on a microcontroller: its source comes from its package, and is kept in the user's cache."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import sys
 import tarfile
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from harpy_pin.export.exported_controllers import Exportable
 
@@ -18,22 +19,25 @@ _SOLVER = Path(__file__).with_name("daqp_solver.c")
 
 
 def daqp_source(place: Path) -> Path | None:
-    """The folder with DAQP's C, of the version that is installed; None where it cannot be had."""
+    """The folder with DAQP's C, of the version that is installed, kept in ``place``; None where it cannot be had."""
     try:
-        desired = f"daqp=={version('daqp')}"
+        name = f"daqp-{version('daqp')}"
     except PackageNotFoundError:
         return None
-    download = ["-m", "pip", "download", "--no-binary", "daqp", "--no-deps", "-q", "-d"]
-    command = [sys.executable, *download, str(place), desired]
-    try:
-        subprocess.run(command, check=True, capture_output=True, timeout=FETCH)
-        (archive,) = place.glob("daqp-*.tar.gz")
-        with tarfile.open(archive) as packed:
-            packed.extractall(place, filter="data")
-    except (subprocess.SubprocessError, OSError, ValueError):
-        return None
-    folder = archive.with_name(archive.name.removesuffix(".tar.gz")) / "csrc"
-    return folder if (folder / "src" / "api.c").exists() else None
+    kept = place / name / "csrc"
+    if not (kept / "src" / "api.c").exists():
+        download = ["-m", "pip", "download", "--no-binary", "daqp", "--no-deps", "-q", "-d"]
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            with TemporaryDirectory(dir=place) as new:
+                command = [sys.executable, *download, new, name.replace("-", "==")]
+                subprocess.run(command, check=True, capture_output=True, timeout=FETCH)
+                with tarfile.open(Path(new) / f"{name}.tar.gz") as packed:
+                    packed.extractall(new, filter="data")
+                (Path(new) / name).replace(place / name)
+        except (subprocess.SubprocessError, OSError, tarfile.TarError):
+            return None
+    return kept if (kept / "src" / "api.c").exists() else None
 
 
 def daqp_count(folder: Path, name: str, what: Exportable) -> None:

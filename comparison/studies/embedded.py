@@ -4,7 +4,7 @@ Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU, for H
 governor, the contact-force filter, the condensed controller, and the whole-body QP by its last active set and, from
 nothing, by DAQP's own C. Each is exported as C and counted on the states of its own walk, and once more on those of the
 condensed controller's, which are the same for all; the pushes are the same in every walk. Needs gcc-arm-none-eabi,
-libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package.
+libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package, or its rows stay empty.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 
 from comparison.measure.daqp_c import daqp_count, daqp_source
 from comparison.measure.exchange_bound import search_bound
+from comparison.peers.environment import default_folder
 from comparison.study import Job, Study, View, grid, shown
 from harpy_pin import HarpyError, Push, Robot
 from harpy_pin.compiled import kernel
@@ -91,11 +92,6 @@ _place = cache(TemporaryDirectory)
 """The folder of all that is written; it ends with the process."""
 
 
-@cache
-def _daqp() -> Path | None:
-    return daqp_source(Path(_place().name))
-
-
 def _jobs(s: Any) -> Iterator[Job]:
     """Every controller on every chip; and, with ``chip`` None, the difference between the precisions."""
     missing = missing_tools()
@@ -104,7 +100,7 @@ def _jobs(s: Any) -> Iterator[Job]:
     doubles = [chip for chip in s.chips if CHIPS[chip].double]
     for robot in s.robots:
         for kind in CONTROLLERS if robot == "harpy" else ("condensed", "wbc"):
-            solvers = (kind, "daqp") if kind == "wbc" and doubles and _daqp() else (kind,)  # in floats it does not end
+            solvers = (kind, "daqp") if kind == "wbc" and doubles else (kind,)  # in floats it does not end
             cases = [*grid(controller=kind, precision="float", chip=s.chips, level=s.levels)]
             cases.append({"controller": kind, "precision": "float", "chip": None})
             cases += grid(controller=solvers, precision="double", chip=doubles, level=s.levels)
@@ -117,10 +113,14 @@ def _measured(job: Job) -> dict[str, Any]:
     case = Case(*(job[name] for name in Case._fields))
     if job["chip"] is None:
         return _difference(case, job["states"])
-    flags, sources, (folders, ram), ours = [job["level"]], ["count.c"], _exported(case), case.controller != "daqp"
-    if not ours and (daqp := _daqp()) is not None:
+    flags, sources, ours = [job["level"]], ["count.c"], case.controller != "daqp"
+    if not ours:
+        daqp = daqp_source(default_folder())
+        if daqp is None:
+            return {}
         flags += ["-I", str(daqp / "include")]
         sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
+    folders, ram = _exported(case)
     every = [measure(f, f.name, CHIPS[job["chip"]], flags=flags, sources=sources) for f in folders]
     own, same = every[0], every[-1]
     return {

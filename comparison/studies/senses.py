@@ -39,9 +39,8 @@ def _scenario(job: Job) -> hp.Scenario:
         return scenario(job)
     rng = np.random.default_rng([job["seed"], job["number"]])
     push = push_from(job["number"] / SIDES, HARPY_PUSH, float(rng.uniform(1.5, 2.5)))
-    jump = {"gait": Flying(flights=Jump(height=0.3, forward=0.4))} if job["what"] == "jump" else {}
     return hp.Scenario(
-        **jump,
+        gait=Flying(flights=Jump(height=0.3, forward=0.4)) if job["what"] == "jump" else None,
         plant=job["plant"],
         ground=hp.Ground(mu_s=float(rng.uniform(*DRAWN))),
         disturbances=hp.Disturbances(pushes=(push,) if job["what"] == "pushed" else ()),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from types import SimpleNamespace
 from typing import Any
 
@@ -437,3 +438,18 @@ def test_the_map_is_drawn(tmp_path):
     assert happens["go2", 30.0, 0.1] in ("not possible", "stands")  # within 0.2 s it may slide little
     STUDIES["slopes"].figure(rows).savefig(tmp_path / "map.png")
     assert Image.open(tmp_path / "map.png").size[0] > 400
+
+
+def test_without_its_source_daqp_has_an_empty_row(monkeypatch, tmp_path):
+    from comparison.measure import daqp_c
+    from comparison.studies import embedded
+
+    def offline(*_, **__):
+        raise subprocess.CalledProcessError(1, "pip")
+
+    monkeypatch.setattr(daqp_c.subprocess, "run", offline)
+    assert daqp_c.daqp_source(tmp_path) is None
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.setattr(embedded, "default_folder", lambda: tmp_path)
+    case = embedded.Case("harpy", "daqp", "double", 0.1, 0)._asdict()
+    assert embedded.STUDY.measure({**case, "chip": "m7", "level": "-O2", "states": 10}) == {}
