@@ -11,13 +11,13 @@ LIKELY, TOUCHES = 0.5, 1.0
 """Probability from which on the estimate has a foot in contact, and force from which on it is, N."""
 
 
-def off(q: Vector, v: Vector, guess: Vector, speed: Vector, *, period: float = 1e-3) -> dict[str, float]:
-    """How far an estimate (ticks, nq) and (ticks, nv) is off.
+def off(q: Vector, v: Vector, guess: Vector, speed: Vector, *, period: float) -> dict[str, float]:
+    """How far an estimate (ticks, nq) and (ticks, nv) is off, with the period between ticks, s.
 
     Drift is the error of the displacement, level, from the first tick to the last, over the length of the way. The
     absolute trajectory error is the rms distance of the bodies' origins where the estimate's path is turned about the
     vertical and moved so that it is least. The relative pose error is the rms error of the displacements within one
-    second, each in the axes of the body at its begin, by evo's definition (https://github.com/MichaelGrupp/evo).
+    second, each in the axes of the body at its start, by evo's definition (https://github.com/MichaelGrupp/evo).
     """
     true, own = (np.array([pin.Quaternion(row[3:7]).toRotationMatrix() for row in rows]) for rows in (q, guess))
     way = float(np.linalg.norm(np.diff(q[:, :2], axis=0), axis=1).sum())

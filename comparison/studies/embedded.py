@@ -4,7 +4,7 @@ Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU, for H
 governor, the contact-force filter, the condensed controller, and the whole-body QP by its last active set and, from
 nothing, by DAQP's own C. Each is exported as C and counted on the states of its own walk, and once more on those of the
 condensed controller's, which are the same for all; the pushes are the same in every walk. Needs gcc-arm-none-eabi,
-libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package, or its rows stay empty.
+libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package, or it has no rows.
 """
 
 from __future__ import annotations
@@ -97,10 +97,11 @@ def _jobs(s: Any) -> Iterator[Job]:
     missing = missing_tools()
     if missing is not None:
         raise HarpyError(f"the compiler for ARM, or QEMU, is missing: {missing}")
+    daqp = daqp_source(default_folder())
     doubles = [chip for chip in s.chips if CHIPS[chip].double]
     for robot in s.robots:
         for kind in CONTROLLERS if robot == "harpy" else ("condensed", "wbc"):
-            solvers = (kind, "daqp") if kind == "wbc" and doubles else (kind,)  # in floats it does not end
+            solvers = (kind, "daqp") if kind == "wbc" and doubles and daqp else (kind,)  # in floats it does not end
             cases = [*grid(controller=kind, precision="float", chip=s.chips, level=s.levels)]
             cases.append({"controller": kind, "precision": "float", "chip": None})
             cases += grid(controller=solvers, precision="double", chip=doubles, level=s.levels)
@@ -117,7 +118,7 @@ def _measured(job: Job) -> dict[str, Any]:
     if not ours:
         daqp = daqp_source(default_folder())
         if daqp is None:
-            return {}
+            raise HarpyError("DAQP's source is gone from the user's cache")
         flags += ["-I", str(daqp / "include")]
         sources += [str(path) for path in sorted((daqp / "src").glob("*.c"))]
     folders, ram = _exported(case)

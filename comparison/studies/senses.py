@@ -57,9 +57,9 @@ def walked(job: Job) -> dict[str, Any]:
     disturbances = replace(drawn.disturbances, seed=job["number"])
     run = walk_as_far_as_it_goes(replace(drawn, state=job["state"], sensors=hp.Imu(), disturbances=disturbances))
     found: dict[str, Any] = {"fell": run.ending != "completed"}
-    found |= off(run["q"], run["v"], run["estimated_q"], run["estimated_v"])
+    found |= off(run["q"], run["v"], run["estimated_q"], run["estimated_v"], period=drawn.period)
     if job["state"] == "estimated":
-        plain = off(run["q"], run["v"], *complementary(run, loaded_robot(job["robot"])))
+        plain = off(run["q"], run["v"], *complementary(run, loaded_robot(job["robot"])), period=drawn.period)
         found |= {f"plain_{name}": plain[name] for name in ("drift", "velocity_cm_s", "tilt_deg")}
     return found | contacts(run["foot_force"][:, :, 2], run["contact_probability"])
 

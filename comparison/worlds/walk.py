@@ -269,7 +269,7 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
             walker.place(data)
             found = followed(job, walker.bridge, data, walker.act)
             paths = (np.array(column) for column in zip(*walker.trace, strict=True))
-            return found | (off(*paths) if walker.trace else {})
+            return found | (off(*paths, period=float(model.opt.timestep)) if walker.trace else {})
         mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)
         return followed(job, walker.bridge, data, network.acting(model), round(PERIOD / model.opt.timestep))

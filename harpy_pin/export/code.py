@@ -26,7 +26,7 @@ INPUTS = {
     "v": "velocity: of the base, linear, m/s, and angular, rad/s, both in its own axes; of the joints, rad/s",
     "foot_position": "of each foot, world axes, m",
     "foot_force": "of the ground on each foot, world axes, N, as measured",
-    "elapsed": "time since the last step, s",
+    "elapsed": "time since the last step, s; of a walk at most 0.05 count",
     "gyroscope": "rad/s, axes of the inertial unit",
     "accelerometer": "m/s^2, of what it feels: at rest it points up",
     "joint_position": "rad",
@@ -95,7 +95,7 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
         **{
             "title": what.title,
             "robot": what.robot.name,
-            "target": about_target(what),
+            "target": textwrap.fill(about_target(what), 100, subsequent_indent="       "),
             "real": real,
             "whole": whole,
             "step": step.name,
@@ -119,7 +119,10 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
 def about_target(what: Exportable) -> str:
     """What the target of a tick is."""
     if "velocity" in (what.target.dtype.names or ()):
-        return "the velocity: forward, to the left, m/s, turning, rad/s; and the change of the height, m"
+        return (
+            "the velocity in the axes of the heading: forward and to the left, m/s, turning to the left, rad/s; and "
+            "the change of the height, m; scaled down to what the robot can do, and ignored where it is not finite"
+        )
     return "what the gait asks for at this time"
 
 

@@ -25,7 +25,7 @@ from harpy_pin.model.source import loaded_robot
 from harpy_pin.simulation.sensing import EstimatedState
 
 SHIPPED = ("CMakeLists.txt", "check.c", "count.c", "arm-none-eabi.cmake", "board/startup.c")
-TICKS, EVERY = 200, 10
+TICKS, EVERY, WALK_TICKS = 200, 10, 600
 """Recorded ticks, and how far they are apart in ticks of the motion; those of walks and estimators are not apart."""
 PRECISIONS = ("float", "double")
 
@@ -72,7 +72,7 @@ def export(
     if isinstance(felt, EstimatedState):
         what, rows = exportable(felt.estimator), slice(TICKS)
     elif controller == WALK:
-        what, rows = exportable_walk(motion.controller), slice(TICKS)  # type: ignore[arg-type]
+        what, rows = exportable_walk(motion.controller), slice(WALK_TICKS)  # type: ignore[arg-type]
     else:
         what, rows = exportable(motion.controller), slice(None, None, EVERY)
     every = record(motion, what)

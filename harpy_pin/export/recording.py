@@ -32,8 +32,8 @@ CONTROLLERS = ("condensed", "wbc", "paper", "filter")
 """Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
 ESTIMATOR = "estimator"  # the state estimator's name
 WALK = "walk"  # a walking gait and the condensed controller
-WALK_PERIOD, WALK_SPEED = 4e-3, 0.5
-"""Time between its recorded ticks, s, and share of the largest speed."""
+WALK_SPEED = 0.5
+"""At which it walks, as a share of the largest."""
 SINK = 1e-3  # how deep feet sink in where a robot stands, m: it makes the ground's stiffness
 SHIFT = (0.02, 0.01, 0.0)
 """How far a robot that stays in one place moves its body back and forth, m."""
@@ -75,9 +75,9 @@ def ready(
     if controller == WALK:
         walk = WalkingGait(robot)
         walk.command[0] = WALK_SPEED * walk.max_speed
-        outside = Disturbances(pushes=tuple(pushes))
-        stepped = Scenario(ground=Ground(mu_s=friction), period=WALK_PERIOD, duration=duration, disturbances=outside)
-        return build(stepped, gait=walk)
+        given: dict[str, Any] = {"disturbances": Disturbances(pushes=tuple(pushes)), "duration": duration}
+        given |= {"controller": {"name": "condensed", **_single_weights(walk)}} if single else {}
+        return build(Scenario(ground=Ground(mu_s=friction), **given), gait=walk)
     sensors = Imu() if controller == ESTIMATOR else None
     controller = "condensed" if controller == ESTIMATOR else controller
     whole_body = controller in ("condensed", "wbc")
@@ -96,9 +96,13 @@ def ready(
     gait = stays
     ground = Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
     if whole_body and single:
-        force = SINGLE_FORCE * stays.controller_parameters["weights"]["force"]
-        part = {"name": controller, "parameters": {"weights": {"force": force}}}
+        part = {"name": controller, **_single_weights(stays)}
     return build(Scenario(controller=part, ground=ground, **how), gait=gait)
+
+
+def _single_weights(gait: Standing | WalkingGait) -> dict[str, Any]:
+    """Settings of a controller in single precision that differ."""
+    return {"parameters": {"weights": {"force": SINGLE_FORCE * gait.controller_parameters["weights"]["force"]}}}
 
 
 @dataclass

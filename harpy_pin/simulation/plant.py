@@ -171,7 +171,8 @@ class Plant(KeepsViews, ABC):
         self.dynamics.update(self.q, self.v)
         forget_slip(self._record_["slip"], self.dynamics.foot_position)
         motors = self._record_["motors"]
-        motors["settled"] = motors["has_law"] = 0
+        motors["settled"] = motors["has_law"] = motors["mean_torque"] = 0
+        self._noted_thrust[:] = 0.0
         settle_thrusters(self._record_["thrusters"], self.actuators.thrusters, self.dt)
         for part in self.attached:
             part.reset(self)

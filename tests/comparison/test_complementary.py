@@ -13,7 +13,7 @@ from harpy_pin.log.run import Run
 
 def test_it_follows_a_walk():
     run = hp.walk(hp.Scenario(sensors=hp.Imu(), ground=hp.Ground(mu_s=0.8), duration=1.0))
-    error = off(run["q"], run["v"], *complementary(run, hp.load_harpy()))
+    error = off(run["q"], run["v"], *complementary(run, hp.load_harpy()), period=1e-3)
     assert error["drift"] < 5.0
     assert error["velocity_cm_s"] < 5.0
     assert error["tilt_deg"] < 1.0

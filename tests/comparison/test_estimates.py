@@ -47,7 +47,7 @@ def test_the_absolute_error_is_evos(seed: int) -> None:
     aligned.align(as_evo(q))
     evo = metrics.APE(metrics.PoseRelation.translation_part)
     evo.process_data((as_evo(q), aligned))
-    found = off(q, v, guess, speed)["trajectory_mm"]
+    found = off(q, v, guess, speed, period=0.01)["trajectory_mm"]
     assert found == pytest.approx(1e3 * evo.get_statistic(metrics.StatisticsType.rmse), rel=1e-9)
 
 
@@ -58,7 +58,7 @@ def test_place_and_heading_are_free() -> None:
     turned = q.copy()
     turned[:, :3] = q[:, :3] @ turn.toRotationMatrix().T + [3.0, -1.0, 0.5]
     turned[:, 3:7] = [(turn * pin.Quaternion(one)).coeffs() for one in q[:, 3:7]]
-    error = off(q, v, turned, v)
+    error = off(q, v, turned, v, period=0.01)
     assert max(error["trajectory_mm"], error["relative_mm"], error["tilt_deg"]) < 1e-6
     moved = q[-1, :2] - q[0, :2]
     chord = 2.0 * np.sin(0.2) * np.linalg.norm(moved)

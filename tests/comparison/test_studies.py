@@ -440,7 +440,7 @@ def test_the_map_is_drawn(tmp_path):
     assert Image.open(tmp_path / "map.png").size[0] > 400
 
 
-def test_without_its_source_daqp_has_an_empty_row(monkeypatch, tmp_path):
+def test_without_its_source_daqp_is_left_out(monkeypatch, tmp_path):
     from comparison.measure import daqp_c
     from comparison.studies import embedded
 
@@ -450,6 +450,8 @@ def test_without_its_source_daqp_has_an_empty_row(monkeypatch, tmp_path):
     monkeypatch.setattr(daqp_c.subprocess, "run", offline)
     assert daqp_c.daqp_source(tmp_path) is None
     assert list(tmp_path.iterdir()) == []
-    monkeypatch.setattr(embedded, "default_folder", lambda: tmp_path)
-    case = embedded.Case("harpy", "daqp", "double", 0.1, 0)._asdict()
-    assert embedded.STUDY.measure({**case, "chip": "m7", "level": "-O2", "states": 10}) == {}
+    monkeypatch.setattr(embedded, "missing_tools", lambda: None)
+    settings = SimpleNamespace(**embedded.STUDY.defaults)
+    for here, listed in ((tmp_path, False), (None, True)):
+        monkeypatch.setattr(embedded, "daqp_source", lambda _, here=here: None if here else tmp_path)
+        assert any(job["controller"] == "daqp" for job in embedded.STUDY.jobs(settings)) == listed

@@ -172,6 +172,23 @@ def test_on_the_estimate():
     assert np.abs(last[1] - last[3]).max() > 1e-3
 
 
+def test_its_sensors_are_sampled_once_at_each_tick():
+    """With a slow inertial unit the estimate is that of a walk; an environment that begins anew has forgotten all."""
+    imu = hp.Imu(rate=500.0)
+    s = hp.Scenario(robot="go2", ground=hp.Ground(mu_s=0.6), state="estimated", sensors=imu, duration=2.0)
+    env = RobotEnv("go2", scenario=s)
+    off, first = [], []
+    for _ in range(2):
+        first.append(env.reset(seed=3)[0])
+        for _ in range(100):
+            observation, *_ = env.step(np.array([0.4, 0.0, 0.0], dtype=np.float32))
+        first.append(observation)
+        estimate = env._sensors.signals["estimated_q"]
+        off.append(np.linalg.norm(estimate[:2] - env.state.q[:2]))
+    assert max(off) < 0.02
+    np.testing.assert_array_equal(first[:2], first[2:])
+
+
 def test_a_fall_terminates():
     env = RobotEnv("solo12", action="joints")
     env.reset(seed=0)

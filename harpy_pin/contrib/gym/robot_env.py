@@ -168,9 +168,12 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         if self._drives:
             s = self.scenario
             self.gait.command[:] = 0.0
+            self._laid.observe(self.state)
+            self._laid.update(0.0)  # its targets are those of the last episode else
             self._controller = s.controller.make(self._laid, mu=s.mu, period=s.period)
         self._sensors = self._make_sensors()
-        return self._observe(self._measured()), {}
+        self._seen = self._measured()
+        return self._observe(self._seen), {}
 
     def step(self, action: Numbers) -> tuple[Numbers, float, bool, bool, dict[str, Any]]:
         """Twenty control ticks; the episode is over where it terminates or is truncated.
@@ -187,7 +190,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         slip = float(self.simulator.slip_path.sum())
         if self._drives:
             self.gait.command[:3] = clipped * self._top
-        ending, measured = self._walk(clipped)
+        ending = self._walk(clipped)
         fell, over = ending != "completed", self._time >= self.scenario.duration - 0.5 * self.scenario.dt
         slip = float(self.simulator.slip_path.sum()) - slip
         state = self.state
@@ -206,34 +209,33 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         )
         reward, parts = self._reward(done)
         self._last_action[:] = clipped
-        return self._observe(measured), reward, fell, over and not fell, {"reward": parts}
+        return self._observe(self._seen), reward, fell, over and not fell, {"reward": parts}
 
     @property
     def _time(self) -> float:
         return self._tick * self.scenario.period
 
-    def _walk(self, action: Vector) -> tuple[str, State]:
-        """The ticks of a step, until the robot falls: how it ended, and the last measured state."""
+    def _walk(self, action: Vector) -> str:
+        """The ticks of a step, until the robot falls: how it ended. The state is measured once at each tick."""
         s, ending = self.simulator, "completed"
         for _ in range(TICKS):
-            s.t = self._time
-            measured = self._measured()
             if self._drives:
                 try:
-                    self._command = self._controller.step(measured)
+                    self._command = self._controller.step(self._seen)
                 except Exception as error:
                     raise ControlError(
                         f"at t = {s.t:.3f} s the controller failed: {reason(error)}", time=s.t
                     ) from error
             else:
-                self._follow_joints(measured, action)
+                self._follow_joints(self._seen, action)
             s.advance(self._command, self.scenario.disturbances.pushes, steps=self._substeps)
             self._tick += 1
+            s.t = self._time
+            self._seen = self._measured()
             ending = s.verdict(0.6 * self._height)
             if ending != "completed":
                 break
-        s.t = self._time
-        return ending, self._measured()
+        return ending
 
     def _follow_joints(self, measured: State, action: Vector) -> None:
         """Torques of springs and dampers."""

@@ -146,10 +146,20 @@ def _keep_apart(p: WalkingRecord, k: int, c: float, s: float) -> None:
             apart = np.hypot(ahead, aside)
             nx, ny = (c * ahead - s * aside) / apart, (s * ahead + c * aside) / apart
             x, y = p.foothold[k, 0] - p.measured.place[j, 0], p.foothold[k, 1] - p.measured.place[j, 1]
-            least, gap = max(APART * apart, p.sole_width + CLEAR), x * nx + y * ny
+            least, gap = APART * apart, x * nx + y * ny
+            if p.soles:
+                halves = _half_extent(p, p.foothold[k, 2], nx, ny) + _half_extent(p, p.measured.turned[j], nx, ny)
+                least = max(least, halves + CLEAR)
             if gap < least:
                 p.foothold[k, 0] += (least - gap) * nx
                 p.foothold[k, 1] += (least - gap) * ny
+
+
+@kernel
+def _half_extent(p: WalkingRecord, heading: float, nx: float, ny: float) -> float:
+    """How far a foot of this heading reaches from its middle in a direction, m."""
+    c, s = np.cos(heading), np.sin(heading)
+    return float(0.5 * (p.sole_length * abs(c * nx + s * ny) + p.sole_width * abs(c * ny - s * nx)))
 
 
 @kernel

@@ -107,10 +107,10 @@ class LiveScene:
         motions |= self._push.motions(s["q"][None, :3], s["push"][None])
         half = 0.5 * float(s["heading"][0])
         for name, signal in PLACES.items():
-            place = s[signal][None, :3]
+            place, heading = s[signal][None, :3], np.array([[0.0, 0.0, np.sin(half), np.cos(half)]])
             motions[f"reference/{name}"] = Motion(
                 position=place,
-                quaternion=np.array([[0.0, 0.0, np.sin(half), np.cos(half)]]),
+                quaternion=s[signal][None, 3:7] if name == "estimate" else heading,
                 visible=np.isfinite(place).all(keepdims=True)[0],
             )
         (begin, end), (x, y) = self._strip or (0.0, 1.0), s["q"][:2]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from time import perf_counter_ns
 from types import SimpleNamespace
 from typing import Any, cast
@@ -19,7 +20,6 @@ from harpy_pin.controllers.named_controllers import make_controller
 from harpy_pin.errors import InputError, reason
 from harpy_pin.estimation.imu import Imu
 from harpy_pin.gaits.commanded import CommandedGait
-from harpy_pin.gaits.gait import GaitTarget
 from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground
@@ -115,7 +115,7 @@ class LiveSession:
         self._nothing = Command(np.zeros(len(self.robot.joints)), np.zeros((len(self.robot.thrusters), 3)))
         self.on_tick: Callable[[Tick], None] | None = None
         self._slip_before = np.zeros((len(self.robot.feet), 2))
-        self._sensors: Sensors | EstimatedState | None
+        self._sensors: Sensors | EstimatedState | None = None
         self._warm: set[str] = set()
         self._stand()
         on_standing(self)
@@ -127,10 +127,7 @@ class LiveSession:
         """Simulated time of all walks, s."""
         return self.ticks * PERIOD
 
-    @property
-    def target(self) -> GaitTarget:
-        """The gait's targets of the last tick."""
-        return self.controller.target
+    target = property(attrgetter("controller.target"), doc="The gait's targets of the last tick.")
 
     @property
     def slip(self) -> Vector:
@@ -211,9 +208,9 @@ class LiveSession:
         self.settings = after
         if (after.friction, after.friction_strips) != (before.friction, before.friction_strips):
             self._lay_ground(self.simulator.ground.stiffness)
-        seen = [(s.delay, s.noise, s.state, s.slope) for s in (before, after)]
+        seen = [(s.delay, s.noise, s.state, s.slope if s.state == ESTIMATED else 0.0) for s in (before, after)]
         if seen[0] != seen[1]:
-            self._make_sensors()
+            self._make_sensors(goes_on=before.state == after.state == ESTIMATED)
         if restarts:
             note = "The walk had turned, and this controller faces x: it began anew."
             self.reset()
@@ -301,12 +298,12 @@ class LiveSession:
         s.t = self._tick * PERIOD
         if self._tick % FOLLOWED == 0:
             self._follow_ground()
-        if not self._schedule_fits() and self._may_change_schedule():
-            self.gait = make_driven_gait(self.robot, self.settings)  # it goes on from where the robot stands
-            self._start_gait(s.t)
-            self._take_over(self._make_controller(self.settings))
         state = s.state
         measured = state if self._sensors is None else self._sensors.measure(state)
+        if not self._schedule_fits() and self._may_change_schedule():
+            self.gait = make_driven_gait(self.robot, self.settings)  # it goes on from where the robot stands
+            self._start_gait(measured)
+            self._take_over(self._make_controller(self.settings))
         push, pushes = np.zeros(3), self._forces()
         for one in pushes:
             push += one.share(s.t, s.t + PERIOD) / PERIOD * np.array(one.impulse)
@@ -341,7 +338,7 @@ class LiveSession:
         q, v = placed.initial_state(penetration=s.static_penetration)
         s.reset(q, v)
         self._fall_height = 0.6 * (float(q[2]) - s.ground_below)
-        self._start_gait(0.0)
+        self._start_gait(s.state)
         self.ending, self._tick, self._pushes = "", 0, []
         self.walks += 1
         self._pull, self._pull_until = np.zeros(3), 0.0
@@ -375,16 +372,17 @@ class LiveSession:
 
     def _take_over(self, controller: GaitController) -> None:
         """Another controller from now on: its ticks are counted anew, and making it took no time."""
+        controller.target._record_[:] = self.target._record_  # what feet do goes on
         self.controller = controller
         self.times = TickTimes()
         self.pacer.restart()
 
-    def _start_gait(self, t: float) -> None:
-        """The gait's command and first target, at a time of the present walk, s."""
+    def _start_gait(self, measured: State) -> None:
+        """The gait's command and first target."""
         if isinstance(self.gait, WalkingGait):
-            self.gait.observe(self.simulator.state)
+            self.gait.observe(measured)
         self._command_gait()
-        self.gait.update(t)
+        self.gait.update(measured.t)
 
     def _command_gait(self) -> None:
         """Give the gait the velocity that is set; one whose schedule is to change stops."""
@@ -406,15 +404,17 @@ class LiveSession:
         always, swinging = bool(gait._record_["always"][0]), bool(gait._record_["in_air"].any())
         return float(np.abs(gait.applied).max()) < SLOW and (not gait.walking or (always and not swinging))
 
-    def _make_sensors(self) -> None:
-        """Sensors as set, anew; none where they would measure the true state."""
-        s, self._sensors, seed = self.settings, None, self.walks
-        self._estimate: Vector = np.full(len(self.simulator.q), math.nan)
+    def _make_sensors(self, *, goes_on: bool = False) -> None:
+        """Sensors as set, anew; none where they would measure the true state. The estimate may go on from the last."""
+        s, seed, last = self.settings, self.walks, self._sensors if goes_on else None
+        self._sensors, self._estimate = None, np.full(len(self.simulator.q), math.nan)
         if s.state == ESTIMATED:
             level = s.slope == 0.0 and bool(self.plane.record["level"][0])
             how: dict[str, Any] = {"level": level, "controller": self, "seed": seed}
             self._sensors = estimated_state(self.simulator, self.robot, Imu(), period=PERIOD, **how)
-            self._estimate = self._sensors.estimator.signals["estimated_q"]
+            if isinstance(last, EstimatedState):
+                self._sensors.estimator.reset(last.signals["estimated_q"], last.signals["estimated_v"])
+            self._estimate = np.asarray(self._sensors.signals["estimated_q"])
         elif s.delay or s.noise:
             self._sensors = Sensors(self.robot, Noise.typical(s.noise), delay=s.delay, seed=seed)
 
