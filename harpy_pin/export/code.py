@@ -95,6 +95,7 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
         **{
             "title": what.title,
             "robot": what.robot.name,
+            "period": f"{1e3 * what.period:g}",
             "target": textwrap.fill(about_target(what), 100, subsequent_indent="       "),
             "real": real,
             "whole": whole,

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
+from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
 from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedTargetsRecord
@@ -60,6 +61,7 @@ class Exportable:
     kind: str  # its short name, a part of the names in C
     title: str  # what it is, in words
     robot: Robot  # whose it is
+    period: float  # time between ticks, s
     target: Record  # the gait's targets, or the velocity that the gait follows
     record: Record  # before the first tick
     step: Callable[..., int]  # the kernel of its tick
@@ -94,7 +96,7 @@ def _condensed(controller: CondensedController) -> Exportable:
     _refuse_lags(controller.parameters)
     controller.reset()
     title, record = "condensed whole-body controller", controller._record_.copy()
-    return _exportable("condensed", title, controller.robot, record, controller._step, CondensedStatus.__members__)
+    return _exportable("condensed", title, controller, record, controller._step, CondensedStatus.__members__)
 
 
 class VelocityCommandRecord(RecordOf):
@@ -190,7 +192,7 @@ def _program(controller: WholeBodyController) -> Exportable:
     title = f"whole-body QP, formulation '{p.formulation}'"
     ticks = QP_TICKS[p.formulation]
     step = ticks.step_of_one if controller._command.law is None else ticks.step_of_one_with_targets
-    return _exportable("wbc", title, controller.robot, record, step, PROGRAM_STATUSES)
+    return _exportable("wbc", title, controller, record, step, PROGRAM_STATUSES)
 
 
 def _governed(controller: GovernedController) -> Exportable:
@@ -212,7 +214,7 @@ def _governed(controller: GovernedController) -> Exportable:
         parts |= {"dynamics": behind.dynamics._record_, "terms": behind.terms, "governor": behind._record_}
         record = make_record(FilterTickRecord, **parts)
         kind, title, step = "filter", "the paper's controller behind the contact-force filter", contact_step
-    return _exportable(kind, title, controller.robot, record, step, GOVERNOR_STATUSES)
+    return _exportable(kind, title, controller, record, step, GOVERNOR_STATUSES)
 
 
 @kernel
@@ -261,12 +263,19 @@ def _estimator(estimator: Estimator) -> Exportable:
     outputs = {name: record[name].shape[1:] for name in ESTIMATED}
     statuses = {text.upper().replace(" ", "_"): code for code, text in STATUS.items()}
     target = GaitTarget(feet)._record_
-    return Exportable("estimator", "state estimator", robot, target, record, estimate_after, inputs, outputs, statuses)
+    about = "estimator", "state estimator", robot, estimator.period, target
+    return Exportable(*about, record, estimate_after, inputs, outputs, statuses)
 
 
 def _exportable(
-    kind: str, title: str, robot: Robot, record: Record, step: Callable[..., int], statuses: Mapping[str, int]
+    kind: str,
+    title: str,
+    controller: GaitController,
+    record: Record,
+    step: Callable[..., int],
+    statuses: Mapping[str, int],
 ) -> Exportable:
+    robot = controller.robot
     feet = len(robot.feet)
     shapes = {"q": (robot.model.nq,), "v": (robot.model.nv,), "foot_position": (feet, 3), "foot_force": (feet, 3)}
     names = MEASURED if kind in ("paper", "filter") else ("q", "v", "foot_force")
@@ -278,7 +287,8 @@ def _exportable(
     if "motors" in ((record[control] if control else record).dtype.names or ()):
         outputs |= dict.fromkeys(LAW, joints)
     target = GaitTarget(feet)._record_
-    return Exportable(kind, title, robot, target, record, step, inputs, outputs, statuses, control)
+    about = kind, title, robot, controller.period, target
+    return Exportable(*about, record, step, inputs, outputs, statuses, control)
 
 
 def _refuse(found: bool, what: str) -> None:
