@@ -20,7 +20,7 @@ from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.controllers import GOVERNORS
 from harpy_pin.controllers.governed import FrictionEstimator
-from harpy_pin.export.exported_controllers import exportable
+from harpy_pin.export.exported_controllers import Exportable, exportable, exportable_walk
 from harpy_pin.export.recording import CONTROLLERS, ESTIMATOR, _from_kernels, ready, record
 from harpy_pin.governors import ForceRows
 from harpy_pin.governors.point_mass import Law, axial_force, model_record
@@ -302,10 +302,15 @@ def exported() -> None:
     for formulation in ("full", "contact_force"):
         part = hp.WholeBody(parameters={"formulation": formulation})
         _tick_alone(hp.build(hp.Scenario(controller=part, duration=0.01)))
+    if installed_data() is not None:
+        for law in ({}, {"joint_stiffness": 20.0, "joint_damping": 0.5}):
+            robot, part = hp.load_robot("go2"), {"name": "condensed", **law}
+            motion = hp.build(hp.Scenario(controller=part, duration=0.01), gait=hp.WalkingGait(robot))
+            _tick_alone(motion, exportable_walk(motion.controller))
 
 
-def _tick_alone(motion: Walk) -> None:
-    what = exportable(motion.sensors.estimator if motion.sensors else motion.controller)
+def _tick_alone(motion: Walk, what: Exportable | None = None) -> None:
+    what = what or exportable(motion.sensors.estimator if motion.sensors else motion.controller)
     _from_kernels(what, record(motion, what))
 
 
