@@ -34,6 +34,7 @@ from harpy_pin.gaits.walking.tick import begin_walk, walk_on
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.rows import ForceRows
+from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
@@ -151,8 +152,12 @@ def exportable_walk(controller: CondensedController) -> Exportable:
     _refuse(
         bool(gait.script) or gait.calls(State(0.0, *controller._sample)) is None, "a script or function of velocities"
     )
-    before = gait._record_.copy()
-    before["time"], before["measured"]["seen"] = -1.0, 0
+    last = gait._record_
+    _refuse(not last["terrain"]["level"][0], "a walk on ground that is not level")
+    parts: Any = {name: last[name] if last[name].dtype.names else last[name][0] for name in last.dtype.names or ()}
+    parts |= {"terrain": flat_terrain(pieces=1, cells=1), "time": -1.0}  # without room for other ground
+    before = make_record(WalkingRecord, **parts)
+    before["measured"]["seen"] = 0
     return replace(
         alone,
         kind="walk",

@@ -38,19 +38,19 @@ class TerrainRecord(RecordOf):
     grid: Vector  # (64, 64) its heights, m
 
 
-def flat_terrain() -> Records[TerrainRecord]:
-    """The record of the plane z = 0."""
+def flat_terrain(*, pieces: int = MAX_PIECES, cells: int = MAX_CELLS) -> Records[TerrainRecord]:
+    """The record of the plane z = 0, with room for pieces of a profile, and for points of a grid along each side."""
     return make_record(
         TerrainRecord,
         level=np.int64(1),
         slope=np.zeros(2),
         above=0.0,
         pieces=np.int64(0),
-        profile=np.zeros((MAX_PIECES, 3)),
+        profile=np.zeros((pieces, 3)),
         cells=np.zeros(3, dtype=np.int64),
         resolution=1.0,
         corner=np.zeros(2),
-        grid=np.zeros((MAX_CELLS, MAX_CELLS)),
+        grid=np.zeros((cells, cells)),
     )
 
 
