@@ -3,9 +3,6 @@
 ``--long`` walks more robots: kernels are compiled for each size of robot.
 """
 
-import warnings
-from itertools import product
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -288,42 +285,6 @@ def test_a_pushed_humanoid_turns_and_keeps_its_knees_bent(name, time):
     assert len(knees) == 2
     beyond = np.maximum(robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit)
     assert beyond[:, 7:][:, knees].max() < 0.05
-
-
-def gap_of_soles(run):
-    """(ticks,) distance of the two soles' rectangles along the edge that parts them best, m; negative: they overlap."""
-    feet = run["foot_position"][..., :2].reshape(len(run), 2, 4, 2)
-    gap = np.full(len(run), -np.inf)
-    for corners, k in product(feet.swapaxes(0, 1), (1, 2)):
-        edge = corners[:, k] - corners[:, 0]
-        edge /= np.linalg.norm(edge, axis=1, keepdims=True)
-        for axis in (edge, np.stack((-edge[:, 1], edge[:, 0]), axis=1)):
-            a, b = (np.einsum("nki,ni->nk", foot, axis) for foot in feet.swapaxes(0, 1))
-            gap = np.maximum(gap, np.maximum(a.min(axis=1) - b.max(axis=1), b.min(axis=1) - a.max(axis=1)))
-    return gap
-
-
-@needs_robots
-@pytest.mark.parametrize("degrees", long_but((247.5, 292.5), (292.5,)))
-def test_a_pushed_humanoid_does_not_step_on_its_own_foot(degrees):
-    """Pushed towards the stance foot it would have to."""
-    gait, angle = hp.WalkingGait(hp.load_robot("talos"), "step"), np.deg2rad(degrees)
-    time = round(2.0 + 0.625 * gait.step_duration, 3)
-    push = (0.4 * np.cos(angle), 0.4 * np.sin(angle), 0.0)
-    run = walk(gait, mu=0.6, pushes=((time, push),), duration=time + 2.0)
-    assert run.ending == "completed"
-    assert gap_of_soles(run).min() > 0.0
-
-
-@needs_robots
-@pytest.mark.parametrize("name", long_but(("talos", "icub", "g1"), ("talos",)))
-def test_a_humanoid_that_turns_does_not_step_on_its_own_foot(name):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the command is more than it walks
-        gait = hp.WalkingGait(hp.load_robot(name), velocity=((0.3, 0.0, 0.2, 1.0),))
-    run = walk(gait, mu=0.6, duration=4.0)
-    assert run.ending == "completed"
-    assert gap_of_soles(run).min() > 0.005
 
 
 @needs_robots

@@ -75,8 +75,6 @@ class Build:
     # (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's angular momentum
     # about the ground, forward and to the left
     reaction: Vector
-    sole_length: float  # of the longest foot, m; of points 0
-    sole_width: float  # of the widest foot, m; of points 0
     narrow: float  # largest distance of the two groups of feet between which the body sways, m
 
 
@@ -119,10 +117,10 @@ def build_of(robot: Robot, q: Vector) -> Build:
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 or robot.flat_feet else 0.0
     reactions = _reactions(robot, q, rise)
-    soles = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
-    narrow = SOLE_NARROW * rise + 2.0 * INNER * float(soles[:, 1].min()) if robot.flat_feet else NARROW * rise
-    across = beside, min(swings), reactions, *soles.max(axis=0).tolist(), narrow
-    return Build(point, foot, place, leg, height, rise, reach, over, *across)
+    narrow = NARROW * rise
+    if robot.flat_feet:
+        narrow = SOLE_NARROW * rise + 2.0 * INNER * min(float(np.ptp(point[foot == k, 1])) for k in range(len(place)))
+    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, narrow)
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:

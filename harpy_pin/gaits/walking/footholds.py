@@ -19,9 +19,8 @@ from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import ACROSS
 from harpy_pin.model.state import Vector
 
-APART, CLEAR = 0.4, 0.01
-"""Least distance between two feet in the direction in which they stand apart, as a share of that when standing; and
-between the edges of two soles, m."""
+APART = 0.4
+"""Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
 FROZEN = 0.25
 """Share of a step before its end from which on footholds stay where they are."""
 EARLY_FROZEN = 0.4
@@ -146,20 +145,10 @@ def _keep_apart(p: WalkingRecord, k: int, c: float, s: float) -> None:
             apart = np.hypot(ahead, aside)
             nx, ny = (c * ahead - s * aside) / apart, (s * ahead + c * aside) / apart
             x, y = p.foothold[k, 0] - p.measured.place[j, 0], p.foothold[k, 1] - p.measured.place[j, 1]
-            least, gap = APART * apart, x * nx + y * ny
-            if p.soles:
-                halves = _half_extent(p, p.foothold[k, 2], nx, ny) + _half_extent(p, p.measured.turned[j], nx, ny)
-                least = max(least, halves + CLEAR)
-            if gap < least:
-                p.foothold[k, 0] += (least - gap) * nx
-                p.foothold[k, 1] += (least - gap) * ny
-
-
-@kernel
-def _half_extent(p: WalkingRecord, heading: float, nx: float, ny: float) -> float:
-    """How far a foot of this heading reaches from its middle in a direction, m."""
-    c, s = np.cos(heading), np.sin(heading)
-    return float(0.5 * (p.sole_length * abs(c * nx + s * ny) + p.sole_width * abs(c * ny - s * nx)))
+            gap = x * nx + y * ny
+            if gap < APART * apart:
+                p.foothold[k, 0] += (APART * apart - gap) * nx
+                p.foothold[k, 1] += (APART * apart - gap) * ny
 
 
 @kernel

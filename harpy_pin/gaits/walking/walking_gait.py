@@ -259,7 +259,8 @@ class WalkingGait(FollowsVelocity):
             grip, group = min(max((mu - SLIPPERY) / (FIRM - SLIPPERY), 0.0), 1.0), r["group"][0]
             nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
             apart = draw_together(nominal, group, build.narrow)
-            draw_together(nominal, group, apart - (1.0 - grip) * max(apart - CLOSE - build.sole_width, 0.0))
+            close = CLOSE + max(float(np.ptp(build.point[build.foot == k, 1])) for k in range(len(build.place)))
+            draw_together(nominal, group, apart - (1.0 - grip) * max(apart - close, 0.0))
             r["nominal"], r["middle"] = nominal, [nominal[group == g].mean(axis=0) for g in range(2)]
             for name in ("slow_double_support", "fast_double_support"):
                 r[name] = SWIFT + grip * (getattr(pace, name) - SWIFT)
