@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from types import SimpleNamespace
 from typing import Any
 
@@ -438,20 +437,3 @@ def test_the_map_is_drawn(tmp_path):
     assert happens["go2", 30.0, 0.1] in ("not possible", "stands")  # within 0.2 s it may slide little
     STUDIES["slopes"].figure(rows).savefig(tmp_path / "map.png")
     assert Image.open(tmp_path / "map.png").size[0] > 400
-
-
-def test_without_its_source_daqp_is_left_out(monkeypatch, tmp_path):
-    from comparison.measure import daqp_c
-    from comparison.studies import embedded
-
-    def offline(*_, **__):
-        raise subprocess.CalledProcessError(1, "pip")
-
-    monkeypatch.setattr(daqp_c.subprocess, "run", offline)
-    assert daqp_c.daqp_source(tmp_path) is None
-    assert list(tmp_path.iterdir()) == []
-    monkeypatch.setattr(embedded, "missing_tools", lambda: None)
-    settings = SimpleNamespace(**embedded.STUDY.defaults)
-    for here, listed in ((tmp_path, False), (None, True)):
-        monkeypatch.setattr(embedded, "daqp_source", lambda _, here=here: None if here else tmp_path)
-        assert any(job["controller"] == "daqp" for job in embedded.STUDY.jobs(settings)) == listed

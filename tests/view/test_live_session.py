@@ -7,9 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.controllers.gait_controller import GaitController
@@ -199,53 +197,6 @@ def test_delay_noise_and_estimate_act(robot: hp.Robot) -> None:
     session.change({"controller": "none", "estimate": False})
     walk(session, 2.0)
     assert session.ending == "fell"  # joint PIDs do not survive 2 ms of delay (docs/delay.md)
-
-
-def test_driven_on_the_estimate(robot: hp.Robot) -> None:
-    """It walks and turns on what it feels, on a slope, too; the log has the estimate, and it is not the truth."""
-    session = walk(make(robot), 0.2)
-    assert np.isnan(np.asarray(session.signals["estimated_q"])).all()
-    session.change({"state": "estimated", "forward": 0.3, "turning": 0.5})
-    walk(session, 3.0)
-    off = np.asarray(session.signals["estimated_q"])[:3] - session.last.state.q[:3]
-    assert 1e-5 < np.linalg.norm(off) < 0.05
-    session.change({"slope": 0.1, "turning": 0.0})
-    assert not walk(session, 3.0).ending
-    assert session.plane.slope == 0.1
-    session.change({"state": "true"})
-    assert np.isnan(np.asarray(session.signals["estimated_q"])).all()
-    assert not walk(session, 0.5).ending
-
-
-def headings(session: LiveSession) -> tuple[float, float]:
-    """Heading of the robot, and the estimate of it, rad."""
-    poses = session.simulator.q, np.asarray(session.signals["estimated_q"])
-    true, estimated = (float(pin.rpy.matrixToRpy(pin.Quaternion(q[3:7]).matrix())[2]) for q in poses)
-    return true, estimated
-
-
-@needs_robots
-def test_changes_leave_the_estimate_alone() -> None:
-    """Neither slope nor controller nor schedule say where the robot is, and no foot is forgotten."""
-    session = walk(LiveSession(robot=hp.load_robot("go2")), 0.1)
-    session.change({"state": "estimated"})
-    q = session.simulator.q.copy()
-    q[3:7] = (pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3)) * pin.Quaternion(q[3:7])).coeffs()
-    session._sensors.estimator.reset(q)  # type: ignore[union-attr]
-    walk(session, 2.0)
-    heading, estimated = headings(session)
-    assert estimated - heading == pytest.approx(0.3, abs=0.01)
-    for change in ({"slope": 0.05}, {"controller": "wbc"}, {"controller": "condensed"}):
-        session.change(change)
-        walk(session, 0.05)
-        assert session._sensors.estimator.probability.min() > 0.9  # type: ignore[union-attr]
-    for schedule in ("crawl", "pace", "trot"):
-        session.change({"schedule": schedule})
-        walk(session, 0.5)
-        assert session.gait.schedule == schedule  # type: ignore[union-attr]
-    true, estimated = headings(session)
-    assert estimated - true == pytest.approx(0.3, abs=0.01)
-    assert true == pytest.approx(heading, abs=0.05)
 
 
 @pytest.mark.parametrize(
