@@ -30,7 +30,7 @@ def test_it_is_exact_in_the_air():
     force[:, 2] = 9.81
     signals = {"t": t, "q": q, "v": v, "estimated_q": q, "estimated_v": v, "contact_probability": np.zeros((len(t), 2))}
     run = Run({**signals, "gyroscope": np.zeros_like(force), "accelerometer": force}, {})
-    error = off(q, v, *complementary(run, robot))
+    error = off(q, v, *complementary(run, robot), period=float(t[1] - t[0]))
     assert error["trajectory_mm"] < 0.5
     assert error["velocity_cm_s"] < 0.5
     assert error["tilt_deg"] < 0.1
