@@ -140,12 +140,15 @@ WALKS: dict[Any, Kernel[int]] = {step: _walk_of(step) for step in (condensed_ste
 """The tick of a walk by that of its controller, the time since the last one (1,), s, instead of a clock."""
 
 
-def exportable_walk(controller: CondensedController) -> Exportable:
+def exportable_walk(controller: object) -> Exportable:
     """What is exported of a condensed whole-body controller together with its walking gait.
 
-    It is asked for a velocity. A gait of another class, on ground that is not level, or whose velocity is a script or a
-    function, is an :class:`InputError`.
+    It is asked for a velocity. Another controller is an :class:`InputError`, and so is a gait of another class, on
+    ground that is not level, or whose velocity is a script or a function.
     """
+    if not isinstance(controller, CondensedController):
+        message = f"a walk is exported with a CondensedController, not with a {type(controller).__name__}"
+        raise InputError(message, name="controller", value=controller)
     gait, alone = controller.gait, exportable(controller)
     if not isinstance(gait, WalkingGait):
         raise InputError(f"a walk is exported with a WalkingGait, not with a {type(gait).__name__}", name="controller")

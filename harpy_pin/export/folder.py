@@ -72,7 +72,7 @@ def export(
     if isinstance(felt, EstimatedState):
         what, rows = exportable(felt.estimator), slice(TICKS)
     elif controller == WALK:
-        what, rows = exportable_walk(motion.controller), slice(WALK_TICKS)  # type: ignore[arg-type]
+        what, rows = exportable_walk(motion.controller), slice(WALK_TICKS)
     else:
         what, rows = exportable(motion.controller), slice(None, None, EVERY)
     every = record(motion, what)

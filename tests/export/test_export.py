@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from long import long_but
+from needs import needs_robots
 
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
@@ -160,13 +161,12 @@ def test_joint_targets_are_exported(controller, single, tmp_path):
 
 def condensed_on(robot, mu, **how):
     """A condensed controller with a walking gait that goes ahead."""
-    if hp.model.catalogue.installed_data() is None:
-        pytest.skip("needs example-robot-data")
     gait = hp.WalkingGait(hp.load_robot(robot))
     gait.command[:3] = 0.5 * gait.max_speed, 0.0, 0.1
     return hp.make_controller("condensed", gait, mu=mu, **how)
 
 
+@needs_robots
 @needs_compiler
 @pytest.mark.parametrize("joint_targets", [False, True])
 def test_a_walk_is_the_gaits_and_the_controllers(joint_targets, tmp_path):
@@ -209,6 +209,7 @@ class InC:
         return hp.Command(self.torque.astype(float), np.zeros((0, 3)))
 
 
+@needs_robots
 @needs_compiler
 @pytest.mark.parametrize("robot", long_but(["go2", "bolt", "g1"], ["go2"]))
 def test_a_walk_in_single_precision_walks(robot):
@@ -222,12 +223,14 @@ def test_a_walk_in_single_precision_walks(robot):
     assert moved > 0.6 * duration * made.gait.command[0]
 
 
+@needs_robots
 def test_walks_that_are_not_exported_are_refused():
     harpy = hp.make_controller("condensed", hp.make_gait(hp.load_harpy()), mu=0.5)
     with pytest.raises(hp.InputError, match="with a WalkingGait, not with a"):
         exportable_walk(harpy)
-    if hp.model.catalogue.installed_data() is None:
-        pytest.skip("needs example-robot-data")
+    program = hp.make_controller("wbc", hp.WalkingGait(hp.load_robot("go2")), mu=0.5)
+    with pytest.raises(hp.InputError, match="with a CondensedController, not with a WholeBodyController"):
+        exportable_walk(program)
     scripted = hp.WalkingGait(hp.load_robot("go2"), velocity=((0.0, 0.1, 0, 0), (1.0, 0, 0, 0)))
     with pytest.raises(hp.InputError, match="a script or function of velocities cannot be exported"):
         exportable_walk(hp.make_controller("condensed", scripted, mu=0.5))
