@@ -76,6 +76,7 @@ class Build:
     # about the ground, forward and to the left
     reaction: Vector
     narrow: float  # largest distance of the two groups of feet between which the body sways, m
+    sole: Vector  # (2,) length and width of the largest sole; zero of points, m
 
 
 @dataclass(frozen=True)
@@ -117,10 +118,10 @@ def build_of(robot: Robot, q: Vector) -> Build:
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 or robot.flat_feet else 0.0
     reactions = _reactions(robot, q, rise)
-    narrow = NARROW * rise
-    if robot.flat_feet:
-        narrow = SOLE_NARROW * rise + 2.0 * INNER * min(float(np.ptp(point[foot == k, 1])) for k in range(len(place)))
-    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, narrow)
+    soles = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
+    narrow = SOLE_NARROW * rise + 2.0 * INNER * float(soles[:, 1].min()) if robot.flat_feet else NARROW * rise
+    sole = soles.max(axis=0)
+    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, narrow, sole)
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:

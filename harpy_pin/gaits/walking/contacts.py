@@ -6,10 +6,10 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed, is_still
-from harpy_pin.gaits.walking.footholds import is_frozen, out_of_reach
+from harpy_pin.gaits.walking.footholds import is_frozen, out_of_reach, widen_stance
 from harpy_pin.gaits.walking.pendulum import nearest_in_hull, predict, stance_points
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
-from harpy_pin.gaits.walking.swinging import lift_foot
+from harpy_pin.gaits.walking.swinging import PEAK, lift_foot
 from harpy_pin.model.state import Vector
 
 EARLIEST = 0.6
@@ -20,9 +20,9 @@ from which on a foot touches, that together say that it rests on the ground. A f
 more than that."""
 LONGEST_WAIT, ON_TERRAIN = 0.5, 1.0
 """How long the next step waits for a foot that has not landed, as a share of a step, and on ground that is not flat."""
-MOST_HASTE, HALVINGS = 2.0, 6
+MOST_HASTE, HALVINGS = 1.6, 6
 """How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
-MISSED = 0.02
+MISSED = 0.01
 """How far from where it must land a foot on a sole may land in time, as a share of the body's height."""
 UNEVEN = 0.03
 """How far from the expected height a foot meets the ground that is uneven there, as a share of the body's height."""
@@ -53,7 +53,7 @@ def go_on(p: WalkingRecord, span: float) -> None:
         if p.groups == 1 or not (pushed or p.always or _commanded(p)):
             return
         p.walking, p.steps = 1, 0
-        set_duration(p)
+        plan_step(p)
         p.phase = p.double_support - (0.0 if pushed else p.start_time / p.step_duration)
         p.swings = _first_group(p)
     p.haste = _haste(p)
@@ -104,7 +104,7 @@ def _haste_on_soles(p: WalkingRecord, left: float) -> float:
         return 1.0
     if is_frozen(p, left / p.haste):
         return p.haste
-    low, high = left / MOST_HASTE, left
+    low, high = min(max(left / MOST_HASTE, _quickest(p)), left), left
     missed = out_of_reach(p, high)
     if missed <= MISSED * p.height:
         return 1.0
@@ -116,6 +116,17 @@ def _haste_on_soles(p: WalkingRecord, left: float) -> float:
         else:
             high = middle
     return float(left / low)
+
+
+@kernel
+def _quickest(p: WalkingRecord) -> float:
+    """Time in which the motors bring the swing foot to its foothold, s."""
+    way = 0.0
+    for k in range(p.group.shape[0]):
+        if p.group[k] == p.swings:
+            x, y = p.foothold[k, 0] - p.measured.place[k, 0], p.foothold[k, 1] - p.measured.place[k, 1]
+            way = max(way, np.hypot(x, y))
+    return float(np.sqrt(PEAK * way / p.swing_acceleration))
 
 
 @kernel
@@ -174,16 +185,19 @@ def _begin_step(p: WalkingRecord) -> None:
     """The next step, or the end of the walk."""
     p.phase = 0.0
     p.steps += 1
-    set_duration(p)
+    plan_step(p)
     p.swings = (p.swings + 1) % p.groups
     if not p.always and _still(p) and _feet_in_place(p) and _beside_feet(p) == 0.0:
         p.walking = 0
 
 
 @kernel
-def set_duration(p: WalkingRecord) -> None:
-    """Duration of the step that begins: so that no foot goes farther than the stride; and the share of it in which the
-    load goes from feet to feet, which is long while the robot walks slowly and undisturbed."""
+def plan_step(p: WalkingRecord) -> None:
+    """Duration of the step that begins, and how far apart soles are in it.
+
+    No foot goes farther than the stride. The share of it in which the load goes from feet to feet is long while the
+    robot walks slowly and undisturbed.
+    """
     speed = foot_speed(p, p.velocity)
     way = speed * p.usual_step
     p.step_duration = p.usual_step * (p.stride / way if way > p.stride else 1.0)
@@ -191,6 +205,8 @@ def set_duration(p: WalkingRecord) -> None:
     fast = min(speed / p.max_speed, 1.0)
     p.double_support = p.slow_double_support + fast * (p.fast_double_support - p.slow_double_support)
     p.load_ramp = p.slow_load_ramp + fast**4 * (p.fast_load_ramp - p.slow_load_ramp)
+    if p.soles and p.sways and p.group.shape[0] == 2:
+        widen_stance(p)
 
 
 @kernel

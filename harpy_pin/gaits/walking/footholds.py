@@ -21,6 +21,8 @@ from harpy_pin.model.state import Vector
 
 APART = 0.4
 """Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
+CLEAR, ROOM = 0.01, 0.015
+"""Least gap between two soles, and how much wider it is planned, m."""
 FROZEN = 0.25
 """Share of a step before its end from which on footholds stay where they are."""
 EARLY_FROZEN = 0.4
@@ -38,7 +40,8 @@ def is_frozen(p: WalkingRecord, left: float) -> bool:
 def out_of_reach(p: WalkingRecord, left: float) -> float:
     """How far the foothold of a step that ends after the time ``left`` would be from where the foot may land, m.
 
-    A robot on soles that has been pushed is balanced by a step at a place that it reaches, or by an earlier one.
+    A robot on soles that has been pushed is balanced by a step at a place that it reaches, or by an earlier one. That
+    soles must not touch does not count here: steps of an ordinary walk would end early.
     """
     x, y = _landing_middle(p, left)
     heading, g, worst = p.path[2], p.swings, 0.0
@@ -47,7 +50,7 @@ def out_of_reach(p: WalkingRecord, left: float) -> float:
         if p.group[k] == g:
             before_x, before_y = p.foothold[k, 0], p.foothold[k, 1]
             p.foothold[k, 0], p.foothold[k, 1] = x, y
-            _keep_apart(p, k, c, s)
+            _keep_apart(p, k, c, s, False)
             _keep_in_reach(p, k, left)
             worst = max(worst, np.hypot(p.foothold[k, 0] - x, p.foothold[k, 1] - y))
             p.foothold[k, 0], p.foothold[k, 1] = before_x, before_y
@@ -70,7 +73,7 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
             p.foothold[k, 0] = x + c * ahead - s * aside
             p.foothold[k, 1] = y + s * ahead + c * aside
             p.foothold[k, 2] = heading
-            _keep_apart(p, k, c, s)
+            _keep_apart(p, k, c, s, p.soles != 0)
             _keep_in_reach(p, k, left)
             if p.steps_over:
                 keep_off_edges(p, k, before_x, before_y, moving)
@@ -137,8 +140,31 @@ def _predict_centre(
 
 
 @kernel
-def _keep_apart(p: WalkingRecord, k: int, c: float, s: float) -> None:
-    """Move a foothold away from the stance feet, along the direction in which they stand apart."""
+def widen_stance(p: WalkingRecord) -> None:
+    """Distance of two soles in the present step: as when standing, or what steps to the side and turns need.
+
+    Every second step to the side brings the feet together by its way, and every second one of a turn turns heels or
+    toes towards each other.
+    """
+    aside = max(abs(p.velocity[1]), abs(p.goal[1])) * p.step_duration
+    turn = 0.5 * max(abs(p.velocity[2]), abs(p.goal[2])) * p.step_duration
+    needed = p.sole[0] * np.sin(turn) + p.sole[1] * np.cos(turn) + aside + CLEAR + ROOM
+    apart = np.hypot(p.nominal[0, 0] - p.nominal[1, 0], p.nominal[0, 1] - p.nominal[1, 1])
+    share = max(needed / apart, 1.0)
+    for k in range(2):
+        for i in range(2):
+            p.middle[p.group[k], i] = share * p.nominal[k, i]
+
+
+@kernel
+def _extent(p: WalkingRecord, turned: float) -> float:
+    """How far a sole reaches from its middle in a direction from which it is turned by an angle, m."""
+    return float(0.5 * (p.sole[0] * abs(np.cos(turned)) + p.sole[1] * abs(np.sin(turned))))
+
+
+@kernel
+def _keep_apart(p: WalkingRecord, k: int, c: float, s: float, soles: bool) -> None:
+    """Move a foothold away from the stance feet, or from their soles, along the direction in which they stand apart."""
     for j in range(p.group.shape[0]):
         if j != k and p.in_air[j] == 0.0:
             ahead, aside = p.nominal[k, 0] - p.nominal[j, 0], p.nominal[k, 1] - p.nominal[j, 1]
@@ -146,9 +172,14 @@ def _keep_apart(p: WalkingRecord, k: int, c: float, s: float) -> None:
             nx, ny = (c * ahead - s * aside) / apart, (s * ahead + c * aside) / apart
             x, y = p.foothold[k, 0] - p.measured.place[j, 0], p.foothold[k, 1] - p.measured.place[j, 1]
             gap = x * nx + y * ny
-            if gap < APART * apart:
-                p.foothold[k, 0] += (APART * apart - gap) * nx
-                p.foothold[k, 1] += (APART * apart - gap) * ny
+            least = APART * apart
+            if soles:
+                away = np.arctan2(ny, nx)
+                own, other = _extent(p, p.foothold[k, 2] - away), _extent(p, p.measured.turned[j] - away)
+                least = max(least, own + other + CLEAR)
+            if gap < least:
+                p.foothold[k, 0] += (least - gap) * nx
+                p.foothold[k, 1] += (least - gap) * ny
 
 
 @kernel

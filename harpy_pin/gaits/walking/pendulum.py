@@ -136,13 +136,20 @@ def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) ->
 
 
 @kernel
+def change_after(p: WalkingRecord, share: float, time: float) -> tuple[float, float]:
+    """Change of the applied velocity after a time, forward and to the left, towards a share of the goal, m/s."""
+    ahead, aside = share * p.goal[0] - p.velocity[0], share * p.goal[1] - p.velocity[1]
+    needed = np.hypot(ahead / p.acceleration[0], aside / p.acceleration[1])
+    share = time / needed if needed > time else 1.0
+    return share * ahead, share * aside
+
+
+@kernel
 def desired_after(p: WalkingRecord, time: float) -> tuple[float, float]:
     """Velocity of the centre of mass that is asked for after a time, m/s: it goes on towards the goal, and turns."""
     u, heading = p.velocity, p.path[2] + time * p.velocity[2]
-    ahead, aside = p.goal[0] - u[0], p.goal[1] - u[1]
-    size, most = np.hypot(ahead, aside), p.acceleration * time
-    share = most / size if size > most else 1.0
-    ahead, aside = u[0] + share * ahead, u[1] + share * aside
+    ahead, aside = change_after(p, 1.0, time)
+    ahead, aside = u[0] + ahead, u[1] + aside
     c, s = np.cos(heading), np.sin(heading)
     return c * ahead - s * aside + p.back[0], s * ahead + c * aside + p.back[1]
 

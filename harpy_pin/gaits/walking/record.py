@@ -47,7 +47,7 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     group: NDArray[np.int64]  # (feet,) in which step of the cycle each foot swings
     groups: int  # steps of a cycle
     nominal: Vector  # (feet, 2) place of each foot about the centre of mass, axes of the heading, m
-    middle: Vector  # (groups, 2) mean of those of a group, m
+    middle: Vector  # (groups, 2) mean of those of a group, m; of soles, of the present step
     sways: int  # 1 where two groups stand apart, so that the body goes to and fro between them
     step_duration: float  # T of the present step, from one touchdown to the next, s
     double_support: float  # share of the present step in which every foot is on the ground
@@ -65,7 +65,7 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     # distance of the centre of mass from a single stance foot on a point at which the next one should land, m
     lean: float
     touch_force: float  # normal force from which on a foot touches the ground, N
-    acceleration: float  # largest change of the applied velocity, m/s²
+    acceleration: Vector  # (2,) largest change of the applied velocity, forward and to the side, m/s²
     turn_acceleration: float  # largest change of the applied turning velocity, rad/s²
     height_range: Vector  # (2,) least and largest change of the height, m
     always: int  # 1 where it steps at zero command, too

@@ -10,7 +10,7 @@ from harpy_pin.gaits.velocity import take_command
 from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
 from harpy_pin.gaits.walking.contacts import go_on, time_left
 from harpy_pin.gaits.walking.footholds import choose_footholds
-from harpy_pin.gaits.walking.pendulum import desired_after, wrapped
+from harpy_pin.gaits.walking.pendulum import change_after, desired_after, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import swing_foot
 
@@ -89,11 +89,9 @@ def _steer(p: WalkingRecord, span: float) -> None:
     """Applied velocity and path after the time ``span``: the velocity follows the goal at bounded acceleration."""
     u = p.velocity
     share = 1.0 if p.walking and p.phase >= 0.0 else 0.0  # it stands until it has shifted its weight
-    dx, dy, dw = share * p.goal[0] - u[0], share * p.goal[1] - u[1], share * p.goal[2] - u[2]
-    size, most = np.hypot(dx, dy), p.acceleration * span
-    share = most / size if size > most else 1.0
+    dx, dy = change_after(p, share, span)
     most = p.turn_acceleration * span
-    dx, dy, dw = share * dx, share * dy, min(max(dw, -most), most)
+    dw = min(max(share * p.goal[2] - u[2], -most), most)
     if span > 0.0:
         p.rate[0], p.rate[1], p.rate[2] = dx / span, dy / span, dw / span
         most = HEIGHT_SPEED * p.height
