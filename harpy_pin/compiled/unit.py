@@ -53,7 +53,7 @@ class Unit:
     helpers: dict[str, str] = field(default_factory=dict)
     results: dict[Tuple, str] = field(default_factory=dict)
     functions: dict[tuple[Any, tuple[Type, ...]], CFunction] = field(default_factory=dict)
-    _names: set[str] = field(default_factory=set)
+    taken: set[str] = field(default_factory=set)  # names that functions have, or must not have
     _under_way: list[Any] = field(default_factory=list)
 
     def function_for(self, kernel: Any, types: tuple[Type, ...]) -> CFunction:
@@ -193,8 +193,8 @@ class Unit:
     def _unique(self, stem: str) -> str:
         stem = f"kernel_{stem}" if stem.startswith("results_") else stem  # those are types
         name, n = stem, 1
-        while name in self._names or name in RESERVED | ELSEWHERE | HELPERS.keys():
+        while name in self.taken or name in RESERVED | ELSEWHERE | HELPERS.keys():
             n += 1
             name = f"{stem}_{n}"
-        self._names.add(name)
+        self.taken.add(name)
         return name

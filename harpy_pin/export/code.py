@@ -73,7 +73,8 @@ def controller_code(what: Exportable, name: str, *, single: bool) -> Code:
 
     Numbers are floats and integers of 32 bits where it is ``single``, otherwise doubles and 64 bits.
     """
-    unit = Unit(single=single, prefix=f"{name}_", own=PORTABLE if single else {})
+    public = {f"{name}_init", f"{name}_step"}
+    unit = Unit(single=single, prefix=f"{name}_", own=PORTABLE if single else {}, taken=public)
     state, target = Struct(what.record.dtype, "state"), Struct(what.target.dtype, "target")
     measured = (Array.packed(REAL, shape) for shape in what.inputs.values())
     step = unit.function_for(what.step, (state, target, *measured))

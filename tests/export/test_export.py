@@ -151,8 +151,8 @@ def test_joint_targets_are_exported(controller, single, tmp_path):
     motion, run = hp.build(scenario), hp.build(scenario).run()
     what = exportable(motion.controller)
     given = record(motion, what)
-    done = write_folder(what, given, tmp_path, name="motors", single=single, readme=False)
-    assert compile_and_run(done, "-O1").stdout == f"all equal: 100 ticks of motors, {done.code.real}\n"
+    done = write_folder(what, given, tmp_path, name="condensed", single=single, readme=False)
+    assert compile_and_run(done, "-O1").stdout == f"all equal: 100 ticks of condensed, {done.code.real}\n"
     assert f"{done.code.real} thrust[6], {done.code.real} joint_position[6]" in done.code.header
     rows = [run[name].reshape(100, -1) for name in ("torque", "thrust", "motor_law")]
     if not single:

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from long import long_but
 from needs import PLANTS, needs_robots
-from walks import path_error, slip_per_step, walk
+from walks import gap_of_soles, path_error, slip_per_step, walk
 
 import harpy_pin as hp
 from harpy_pin.gaits.on_terrain import OnTerrain
@@ -18,6 +18,7 @@ from harpy_pin.ground.terrain import HeightField, Plane, Stairs
 
 PUSHES = [((0.6, 0.0),), ((-0.6, 0.0),), ((0.0, 0.6),), ((0.0, -0.6),)]
 """Velocities that pushes would give, m/s."""
+ON_SOLES = long_but(("talos", "icub", "g1"), ("talos",))
 
 
 @needs_robots
@@ -221,7 +222,7 @@ def test_bumps_of_one_centimetre_that_it_does_not_know(name, seed):
 
 
 @needs_robots
-@pytest.mark.parametrize("name", long_but(("talos", "icub", "g1"), ("talos",)))
+@pytest.mark.parametrize("name", ON_SOLES)
 def test_humanoids_walk_on_their_soles_and_stop(name):
     """As fast as commanded and where commanded, with joints in their ranges; a step ends when its foot lands.
 
@@ -242,6 +243,35 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
     beyond = np.maximum(robot.model.lowerPositionLimit - run["q"], run["q"] - robot.model.upperPositionLimit)
     assert beyond[:, 7:].max() < 0.05
     assert not gait.walking
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ON_SOLES)
+def test_soles_stay_apart_in_turns_and_steps_to_the_side(name):
+    """Forward in a turn, sideways, back the other way at once, turning alone, and standing at the end."""
+    robot, speed = hp.load_robot(name), 0.5 * hp.WalkingGait(hp.load_robot(name)).max_speed
+    rows = ((0.3, speed, 0, 0.6), (2.0, 0, speed, 0), (3.5, 0, -speed, 0.3), (5.0, 0, 0, -1.0), (6.0, 0, 0, 0))
+    with pytest.warns(UserWarning, match="limited to"):  # sideways
+        gait = hp.WalkingGait(robot, velocity=rows)
+    run = walk(gait, duration=8.0)
+    assert run.ending == "completed"
+    assert gap_of_soles(run, robot) > 0.005
+    assert slip_per_step(run) < 2.0
+    assert path_error(run) < 0.05
+    assert not gait.walking
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ON_SOLES)
+def test_a_pushed_humanoid_hardly_steps_on_its_own_foot(name):
+    """Pushed to the side of the foot on which it stands, where the other one cannot go."""
+    robot = hp.load_robot(name)
+    for quarter in range(4):
+        gait = hp.WalkingGait(robot, "step")
+        time = round(2.0 + 0.25 * quarter * gait.step_duration, 3)
+        run = walk(gait, pushes=((time, (0.0, -0.4, 0.0)),), duration=time + 2.0)
+        assert run.ending == "completed"
+        assert gap_of_soles(run, robot) > -0.02
 
 
 @needs_robots

@@ -70,6 +70,26 @@ def path_error(run):
     return np.sqrt(np.mean(np.sum((run["centre"][:, :2] - run["path"][:, :2]) ** 2, axis=1)))
 
 
+def gap_of_soles(run, robot):
+    """Least distance of two rectangular soles seen from above in a walk, m; negative where they overlap.
+
+    Two rectangles are apart along the normal of one of their edges, or not at all.
+    """
+    model, data, least = robot.model, robot.model.createData(), np.inf
+    for q in run["q"][::5]:
+        pin.framesForwardKinematics(model, data, q)
+        corner = np.array([data.oMf[robot.frame_id(name)].translation[:2] for name in robot.feet]).reshape(2, 4, 2)
+        apart = -np.inf
+        for sole in corner:
+            sides = sole[1:] - sole[0]
+            for side in sides[np.argsort(np.linalg.norm(sides, axis=1))[:2]]:
+                normal = np.array((-side[1], side[0])) / np.linalg.norm(side)
+                one, other = corner @ normal
+                apart = max(apart, other.min() - one.max(), one.min() - other.max())
+        least = min(least, apart)
+    return least
+
+
 def made_state(gait, *, force=0.0, height=0.0):
     """The posture with a force on every foot, N, and the body higher than it stands, m."""
     q, v = gait.initial_state()

@@ -24,8 +24,9 @@ MOST_HASTE, HALVINGS = 1.6, 6
 """How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
 MISSED = 0.01
 """How far from where it must land a foot on a sole may land in time, as a share of the body's height."""
-UNEVEN = 0.03
-"""How far from the expected height a foot meets the ground that is uneven there, as a share of the body's height."""
+UNEVEN, SOLE_UNEVEN = 0.03, 0.01
+"""How far from the expected height a point and a sole meet ground that is uneven there, as a share of the body's
+height: a sole that lands late spoils the sway."""
 AVERAGED, SETTLING, PRESSED = 0.05, 0.1, 0.7
 """Time over which height and load of a foot that has landed are averaged, and after which they say where the ground is,
 in steps; and the load from which on they do, as a share of that from which on it touches."""
@@ -173,7 +174,7 @@ def _feel_ground(p: WalkingRecord, k: int, span: float) -> None:
     if p.since[k] < SETTLING * p.usual_step or p.pressed[k] < PRESSED * p.touch_force:
         return
     p.settled[k] = 1.0
-    if abs(p.rest[k] - p.felt[k]) > UNEVEN * p.height:
+    if abs(p.rest[k] - p.felt[k]) > (SOLE_UNEVEN if p.soles else UNEVEN) * p.height:
         p.felt[k] = p.rest[k]
     p.touched[k] = p.felt[k]
     if p.felt[k] != 0.0 or (p.rest[k] > 0.0 and not p.soles):
