@@ -16,6 +16,7 @@ from walks import made_state, walk
 
 import harpy_pin as hp
 from harpy_pin.gaits.walking.build import draw_together
+from harpy_pin.gaits.walking.footholds import widen_stance
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, predict, toward
 
@@ -146,6 +147,29 @@ def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
     assert run.ending == "completed"
     most = np.hypot(run["applied_velocity"][:, 0], run["applied_velocity"][:, 1])
     assert most.max() <= p["max_speed"] + 1e-9
+
+
+@needs_robots
+@given(aside=st.floats(-0.4, 0.4), turn=st.floats(-2.0, 2.0), step=st.floats(0.2, 0.6))
+@settings(max_examples=50, deadline=None)
+def test_soles_are_planned_apart(aside, turn, step):
+    """Where a step to the side has brought them together and a turn has turned them towards each other."""
+    gait = hp.WalkingGait(hp.load_robot("talos"))
+    p = gait._record_[0]
+    places = p["middle"].copy()
+    p["velocity"][1], p["goal"][2], p["step_duration"] = aside, turn, step
+    widen_stance.python(gait._record_)
+    apart, usual = (float(np.ptp(place[:, 1])) for place in (p["middle"], places))
+    assert apart >= usual
+    (length, width), corner = p["sole"], np.array(((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)))
+
+    def sole(side):
+        c, s = np.cos(side * 0.5 * turn * step), np.sin(side * 0.5 * turn * step)
+        own = 0.5 * corner * (length, width) @ ((c, s), (-s, c))
+        return own[:, 1] + 0.5 * side * (apart - abs(aside) * step)
+
+    gap = sole(1.0).min() - sole(-1.0).max()
+    assert gap == pytest.approx(0.025) if apart > usual else gap > 0.025
 
 
 @needs_robots

@@ -208,6 +208,23 @@ def test_a_step_of_two_centimetres_that_it_does_not_know(name, rise):
 
 
 @needs_robots
+@pytest.mark.parametrize("rise", [0.02, -0.02])
+@pytest.mark.parametrize("name", ON_SOLES)
+def test_soles_feel_two_centimetres_that_they_do_not_know(name, rise):
+    """The body goes with the ground, so that no step is late; soles stand across the edge, which is a short ramp."""
+    gait = hp.WalkingGait(hp.load_robot(name), velocity=(0.25, 0.0, 0.0))
+    stairs = Stairs(rise=rise, steps=1, depth=5.0, start=0.4, edge=0.05)
+    run = walk(OnTerrain(gait, Plane(slope=0.0)), terrain=stairs, duration=5.0)
+    assert run.ending == "completed"
+    assert hp.measure(run).tilt_max_rad < 0.1
+    np.testing.assert_allclose(gait.record["felt"][0], rise, atol=0.008)
+    assert run["centre"][-1, 0] > 0.9
+    assert path_error(run) < 0.06
+    late = run["phase"][run["t"] > 4.0].max()
+    assert late < 1.1
+
+
+@needs_robots
 @pytest.mark.parametrize("name", ["solo12", "bolt"])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_bumps_of_one_centimetre_that_it_does_not_know(name, seed):

@@ -70,24 +70,25 @@ def path_error(run):
     return np.sqrt(np.mean(np.sum((run["centre"][:, :2] - run["path"][:, :2]) ** 2, axis=1)))
 
 
-def gap_of_soles(run, robot):
-    """Least distance of two rectangular soles seen from above in a walk, m; negative where they overlap.
+def gap_of_rectangles(corner):
+    """Distance along an edge's normal of two rectangles with these (2, 4, 2) corners, m; negative if they overlap."""
+    apart = -np.inf
+    for rectangle in corner:
+        sides = rectangle[1:] - rectangle[0]
+        for side in sides[np.argsort(np.linalg.norm(sides, axis=1))[:2]]:
+            one, other = corner @ np.array((-side[1], side[0])) / np.linalg.norm(side)
+            apart = max(apart, other.min() - one.max(), one.min() - other.max())
+    return apart
 
-    Two rectangles are apart along the normal of one of their edges, or not at all.
-    """
-    model, data, least = robot.model, robot.model.createData(), np.inf
+
+def gap_of_soles(run, robot):
+    """Least distance of two soles seen from above in a walk, m."""
+    model, data, gaps = robot.model, robot.model.createData(), []
     for q in run["q"][::5]:
         pin.framesForwardKinematics(model, data, q)
-        corner = np.array([data.oMf[robot.frame_id(name)].translation[:2] for name in robot.feet]).reshape(2, 4, 2)
-        apart = -np.inf
-        for sole in corner:
-            sides = sole[1:] - sole[0]
-            for side in sides[np.argsort(np.linalg.norm(sides, axis=1))[:2]]:
-                normal = np.array((-side[1], side[0])) / np.linalg.norm(side)
-                one, other = corner @ normal
-                apart = max(apart, other.min() - one.max(), one.min() - other.max())
-        least = min(least, apart)
-    return least
+        corner = np.array([data.oMf[robot.frame_id(name)].translation[:2] for name in robot.feet])
+        gaps.append(gap_of_rectangles(corner.reshape(2, 4, 2)))
+    return min(gaps)
 
 
 def made_state(gait, *, force=0.0, height=0.0):
