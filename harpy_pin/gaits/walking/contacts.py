@@ -20,8 +20,9 @@ from which on a foot touches, that together say that it rests on the ground. A f
 more than that."""
 LONGEST_WAIT, ON_TERRAIN = 0.5, 1.0
 """How long the next step waits for a foot that has not landed, as a share of a step, and on ground that is not flat."""
-MOST_HASTE, HALVINGS = 1.6, 6
-"""How much faster than its clock a step goes on at most, and halvings of the range of the time that is left."""
+MOST_HASTE, SOLE_HASTE, HALVINGS = 2.0, 1.6, 6
+"""How much faster than its clock a step goes on at most, on points and on soles, and halvings of the range of the time
+that is left."""
 MISSED = 0.01
 """How far from where it must land a foot on a sole may land in time, as a share of the body's height."""
 UNEVEN, SOLE_UNEVEN = 0.03, 0.01
@@ -78,45 +79,40 @@ def time_left(p: WalkingRecord) -> float:
 
 @kernel
 def _haste(p: WalkingRecord) -> float:
-    """How much faster than its clock a step goes on, so that the body does not lean too far from a stance foot
-    alone: beyond, the ground would have to hold more than it can."""
+    """How much faster than its clock a step goes on.
+
+    On points so that the body does not lean too far from a stance foot alone: beyond, the ground would have to hold
+    more than it can. On soles so that the foot lands while the place where it must land is in reach.
+    """
     left = max(1.0 - p.phase, 0.0) * p.step_duration
     if p.soles:
-        return _haste_on_soles(p, left)
-    stance, m = np.empty((p.measured.point.shape[0], 2)), p.measured
-    if p.lean == np.inf or left == 0.0 or stance_points(p, p.swings, 0.0, stance) != 1:
+        if p.phase < 0.0 or p.steps_over:
+            return 1.0
+        if is_frozen(p, left / p.haste):
+            return p.haste
+    elif p.lean == np.inf or left == 0.0:
         return 1.0
-    low, high = left / MOST_HASTE, left
-    if _lean_after(m, stance[0], p.omega, high) <= p.lean:
+    low, high = min(max(left / SOLE_HASTE, _quickest(p)), left) if p.soles else left / MOST_HASTE, left
+    if not _too_late(p, high):
         return 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _lean_after(m, stance[0], p.omega, middle) <= p.lean:
-            low = middle
-        else:
+        if _too_late(p, middle):
             high = middle
+        else:
+            low = middle
     return float(left / low)
 
 
 @kernel
-def _haste_on_soles(p: WalkingRecord, left: float) -> float:
-    """How much faster a step goes on so that the foot lands while the place where it must land is in reach."""
-    if p.phase < 0.0 or p.steps_over:
-        return 1.0
-    if is_frozen(p, left / p.haste):
-        return p.haste
-    low, high = min(max(left / MOST_HASTE, _quickest(p)), left), left
-    missed = out_of_reach(p, high)
-    if missed <= MISSED * p.height:
-        return 1.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        missed = out_of_reach(p, middle)
-        if missed <= MISSED * p.height:
-            low = middle
-        else:
-            high = middle
-    return float(left / low)
+def _too_late(p: WalkingRecord, time: float) -> bool:
+    """Whether a step that ends after this time no longer helps."""
+    if p.soles:
+        missed = out_of_reach(p, time)
+        return missed > MISSED * p.height
+    stance = np.empty((p.measured.point.shape[0], 2))
+    count = stance_points(p, p.swings, 0.0, stance)
+    return count == 1 and _lean_after(p.measured, stance[0], p.omega, time) > p.lean
 
 
 @kernel
