@@ -110,7 +110,7 @@ class RobotEnv(gymnasium.Env[Numbers, Numbers]):
         s = self.scenario
         schedule = s.gait.schedule if isinstance(s.gait, WalkingPart) else None
         self.gait = WalkingGait(self.robot, schedule)
-        self._top = np.array([*[self.gait.max_speed] * 2, TURN])
+        self._top = np.array([self.gait.max_speed, self.gait.max_aside, TURN])
         self._ends = _velocity_ends(velocity, ASKED * self._top)
         self._reward = make_reward(reward)
         self._drives = action == "velocity"

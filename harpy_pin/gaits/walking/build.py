@@ -71,7 +71,7 @@ class Build:
     reach: float  # largest horizontal distance of a foot from its hip, m
     hip: float  # height of the hips above the feet, of four legs and of soles, m
     beside: Vector  # (feet,) how far each foot is to the left of the axis about which its leg swings sideways, m
-    swing_acceleration: float  # largest horizontal one that the motors of the weakest leg's hip alone give a foot, m/s²
+    swing_acceleration: float  # largest horizontal one that the weakest motor of a hip alone gives a foot, m/s²
     # (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's angular momentum
     # about the ground, forward and to the left
     reaction: Vector
@@ -109,8 +109,9 @@ def build_of(robot: Robot, q: Vector) -> Build:
         hips.append(float(points[0][2] - place[k, 2]))
         if len(robot.corners) == 4 and len(chain) > len(joints):
             beside[k] = place[k, 1] + q[1] - data.oMi[chain[0]].translation[1]
-        column = model.joints[joints[0]].idx_v
-        swings.append(float(hips[-1] * (model.effortLimit[column] or inf) / inertia[column, column]))
+        for joint in joints[:1] if robot.corners[k] == 1 else chain[:-3]:  # the hip's pitch; on soles its roll, too
+            column, arm = model.joints[joint].idx_v, float(data.oMi[joint].translation[2] - q[2] - place[k, 2])
+            swings.append(arm * (model.effortLimit[column] or inf) / float(inertia[column, column]))
     leg, hip = min(legs), max(hips)
     bent, stretched = (SOLE_BENT, SOLE_STRETCHED) if robot.flat_feet else (BENT, STRETCHED)
     lower = max(hip - bent * leg, 0.0)  # than the posture, where its legs would be almost stretched

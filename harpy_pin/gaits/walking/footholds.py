@@ -21,8 +21,8 @@ from harpy_pin.model.state import Vector
 
 APART = 0.4
 """Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
-CLEAR, ROOM = 0.01, 0.015
-"""Least gap between two soles, and how much wider it is planned, m."""
+CLEAR = 0.01
+"""Least gap between two soles, m."""
 FROZEN = 0.25
 """Share of a step before its end from which on footholds stay where they are."""
 EARLY_FROZEN = 0.4
@@ -68,7 +68,7 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
     g, moving = p.swings, left < (1.0 - ACROSS) * (1.0 - p.double_support) * p.step_duration
     for k in range(p.group.shape[0]):
         if p.group[k] == g:
-            ahead, aside = p.nominal[k, 0] - p.middle[g, 0], p.nominal[k, 1] - p.middle[g, 1]
+            ahead, aside = p.spread[k, 0], p.spread[k, 1]
             before_x, before_y = p.foothold[k, 0], p.foothold[k, 1]
             p.foothold[k, 0] = x + c * ahead - s * aside
             p.foothold[k, 1] = y + s * ahead + c * aside
@@ -146,9 +146,10 @@ def widen_stance(p: WalkingRecord) -> None:
     Every second step to the side brings the feet together by its way, and every second one of a turn turns heels or
     toes towards each other.
     """
-    aside = max(abs(p.velocity[1]), abs(p.goal[1])) * p.step_duration
-    turn = 0.5 * max(abs(p.velocity[2]), abs(p.goal[2])) * p.step_duration
-    needed = p.sole[0] * np.sin(turn) + p.sole[1] * np.cos(turn) + aside + CLEAR + ROOM
+    duration = real_duration(p)
+    aside = max(abs(p.velocity[1]), abs(p.goal[1])) * duration
+    turn = 0.5 * max(abs(p.velocity[2]), abs(p.goal[2])) * duration
+    needed = p.sole[0] * np.sin(turn) + p.sole[1] * np.cos(turn) + aside + CLEAR
     apart = np.hypot(p.nominal[0, 0] - p.nominal[1, 0], p.nominal[0, 1] - p.nominal[1, 1])
     share = max(needed / apart, 1.0)
     for k in range(2):

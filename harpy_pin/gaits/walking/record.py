@@ -47,6 +47,7 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     group: NDArray[np.int64]  # (feet,) in which step of the cycle each foot swings
     groups: int  # steps of a cycle
     nominal: Vector  # (feet, 2) place of each foot about the centre of mass, axes of the heading, m
+    spread: Vector  # (feet, 2) that about the mean of its group, m
     middle: Vector  # (groups, 2) mean of those of a group, m; of soles, of the present step
     sways: int  # 1 where two groups stand apart, so that the body goes to and fro between them
     step_duration: float  # T of the present step, from one touchdown to the next, s

@@ -16,7 +16,7 @@ from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
 from harpy_pin.gaits.standing import GRAVITY, Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity
 from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of, pace_of
-from harpy_pin.gaits.walking.footholds import APART, CLEAR, ROOM
+from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
@@ -33,10 +33,10 @@ FULL_GRIP = 0.6
 """Friction coefficient from which on a robot on soles walks at its largest speed; below, at a share of it."""
 SLIPPERY, FIRM = 0.1, 0.2
 """Friction coefficients between which a robot on soles steps more and more as on firm ground. Where it is slippery its
-feet stand as close to each other as soles may, so that it sways less. They hand over the load quickly, because that is
-when they slip."""
-SWIFT = 0.05
-"""There: share of a step in which both are on the ground."""
+feet stand close to each other, so that it sways less. They hand over the load quickly, because that is when they
+slip."""
+CLOSE, SWIFT = 0.025, 0.05
+"""There: distance between the two soles, m, and share of a step in which both are on the ground."""
 START = 1.6
 """Time for which it stands on every foot before the first step, in √(leg / g)."""
 CLEARANCE = 0.075
@@ -45,9 +45,11 @@ OFFSET = 0.0015
 """How much deeper than the ground a swing foot aims, m."""
 ACCELERATION, TURN_ACCELERATION = 1.0, 3.0
 """Largest change of the applied velocity, m/s², and so of its direction in a turn; and of the turning one, rad/s²."""
-ASIDE, SHIFT = 0.45, 0.012
-"""On soles: largest velocity sideways, as a share of the largest one, and how far a change of velocity to the side may
-move a foothold towards the other foot, m: beyond, it would have to land on that."""
+ASIDE, SHIFT = 0.117, 0.012
+"""On two soles: largest velocity sideways, in √(g leg), and how far a change of velocity to the side may move a
+foothold towards the other foot, m: beyond, it would have to land on that."""
+MOST_TURN = 2.0
+"""Largest turning velocity, rad/s."""
 SWAY = 0.01
 """Distance of two groups of feet below which the body does not sway between them, in heights of the centre of mass."""
 LEAN, STEEPEST = 0.45, 0.5
@@ -168,9 +170,13 @@ class WalkingGait(FollowsVelocity):
         groups, gentle = int(group.max()) + 1, pace.gentle
         balances = feet == 2 and not soles and groups == 2
         sways = groups == 2 and draw_together(nominal, group, build.narrow) > SWAY * build.rise
-        max_aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.usual_step
         known, omega = {**vars(build), **vars(pace)}, float(np.sqrt(GRAVITY / build.rise))
-        aside = SHIFT * float(np.expm1(omega * pace.usual_step)) / pace.usual_step**2 if soles else ACCELERATION
+        max_aside, aside = np.inf, ACCELERATION
+        if balances:
+            max_aside = (1.0 - APART) * float(np.ptp(nominal[:, 1])) / pace.usual_step
+        elif feet == 2 and groups == 2:
+            max_aside = ASIDE * float(np.sqrt(GRAVITY * build.leg))
+            aside = SHIFT * float(np.expm1(omega * pace.usual_step)) / pace.usual_step**2
         if balances:
             known["reach"] = min(build.reach, STEEPEST * build.rise)
         return make_record(
@@ -187,7 +193,8 @@ class WalkingGait(FollowsVelocity):
             group=group,
             groups=np.int64(groups),
             nominal=nominal,
-            middle=np.array([nominal[group == g].mean(axis=0) for g in range(groups)]),
+            middle=(middle := np.array([nominal[group == g].mean(axis=0) for g in range(groups)])),
+            spread=nominal - middle[group],
             sways=np.int64(sways),
             step_duration=pace.usual_step,
             double_support=pace.slow_double_support,
@@ -199,11 +206,11 @@ class WalkingGait(FollowsVelocity):
             omega=omega,
             arrives=1.0 - SETTLE if soles else (NEAR if gentle else STRAIGHT_NEAR) if feet == 4 else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
-            max_aside=ASIDE * pace.max_speed if soles else max_aside if balances else np.inf,
+            max_aside=max_aside,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),
             acceleration=np.array((ACCELERATION, aside)),
             turn_acceleration=TURN_ACCELERATION,
-            max_turn=2.0,
+            max_turn=MOST_TURN,
             max_bend=aside,
             radius=np.hypot(*nominal.T).max(),
             height_range=np.array((-0.2, 0.05)) * build.height,
@@ -249,24 +256,34 @@ class WalkingGait(FollowsVelocity):
         """Largest velocity of a foot's place, m/s: a command beyond it is scaled down."""
         return float(self._record_["max_speed"][0])
 
-    def expect_friction(self, mu: float) -> None:
-        """See :class:`~harpy_pin.gaits.gait.Gait`: on soles the largest speed falls with it, if none was given.
+    @property
+    def max_aside(self) -> float:
+        """Largest velocity sideways, m/s."""
+        return float(min(self._record_["max_speed"][0], self._record_["max_aside"][0]))
 
-        Below :data:`FIRM` steps change, too.
+    def expect_friction(self, mu: float) -> None:
+        """See :class:`~harpy_pin.gaits.gait.Gait`: on soles the largest velocities fall with it.
+
+        A speed that was given stays. Below :data:`FIRM` steps change, too.
         """
         if not self.robot.flat_feet:
             return
         r, build, pace = self._record_, self._build, self._pace
+        share = min(mu / FULL_GRIP, 1.0)
         if not self._chosen_speed:
-            r["max_speed"] = pace.max_speed * min(mu / FULL_GRIP, 1.0)
-            r["max_aside"] = ASIDE * r["max_speed"]
+            r["max_speed"] = pace.max_speed * share
+        if r["max_aside"][0] < np.inf:
+            r["max_aside"] = share * ASIDE * np.sqrt(GRAVITY * build.leg)
+        r["max_turn"] = share * MOST_TURN
         if r["sways"][0]:
             grip, group = min(max((mu - SLIPPERY) / (FIRM - SLIPPERY), 0.0), 1.0), r["group"][0]
             nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
             apart = draw_together(nominal, group, build.narrow)
-            close = CLEAR + ROOM + float(build.sole[1])
+            close = CLOSE + float(build.sole[1])
             draw_together(nominal, group, apart - (1.0 - grip) * max(apart - close, 0.0))
-            r["nominal"], r["middle"] = nominal, [nominal[group == g].mean(axis=0) for g in range(2)]
+            r["nominal"] = nominal
+            if len(nominal) > 2 or not self.walking:  # two soles take theirs with their next step
+                r["middle"] = [nominal[group == g].mean(axis=0) for g in range(2)]
             for name in ("slow_double_support", "fast_double_support"):
                 r[name] = SWIFT + grip * (getattr(pace, name) - SWIFT)
 

@@ -171,7 +171,7 @@ class DriveRanges:
         if is_harpy(robot):
             return cls()
         gait = WalkingGait(robot)
-        speed = min(np.floor(20.0 * gait.max_speed) / 20.0, MAX_SPEED)
+        forward, sideways = (min(np.floor(20.0 * v) / 20.0, MAX_SPEED) for v in (gait.max_speed, gait.max_aside))
         low, high = (round(float(end), 2) for end in gait._record_["height_range"][0])
         usual = walking_stiffness(robot)
         share = max(robot.mass / 4.0, 1.0)  # beside the mass of Harpy, kg
@@ -179,8 +179,8 @@ class DriveRanges:
         return cls(
             controllers=tuple(name for name, one in CONTROLLERS.items() if one.name != "governed"),
             schedules=_schedules(robot),
-            forward=float(speed),
-            sideways=float(speed),
+            forward=float(forward),
+            sideways=float(sideways),
             stiffness=(0.05 * usual, 5.0 * usual),
             height=(low, high),
             impulse=round(30.0 * share),
