@@ -266,16 +266,36 @@ def test_humanoids_walk_on_their_soles_and_stop(name):
 @pytest.mark.parametrize("name", ON_SOLES)
 def test_soles_stay_apart_in_turns_and_steps_to_the_side(name):
     """Forward in a turn, sideways, back the other way at once, turning alone, and standing at the end."""
-    robot, speed = hp.load_robot(name), 0.5 * hp.WalkingGait(hp.load_robot(name)).max_speed
-    rows = ((0.3, speed, 0, 0.6), (2.0, 0, speed, 0), (3.5, 0, -speed, 0.3), (5.0, 0, 0, -1.0), (6.0, 0, 0, 0))
-    with pytest.warns(UserWarning, match="limited to"):  # sideways
-        gait = hp.WalkingGait(robot, velocity=rows)
+    robot, gait = hp.load_robot(name), hp.WalkingGait(hp.load_robot(name))
+    speed, aside = 0.5 * gait.max_speed, gait.max_aside
+    rows = ((0.3, speed, 0, 0.5), (2.0, 0, aside, 0), (3.5, 0, -aside, 0.3), (5.0, 0, 0, -1.0), (6.0, 0, 0, 0))
+    gait = hp.WalkingGait(robot, velocity=rows)
     run = walk(gait, duration=8.0)
     assert run.ending == "completed"
-    assert gap_of_soles(run, robot) > 0.005
+    assert gap_of_soles(run, robot) > 0.009
     assert slip_per_step(run) < 2.0
     assert path_error(run) < 0.05
     assert not gait.walking
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ON_SOLES)
+def test_steps_to_the_side_are_as_wide_as_planned(name):
+    """Nothing has to hold the soles apart, and no step hastens once its foot is in the air."""
+    robot, seen = hp.load_robot(name), []
+    gait = hp.WalkingGait(robot, velocity=(0.0, 0.8 * hp.WalkingGait(robot).max_aside, 0.0))
+    p = gait.record[0]
+
+    def see(_):
+        swings = p["in_air"].any() and p["phase"] > 0.25
+        seen.append((p["haste"], np.ptp(p["middle"][:, 1]), np.ptp(p["measured"]["place"][:, 1]), swings))
+
+    run = walk(gait, duration=5.0, on_tick=see)
+    haste, planned, apart, swings = np.array(seen, dtype=float)[2500:].T
+    assert haste[swings == 1.0].max() == 1.0
+    down = (run["stance"][2500:] == 1.0).all(axis=1)
+    assert planned.mean() < 0.5 * (apart[down].min() + apart[down].max()) < planned.mean() + 0.03
+    assert np.ptp(apart[down]) > 1.5 * gait.step_duration * run["applied_velocity"][-1, 1]
 
 
 @needs_robots

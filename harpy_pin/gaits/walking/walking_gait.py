@@ -89,7 +89,7 @@ class WalkingGait(FollowsVelocity):
 
     The command is (forward, to the left, turning to the left), in m/s and rad/s, in the frame of the heading, and may
     have a change of the body's height, m, as its fourth number. Change it at any tick: ``gait.command[:3] = (0.3, 0,
-    0)``. One beyond what the legs reach is scaled down as a whole; one that is not finite is ignored, and the last
+    0)``. One beyond what the robot can do is scaled down as a whole; one that is not finite is ignored, and the last
     finite command is kept. At zero command the robot stops and stands; it steps when it is pushed so far that its
     capture point leaves the feet. A robot on two point feet cannot stand, and steps all the time; its heading is the
     measured one, because point feet hold nothing about the vertical.
