@@ -109,7 +109,8 @@ def build_of(robot: Robot, q: Vector) -> Build:
         hips.append(float(points[0][2] - place[k, 2]))
         if len(robot.corners) == 4 and len(chain) > len(joints):
             beside[k] = place[k, 1] + q[1] - data.oMi[chain[0]].translation[1]
-        for joint in joints[:1] if robot.corners[k] == 1 else chain[:-3]:  # the hip's pitch; on soles its roll, too
+        hip_joints = joints[:1] if robot.corners[k] == 1 else chain[: max(len(chain) - 3, 1)]  # on soles the roll, too
+        for joint in hip_joints:
             column, arm = model.joints[joint].idx_v, float(data.oMi[joint].translation[2] - q[2] - place[k, 2])
             swings.append(arm * (model.effortLimit[column] or inf) / float(inertia[column, column]))
     leg, hip = min(legs), max(hips)
