@@ -8,6 +8,7 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
+from harpy_pin.simulation.sensing import EstimatedState
 from harpy_pin.view.live.live_session import PERIOD, LiveSession
 from harpy_pin.view.live.settings import LiveSettings
 
@@ -33,6 +34,12 @@ def test_driven_on_the_estimate(robot: hp.Robot) -> None:
     assert not walk(session, 0.5).ending
 
 
+def estimator_of(session: LiveSession) -> hp.Estimator:
+    """What the controller gets its state from."""
+    assert isinstance(session._sensors, EstimatedState)
+    return session._sensors.estimator
+
+
 def headings(session: LiveSession) -> tuple[float, float]:
     """Heading of the robot, and the estimate of it, rad."""
     poses = session.simulator.q, np.asarray(session.signals["estimated_q"])
@@ -47,18 +54,19 @@ def test_changes_leave_the_estimate_alone() -> None:
     session.change({"state": "estimated"})
     q = session.simulator.q.copy()
     q[3:7] = (pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3)) * pin.Quaternion(q[3:7])).coeffs()
-    session._sensors.estimator.reset(q)  # type: ignore[union-attr]
+    estimator_of(session).reset(q)
     walk(walk(session, 1.0), 1.0)
     heading, estimated = headings(session)
     assert estimated - heading == pytest.approx(0.3, abs=0.01)
     for change in ({"slope": 0.05}, {"controller": "wbc"}, {"controller": "condensed"}):
         session.change(change)
         walk(session, 0.05)
-        assert session._sensors.estimator.probability.min() > 0.9  # type: ignore[union-attr]
+        assert estimator_of(session).probability.min() > 0.9
     for schedule in ("crawl", "pace", "trot"):
         session.change({"schedule": schedule})
         walk(session, 0.5)
-        assert session.gait.schedule == schedule  # type: ignore[union-attr]
+        assert isinstance(session.gait, hp.WalkingGait)
+        assert session.gait.schedule == schedule
     true, estimated = headings(session)
     assert estimated - true == pytest.approx(0.3, abs=0.01)
     assert true == pytest.approx(heading, abs=0.05)

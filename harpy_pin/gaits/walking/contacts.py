@@ -92,9 +92,9 @@ def _haste(p: WalkingRecord) -> float:
             return p.haste
     elif p.lean == np.inf or left == 0.0:
         return 1.0
-    low, high = min(max(left / SOLE_HASTE, _quickest(p)), left) if p.soles else left / MOST_HASTE, left
-    if not _too_late(p, high):
+    if not _too_late(p, left):
         return 1.0
+    low, high = min(max(left / SOLE_HASTE, _quickest(p)), left) if p.soles else left / MOST_HASTE, left
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         if _too_late(p, middle):

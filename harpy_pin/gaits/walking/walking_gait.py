@@ -177,6 +177,7 @@ class WalkingGait(FollowsVelocity):
         elif feet == 2 and groups == 2:
             max_aside = ASIDE * float(np.sqrt(GRAVITY * build.leg))
             aside = SHIFT * float(np.expm1(omega * pace.usual_step)) / pace.usual_step**2
+        self._max_aside = max_aside  # on firm ground
         if balances:
             known["reach"] = min(build.reach, STEEPEST * build.rise)
         return make_record(
@@ -272,9 +273,7 @@ class WalkingGait(FollowsVelocity):
         share = min(mu / FULL_GRIP, 1.0)
         if not self._chosen_speed:
             r["max_speed"] = pace.max_speed * share
-        if r["max_aside"][0] < np.inf:
-            r["max_aside"] = share * ASIDE * np.sqrt(GRAVITY * build.leg)
-        r["max_turn"] = share * MOST_TURN
+        r["max_aside"], r["max_turn"] = share * self._max_aside, share * MOST_TURN
         if r["sways"][0]:
             grip, group = min(max((mu - SLIPPERY) / (FIRM - SLIPPERY), 0.0), 1.0), r["group"][0]
             nominal = build.place[:, :2] - build.place[:, :2].mean(axis=0)
