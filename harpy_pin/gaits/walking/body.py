@@ -15,6 +15,7 @@ from harpy_pin.gaits.walking.pendulum import (
     stance_points,
 )
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.rolling import is_lifted, lift_rolling, tip
 from harpy_pin.gaits.walking.swinging import DESCENT
 
 VELOCITY_GAIN = 1.1
@@ -219,6 +220,7 @@ def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
     acceleration[0] = swing[2, 0] - bend * y - turn * turn * x
     acceleration[1] = swing[2, 1] + bend * x - turn * turn * y
     acceleration[2] = z[2]
+    tip(p, o, n, swing[0, 2])
     for i in range(3):
         place[i] -= o.body[i]
         velocity[i] -= o.body[3 + i]
@@ -239,6 +241,8 @@ def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
     o.foot_velocity[n, 2] -= DESCENT
     o.ground_height[n] = p.touched[k]
     o.stance[n], o.phase[n], o.load[n] = 1.0, 0.5, _share_of_load(p, k)
+    if is_lifted(p, n):
+        lift_rolling(p, o, n)
 
 
 @kernel

@@ -36,10 +36,10 @@ BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
 SLOW_BOTH = 0.2
 """This share on four feet that hardly walk: soft ground hardly moves feet to which the load goes over slowly."""
-SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.26
+SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.35
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on soles."""
-LEFT = 0.75
+LEFT, KNEE = 0.75, 0.68
 """Share that is used of the reach that is left where feet are drawn together: a stretched leg cannot push."""
 MOST_PUSH, FREE_PUSH = 0.25, 0.22
 """Largest acceleration of the body by legs that are swung, as a share of gravity; and that from which on their motors,
@@ -75,6 +75,7 @@ class Build:
     # (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's angular momentum
     # about the ground, forward and to the left
     reaction: Vector
+    knee: float  # share of the torque of a knee that holds the weight on one sole; zero on points
     narrow: float  # largest distance of the two groups of feet between which the body sways, m
     sole: Vector  # (2,) length and width of the largest sole; zero of points, m
 
@@ -100,11 +101,12 @@ def build_of(robot: Robot, q: Vector) -> Build:
     foot = np.repeat(np.arange(len(robot.corners)), robot.corners)
     place = np.array([point[foot == k].mean(axis=0) for k in range(len(robot.corners))])
     inertia = pin.crba(model, data, q)
-    legs, hips, swings, beside = [], [], [], np.zeros(len(robot.corners))
+    legs, hips, knees, swings, beside = [], [], [], [], np.zeros(len(robot.corners))
     for k, first in enumerate(np.unique(foot, return_index=True)[1]):
         chain = [j for j in model.supports[model.frames[robot.frame_id(robot.feet[first])].parentJoint] if j > 1]
         joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]  # from the hip's pitch on
         points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
+        knees.append(model.effortLimit[model.joints[joints[-3]].idx_v] if len(joints) > 3 else inf)
         legs.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
         hips.append(float(points[0][2] - place[k, 2]))
         if len(robot.corners) == 4 and len(chain) > len(joints):
@@ -123,7 +125,14 @@ def build_of(robot: Robot, q: Vector) -> Build:
     soles = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
     narrow = SOLE_NARROW * rise + 2.0 * INNER * float(soles[:, 1].min()) if robot.flat_feet else NARROW * rise
     sole = soles.max(axis=0)
-    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, narrow, sole)
+    knee = _knee_share(robot, leg, knees) if robot.flat_feet else 0.0
+    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, knee, narrow, sole)
+
+
+def _knee_share(robot: Robot, leg: float, efforts: list[float]) -> float:
+    """Share of the torque of a knee, the weakest of all, that holds the weight on one sole."""
+    arm = 0.5 * leg * float(np.sqrt(1.0 - SOLE_BENT**2))
+    return robot.mass * GRAVITY * arm / min((effort for effort in efforts if effort > 0.0), default=inf)
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:
@@ -248,11 +257,12 @@ def _reach(build: Build, group: NDArray[np.int64]) -> float:
     """Largest horizontal distance that a foot goes from its place in the walk, m."""
     if group.max() != 1:
         return build.reach
+    left = min(KNEE / build.knee, 1.0) if build.sole[0] > 0.0 else LEFT
     apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
     together = apart.copy()
     draw_together(together, group, build.narrow)
     drawn = float(np.linalg.norm(apart - together, axis=1).max())
-    return LEFT * (build.reach - drawn) if drawn > 0.0 else build.reach
+    return left * (build.reach - drawn) if drawn > 0.0 else build.reach
 
 
 def swing_load(

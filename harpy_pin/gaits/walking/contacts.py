@@ -9,6 +9,7 @@ from harpy_pin.gaits.velocity import foot_speed, is_still
 from harpy_pin.gaits.walking.footholds import is_frozen, out_of_reach, widen_stance
 from harpy_pin.gaits.walking.pendulum import nearest_in_hull, predict, stance_points
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
+from harpy_pin.gaits.walking.rolling import plan_roll, roll_on
 from harpy_pin.gaits.walking.swinging import PEAK, lift_foot
 from harpy_pin.model.state import Vector
 
@@ -58,8 +59,10 @@ def go_on(p: WalkingRecord, span: float) -> None:
         plan_step(p)
         p.phase = p.double_support - (0.0 if pushed else p.start_time / p.step_duration)
         p.swings = _first_group(p)
+        plan_roll(p)
     p.haste = _haste(p)
     p.phase += p.haste * span / p.step_duration
+    roll_on(p)
     done = (p.phase - p.double_support) / (1.0 - p.double_support)
     in_air = _notice_touchdowns(p, done)
     wait = LONGEST_WAIT if p.terrain.level else ON_TERRAIN
@@ -184,6 +187,7 @@ def _begin_step(p: WalkingRecord) -> None:
     p.steps += 1
     plan_step(p)
     p.swings = (p.swings + 1) % p.groups
+    plan_roll(p)
     if not p.always and _still(p) and _feet_in_place(p) and _beside_feet(p) == 0.0:
         p.walking = 0
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.walking.rolling import is_lifted
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -123,14 +124,16 @@ def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[flo
 def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) -> int:
     """Contact points (points, 2) of the stance feet, without those of one group (−1 for none); returns how many.
 
-    Each is drawn by the share ``margin`` of the way to the middle of its foot.
+    Each is drawn by the share ``margin`` of the way to the middle of its foot. A foot that rolls has those of its edge.
     """
     m, count = p.measured, 0
     for n in range(m.point.shape[0]):
         k = p.foot[n]
-        if p.in_air[k] == 0.0 and p.group[k] != without:
+        if p.in_air[k] == 0.0 and p.group[k] != without and not is_lifted(p, n):
+            rolls = p.pitch[0] != 0.0 and p.group[k] == p.swings
             for i in range(2):
-                out[count, i] = m.point[n, i] + margin * (m.place[k, i] - m.point[n, i])
+                middle = p.pivot[i] if rolls else m.place[k, i]
+                out[count, i] = m.point[n, i] + margin * (middle - m.point[n, i])
             count += 1
     return count
 

@@ -72,6 +72,8 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     always: int  # 1 where it steps at zero command, too
     holds_heading: int  # 1 where the stance feet can hold the heading
     soles: int  # 1 where feet are flat
+    edge: Vector  # (points,) 1 for those on the line of the toes of a sole, −1 for those on that of its heel
+    ends: Vector  # (feet, 2) how far these two lines are ahead of the middle of each foot, m
     raised: float = 0.0  # present change of the height, m
     back: Vector = sized(2)  # velocity on the way back to the path, world axes, m/s
     desired: Vector = sized(2)  # velocity of the centre of mass, world axes, m/s
@@ -82,6 +84,9 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     phase: float = 0.0  # share of the present step that is done
     haste: float = 1.0  # how much faster than its clock the present step goes on
     load_ramp: float = 1.0  # that of the present step
+    roll: float = 0.0  # largest pitch in the present step of the foot that swings in it, rad; heel up is positive
+    pitch: Vector = sized(3)  # its present pitch, rate and acceleration, rad, rad/s and rad/s²
+    pivot: Vector = sized(3)  # middle of the edge about which it rolls, m
     swings: int = ZERO  # the group that swings in the present step
     steps: int = ZERO  # made since the walk began
     in_air: Vector = sized("feet")  # 1 for a swing foot

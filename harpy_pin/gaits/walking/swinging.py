@@ -11,6 +11,7 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed
 from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR, hip_place, toward, upright_end, wrapped
+from harpy_pin.gaits.walking.rolling import rolling_edge
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_height
 from harpy_pin.model.record import Records
@@ -49,6 +50,13 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
         p.swing[k, 0, i] = m.place[k, i]
     p.swing[k, 0, 2] = m.turned[k]
     p.lift[k, 0] = m.place[k, 2]
+    if p.pitch[0] != 0.0:  # where the foot would be, flat, with its edge where it is
+        edge = rolling_edge(p, k)
+        back = edge * (1.0 - np.cos(p.pitch[0]))
+        p.swing[k, 0, 0] -= back * np.cos(m.turned[k])
+        p.swing[k, 0, 1] -= back * np.sin(m.turned[k])
+        p.lift[k, 0] -= edge * np.sin(p.pitch[0])
+        p.lifted_at[k] = p.lift[k, 0]
     if p.steps_over:
         p.lift[k, 0] += surface_height(p.terrain, m.place[k, 0], m.place[k, 1])
         p.risen[k] = p.lift[k, 0]

@@ -19,6 +19,7 @@ from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, 
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR
+from harpy_pin.gaits.walking.rolling import edges_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import flat_terrain
@@ -180,6 +181,8 @@ class WalkingGait(FollowsVelocity):
         self._max_aside = max_aside  # on firm ground
         if balances:
             known["reach"] = min(build.reach, STEEPEST * build.rise)
+        corner = (build.point - build.place[build.foot])[:, :2]
+        edge, ends = edges_of(corner, build.foot)
         return make_record(
             WalkingRecord,
             {"feet": feet, "entries": 4},
@@ -189,8 +192,10 @@ class WalkingGait(FollowsVelocity):
             ground_reach=0.0,
             point_body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
             point_offset=np.array([frame.placement.translation for frame in frames]),
-            corner=(build.point - build.place[build.foot])[:, :2],
+            corner=corner,
             facing=robot.facing,
+            edge=edge,
+            ends=ends,
             group=group,
             groups=np.int64(groups),
             nominal=nominal,
