@@ -47,8 +47,6 @@ BRAKE, MARGIN, NEAR, STIFFER = 150.0, 0.02, 0.7, 100.0
 """A joint on no limb has to come to rest within its range, ``MARGIN`` rad before its end. From a share ``NEAR`` of the
 velocity on from which a deceleration of ``BRAKE`` rad/s² would do, its task brakes, and weighs up to 1 + ``STIFFER``
 times as much."""
-IDLE = 1e-3
-"""Largest force on a contact point of a stance foot that should bear none, as a share of the largest one."""
 LEAST_ROOM, MOST_FAST = 1e-4, 2.0
 _SLOPE = float(np.tan(MAX_LEAN))
 
@@ -140,7 +138,7 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
                     + p.swing[0] * (g.body[i] + g.foot_position[k, i] - d.foot_position[k, i])
                     + p.swing[1] * (g.body[3 + i] + g.foot_velocity[k, i] - d.foot_velocity[k, i])
                 )
-            t.force_range[k, 0], t.force_range[k, 1] = 0.0, IDLE * p.max_normal_force
+            t.force_range[k, 0] = t.force_range[k, 1] = 0.0  # where it is held: a sole rolls, and lifts this corner
     t.tilted = 0
     if not level:
         turn_into_contacts(r, g, foot_force)

@@ -69,7 +69,7 @@ class GaitTarget(KeepsViews, GaitTargetRecord):
         stance: (feet,) 1 where the foot should be on the ground, else 0.
         phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
         load: (feet,) share of the usual range of its normal force in which each foot may be loaded; 1 where a gait
-            says nothing else.
+            says nothing else. A corner of a stance sole with 0 is lifted: it follows its target, while others bear.
         world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
             holds in world axes (a swing foot must meet the ground, however the body tilts), 0 where it holds in body
             axes (a stance leg sets the body upright), between them during the transition.

@@ -15,7 +15,7 @@ from harpy_pin.gaits.walking.pendulum import (
     stance_points,
 )
 from harpy_pin.gaits.walking.record import WalkingRecord
-from harpy_pin.gaits.walking.rolling import is_lifted, lift_rolling, tip
+from harpy_pin.gaits.walking.rolling import is_lifted, lift_corner, share_of_edge, tip
 from harpy_pin.gaits.walking.swinging import DESCENT
 
 VELOCITY_GAIN = 1.1
@@ -240,9 +240,9 @@ def _write_stance(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
         o.foot_acceleration[n, i] = -o.body[6 + i]
     o.foot_velocity[n, 2] -= DESCENT
     o.ground_height[n] = p.touched[k]
-    o.stance[n], o.phase[n], o.load[n] = 1.0, 0.5, _share_of_load(p, k)
+    o.stance[n], o.phase[n], o.load[n] = 1.0, 0.5, _share_of_load(p, k) * share_of_edge(p, n)
     if is_lifted(p, n):
-        lift_rolling(p, o, n)
+        lift_corner(p, o, n)
 
 
 @kernel

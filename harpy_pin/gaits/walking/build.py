@@ -36,11 +36,12 @@ BOTH, POINT_BOTH, SOLE_BOTH = 0.05, 0.1, 0.15
 """Share of a step in which every foot is on the ground: on four feet, on two points, on soles."""
 SLOW_BOTH = 0.2
 """This share on four feet that hardly walk: soft ground hardly moves feet to which the load goes over slowly."""
-SPEED, SLOW_SPEED, SOLE_SPEED = 0.8, 0.65, 0.35
+SPEED, SLOW_SPEED, SOLE_SPEED, ROLLING_SPEED = 0.8, 0.65, 0.26, 0.33
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
-points; on soles."""
-LEFT, KNEE = 0.75, 0.68
-"""Share that is used of the reach that is left where feet are drawn together: a stretched leg cannot push."""
+points; on four soles; on two, which roll."""
+LEFT, KNEE = 0.75, 0.62
+"""Share that is used of the reach that is left where feet are drawn together: a stretched leg cannot push. On two soles
+all of it, as long as a knee needs no more than this share of its torque for the weight."""
 MOST_PUSH, FREE_PUSH = 0.25, 0.22
 """Largest acceleration of the body by legs that are swung, as a share of gravity; and that from which on their motors,
 which then have to hold the body too, swing them with less of their torques."""
@@ -75,7 +76,7 @@ class Build:
     # (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's angular momentum
     # about the ground, forward and to the left
     reaction: Vector
-    knee: float  # share of the torque of a knee that holds the weight on one sole; zero on points
+    knee: float  # share of the torque of a knee, the weakest, that holds the robot on one sole; zero on points
     narrow: float  # largest distance of the two groups of feet between which the body sways, m
     sole: Vector  # (2,) length and width of the largest sole; zero of points, m
 
@@ -106,8 +107,10 @@ def build_of(robot: Robot, q: Vector) -> Build:
         chain = [j for j in model.supports[model.frames[robot.frame_id(robot.feet[first])].parentJoint] if j > 1]
         joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]  # from the hip's pitch on
         points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
-        knees.append(model.effortLimit[model.joints[joints[-3]].idx_v] if len(joints) > 3 else inf)
-        legs.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
+        lengths = [float(np.linalg.norm(b - a)) for a, b in pairwise(points)]
+        legs.append(sum(lengths))
+        knee = joints[1 + int(np.argmax(np.convolve(lengths, (1.0, 1.0), "valid")))]  # between the two longest links
+        knees.append(model.effortLimit[model.joints[knee].idx_v] or inf)
         hips.append(float(points[0][2] - place[k, 2]))
         if len(robot.corners) == 4 and len(chain) > len(joints):
             beside[k] = place[k, 1] + q[1] - data.oMi[chain[0]].translation[1]
@@ -125,14 +128,11 @@ def build_of(robot: Robot, q: Vector) -> Build:
     soles = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
     narrow = SOLE_NARROW * rise + 2.0 * INNER * float(soles[:, 1].min()) if robot.flat_feet else NARROW * rise
     sole = soles.max(axis=0)
-    knee = _knee_share(robot, leg, knees) if robot.flat_feet else 0.0
-    return Build(point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, knee, narrow, sole)
-
-
-def _knee_share(robot: Robot, leg: float, efforts: list[float]) -> float:
-    """Share of the torque of a knee, the weakest of all, that holds the weight on one sole."""
-    arm = 0.5 * leg * float(np.sqrt(1.0 - SOLE_BENT**2))
-    return robot.mass * GRAVITY * arm / min((effort for effort in efforts if effort > 0.0), default=inf)
+    moment = 0.5 * leg * float(np.sqrt(1.0 - SOLE_BENT**2)) * robot.mass * GRAVITY
+    share = moment / min(knees) if robot.flat_feet else 0.0
+    return Build(
+        point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, share, narrow, sole
+    )
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:
@@ -220,7 +220,7 @@ def pace_of(
     duration = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing_acceleration)) * natural
     runs = groups == 2 and len(build.place) == 4
     stride = STRIDE * build.leg if runs else inf
-    share = SOLE_SPEED if soles else SPEED if runs else SLOW_SPEED
+    share = (ROLLING_SPEED if len(build.place) == 2 else SOLE_SPEED) if soles else SPEED if runs else SLOW_SPEED
     most = share * GRAVITY * natural
     push = PEAK * float(np.abs(build.reaction[:, 0, 0]).max()) / GRAVITY
     if runs and push > 0.0:
@@ -257,7 +257,7 @@ def _reach(build: Build, group: NDArray[np.int64]) -> float:
     """Largest horizontal distance that a foot goes from its place in the walk, m."""
     if group.max() != 1:
         return build.reach
-    left = min(KNEE / build.knee, 1.0) if build.sole[0] > 0.0 else LEFT
+    left = KNEE / max(build.knee, KNEE) if len(build.place) == 2 and build.sole[0] > 0.0 else LEFT
     apart = build.place[:, :2] - build.place[:, :2].mean(axis=0)
     together = apart.copy()
     draw_together(together, group, build.narrow)

@@ -9,7 +9,7 @@ from harpy_pin.gaits.velocity import foot_speed, is_still
 from harpy_pin.gaits.walking.footholds import is_frozen, out_of_reach, widen_stance
 from harpy_pin.gaits.walking.pendulum import nearest_in_hull, predict, stance_points
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
-from harpy_pin.gaits.walking.rolling import plan_roll, roll_on
+from harpy_pin.gaits.walking.rolling import plan_roll, roll_on, rolls
 from harpy_pin.gaits.walking.swinging import PEAK, lift_foot
 from harpy_pin.model.state import Vector
 
@@ -49,7 +49,7 @@ def go_on(p: WalkingRecord, span: float) -> None:
     """Steps, touchdowns and lifted feet after a time, s."""
     for k in range(p.group.shape[0]):
         p.since[k] += span
-        if p.in_air[k] == 0.0 and p.settled[k] == 0.0:
+        if p.in_air[k] == 0.0 and p.settled[k] == 0.0 and not rolls(p, k):
             _feel_ground(p, k, span)
     if not p.walking:
         pushed = _beside_feet(p) > OUTSIDE * p.height

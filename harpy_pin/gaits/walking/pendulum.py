@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.gaits.walking.rolling import is_lifted
+from harpy_pin.gaits.walking.rolling import is_lifted, rolls
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:
@@ -130,9 +130,8 @@ def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) ->
     for n in range(m.point.shape[0]):
         k = p.foot[n]
         if p.in_air[k] == 0.0 and p.group[k] != without and not is_lifted(p, n):
-            rolls = p.pitch[0] != 0.0 and p.group[k] == p.swings
             for i in range(2):
-                middle = p.pivot[i] if rolls else m.place[k, i]
+                middle = p.pivot[i] if rolls(p, k) else m.place[k, i]
                 out[count, i] = m.point[n, i] + margin * (middle - m.point[n, i])
             count += 1
     return count

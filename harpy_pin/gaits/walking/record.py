@@ -72,8 +72,8 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     always: int  # 1 where it steps at zero command, too
     holds_heading: int  # 1 where the stance feet can hold the heading
     soles: int  # 1 where feet are flat
-    edge: Vector  # (points,) 1 for those on the line of the toes of a sole, −1 for those on that of its heel
-    ends: Vector  # (feet, 2) how far these two lines are ahead of the middle of each foot, m
+    own: Vector  # (points, 2) the same in the axes of its sole, m
+    askew: Vector  # (feet,) how far these axes are turned to the left of those of the foot, rad
     raised: float = 0.0  # present change of the height, m
     back: Vector = sized(2)  # velocity on the way back to the path, world axes, m/s
     desired: Vector = sized(2)  # velocity of the centre of mass, world axes, m/s

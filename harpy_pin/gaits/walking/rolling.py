@@ -1,8 +1,7 @@
 """A sole that leaves the ground rolls over the line of its toes, or of its heel when the robot walks backward.
 
-So its leg reaches farther: the ankle rises and comes along. The foot that swings in a step has a pitch θ from the
-step's beginning on, which is a smooth bump in time: it grows while both feet are down, the edge alone bears load then,
-and is zero again well before the foot lands.
+So its leg reaches farther: the ankle rises and comes along. The foot that swings in a step has a pitch θ, which is a
+smooth bump in time. It begins while both feet are down; then the edge alone bears load. It ends before the foot lands.
 """
 
 from __future__ import annotations
@@ -19,46 +18,56 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     from harpy_pin.gaits.walking.record import WalkingRecord
 
-ROLL, MOST_ROLL = 0.85, 0.6
-"""Largest pitch per way of a step in lengths of the leg, rad, and largest of all."""
+ROLL, SHORT, MOST_ROLL = 0.9, 0.05, 0.6
+"""Largest pitch per way of a step in lengths of the leg, less that of a short step, on which a sole stays flat; and
+largest of all, rad."""
 BEGIN, FLAT_AGAIN = 0.3, 0.6
-"""Share of its swing after which a foot is flat again."""
-SAME_EDGE = 0.1
-"""How much nearer to the middle of its foot than the edge a contact point may be that is on it, as a share."""
+"""Share of the double support at which the pitch begins, until which the other edge is unloaded; and share of the swing
+at which it ends."""
 
 
-def edges_of(corner: Vector, foot: NDArray[np.int64]) -> tuple[Vector, Vector]:
-    """Which contact points are on the edges of their feet, and where these are.
+def soles_of(corner: Vector, foot: NDArray[np.int64]) -> tuple[Vector, Vector]:
+    """Where the contact points of rectangular soles are in the axes of their soles.
 
     Args:
         corner: (points, 2) places about the middles of the feet, x forward, m.
         foot: (points,) the foot that each is of.
 
     Returns:
-        (points,) 1 for those on the line of the toes, −1 for those on that of the heel, 0 for others; (feet, 2) how far
-        these two lines are ahead of the middle of each foot, m. All zero for points.
+        (points, 2) the same in the axes of each sole, whose sides they are along; (feet,) how far these axes are turned
+        to the left, at most 45°, rad. A foot on one point is not turned.
     """
-    edge, ends = np.zeros(len(foot)), np.zeros((int(foot.max()) + 1, 2))
-    for k in range(len(ends)):
-        own, ahead = foot == k, corner[foot == k, 0]
-        least = (1.0 - SAME_EDGE) * ahead.max(), (1.0 - SAME_EDGE) * ahead.min()
-        if least[0] > 0.0 > least[1]:
-            edge[own] = np.where(ahead >= least[0], 1.0, np.where(ahead <= least[1], -1.0, 0.0))
-            ends[k] = ahead[ahead >= least[0]].mean(), ahead[ahead <= least[1]].mean()
-    return edge, ends
+    own, askew = corner.copy(), np.zeros(int(foot.max()) + 1)
+    for k in range(len(askew)):
+        sides = corner[foot == k][1:] - corner[foot == k][0]
+        if len(sides) > 1:
+            x, y = sides[np.argsort(np.hypot(*sides.T))[0]]  # the shortest of the three is no diagonal
+            angle = np.arctan2(y, x)
+            askew[k] = angle - 0.5 * np.pi * np.round(2.0 * angle / np.pi)
+            c, s = np.cos(askew[k]), np.sin(askew[k])
+            own[foot == k] = corner[foot == k] @ np.array(((c, -s), (s, c)))
+    return own, askew
 
 
 @kernel
 def plan_roll(p: WalkingRecord) -> None:
     """How far the foot rolls that swings in the step that begins: as the other foot is ahead of it."""
-    p.pitch[:] = 0.0
-    p.roll = 0.0
+    stay_flat(p)
     if not p.soles or p.group.shape[0] != 2 or p.groups != 2 or not p.terrain.level:
         return
     m, k = p.measured, 0 if p.group[0] == p.swings else 1
-    c, s = np.cos(m.turned[k]), np.sin(m.turned[k])
+    heading = m.turned[k] + p.askew[k]
+    c, s = np.cos(heading), np.sin(heading)
     way = c * (m.place[1 - k, 0] - m.place[k, 0]) + s * (m.place[1 - k, 1] - m.place[k, 1])
-    p.roll = min(max(ROLL * way / p.leg, -MOST_ROLL), MOST_ROLL)
+    size = min(max(ROLL * abs(way) / p.leg - SHORT, 0.0), MOST_ROLL)
+    p.roll = size if way > 0.0 else -size
+
+
+@kernel
+def stay_flat(p: WalkingRecord) -> None:
+    """No foot rolls."""
+    p.roll = 0.0
+    p.pitch[:] = 0.0
 
 
 @kernel
@@ -78,37 +87,47 @@ def roll_on(p: WalkingRecord) -> None:
 
 @kernel
 def _find_pivot(p: WalkingRecord) -> None:
-    """Middle of the edge about which the foot rolls."""
+    """Middle of the edge about which the foot rolls, where it is."""
     number = 0.0
     p.pivot[:] = 0.0
     for n in range(p.foot.shape[0]):
-        if p.group[p.foot[n]] == p.swings and p.edge[n] * p.pitch[0] > 0.0:
+        if p.group[p.foot[n]] == p.swings and p.own[n, 0] * p.roll > 0.0:
             number += 1.0
             for i in range(3):
                 p.pivot[i] += (p.measured.point[n, i] - p.pivot[i]) / number
 
 
 @kernel
-def is_lifted(p: WalkingRecord, n: int) -> bool:
-    """Whether a contact point of a stance foot is off the ground, because the foot rolls."""
-    rolls: bool = p.pitch[0] != 0.0 and p.group[p.foot[n]] == p.swings
-    return rolls and p.phase <= p.double_support and p.edge[n] * p.pitch[0] <= 0.0
+def rolls(p: WalkingRecord, k: int) -> bool:
+    """Whether foot k has a pitch now."""
+    rolling: bool = p.pitch[0] != 0.0 and p.group[k] == p.swings
+    return rolling
 
 
 @kernel
-def rolling_edge(p: WalkingRecord, k: int) -> float:
-    """How far the edge about which foot k rolls is ahead of its middle, m."""
-    return float(p.ends[k, 0 if p.pitch[0] > 0.0 else 1])
+def is_lifted(p: WalkingRecord, n: int) -> bool:
+    """Whether a contact point of a stance foot is off the ground, because the foot rolls."""
+    off: bool = rolls(p, p.foot[n]) and p.phase <= p.double_support and p.own[n, 0] * p.roll < 0.0
+    return off
+
+
+@kernel
+def share_of_edge(p: WalkingRecord, n: int) -> float:
+    """Share of its usual load of a contact point of a stance foot: it falls to zero where the foot is about to roll."""
+    if p.roll == 0.0 or p.group[p.foot[n]] != p.swings or p.own[n, 0] * p.roll > 0.0:
+        return 1.0
+    return float(min(max(1.0 - p.phase / (BEGIN * p.double_support), 0.0), 1.0))
 
 
 @kernel
 def tip(p: WalkingRecord, o: GaitTargetRecord, n: int, heading: float) -> None:
-    """Turn the target of a contact point of a flat foot about the edge of that foot."""
-    if p.pitch[0] == 0.0 or p.group[p.foot[n]] != p.swings:
+    """Turn the target of a contact point of a flat foot with this heading about the edge over which the foot rolls."""
+    k = p.foot[n]
+    if not rolls(p, k) or p.own[n, 0] * p.roll > 0.0:
         return
-    arm, rate, bend = rolling_edge(p, p.foot[n]) - p.corner[n, 0], p.pitch[1], p.pitch[2]
+    arm, rate, bend = -2.0 * p.own[n, 0], p.pitch[1], p.pitch[2]
     c, s = arm * np.cos(p.pitch[0]), arm * np.sin(p.pitch[0])
-    x, y = np.cos(heading), np.sin(heading)
+    x, y = np.cos(heading + p.askew[k]), np.sin(heading + p.askew[k])
     place, velocity, acceleration = o.foot_position[n], o.foot_velocity[n], o.foot_acceleration[n]
     ahead = arm - c
     place[0], place[1], place[2] = place[0] + x * ahead, place[1] + y * ahead, place[2] + s
@@ -120,15 +139,29 @@ def tip(p: WalkingRecord, o: GaitTargetRecord, n: int, heading: float) -> None:
 
 
 @kernel
-def lift_rolling(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
+def lift_corner(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
     """Target of a contact point that is lifted: it turns about the edge, where that is, and bears no load."""
-    m, k = p.measured, p.foot[n]
-    arm, left = rolling_edge(p, k) - p.corner[n, 0], p.corner[n, 1]
-    c, s = np.cos(m.turned[k]), np.sin(m.turned[k])
+    heading = p.measured.turned[p.foot[n]]
+    c, s = np.cos(heading + p.askew[p.foot[n]]), np.sin(heading + p.askew[p.foot[n]])
+    back, left = -2.0 * p.own[n, 0], p.own[n, 1]
     place, velocity = o.foot_position[n], o.foot_velocity[n]
-    place[0] = p.pivot[0] - c * arm - s * left - o.body[0]
-    place[1] = p.pivot[1] - s * arm + c * left - o.body[1]
+    place[0] = p.pivot[0] - c * back - s * left - o.body[0]
+    place[1] = p.pivot[1] - s * back + c * left - o.body[1]
     place[2] = p.pivot[2] - o.body[2]
     velocity[2] = -o.body[5]
-    tip(p, o, n, m.turned[k])
-    o.load[n] = 0.0
+    tip(p, o, n, heading)
+    o.stance[n] = o.phase[n] = o.load[n] = 0.0
+
+
+@kernel
+def flat_place(p: WalkingRecord, k: int) -> tuple[float, float, float]:
+    """Where the middle of foot k would be, flat, with the edge where it is over which it rolls, m."""
+    m = p.measured
+    if not rolls(p, k):
+        return m.place[k, 0], m.place[k, 1], m.place[k, 2]
+    end = 0.0
+    for n in range(p.foot.shape[0]):
+        if p.foot[n] == k and p.own[n, 0] * p.roll > 0.0:
+            end = p.own[n, 0]
+    heading = m.turned[k] + p.askew[k]
+    return p.pivot[0] - end * np.cos(heading), p.pivot[1] - end * np.sin(heading), p.pivot[2]

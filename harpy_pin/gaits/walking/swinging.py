@@ -11,8 +11,8 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed
 from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR, hip_place, toward, upright_end, wrapped
-from harpy_pin.gaits.walking.rolling import rolling_edge
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.rolling import flat_place
 from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_height
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
@@ -42,21 +42,13 @@ PEAK = 5.7735
 def lift_foot(p: WalkingRecord, k: int) -> None:
     """Begin the swing of a foot where it is."""
     m = p.measured
+    x, y, z = flat_place(p, k)
     p.in_air[k] = 1.0
-    p.lifted_at[k] = m.place[k, 2]
+    p.lifted_at[k] = z
     p.swing[k] = 0.0
     p.lift[k] = 0.0
-    for i in range(2):
-        p.swing[k, 0, i] = m.place[k, i]
-    p.swing[k, 0, 2] = m.turned[k]
-    p.lift[k, 0] = m.place[k, 2]
-    if p.pitch[0] != 0.0:  # where the foot would be, flat, with its edge where it is
-        edge = rolling_edge(p, k)
-        back = edge * (1.0 - np.cos(p.pitch[0]))
-        p.swing[k, 0, 0] -= back * np.cos(m.turned[k])
-        p.swing[k, 0, 1] -= back * np.sin(m.turned[k])
-        p.lift[k, 0] -= edge * np.sin(p.pitch[0])
-        p.lifted_at[k] = p.lift[k, 0]
+    p.swing[k, 0, 0], p.swing[k, 0, 1], p.swing[k, 0, 2] = x, y, m.turned[k]
+    p.lift[k, 0] = z
     if p.steps_over:
         p.lift[k, 0] += surface_height(p.terrain, m.place[k, 0], m.place[k, 1])
         p.risen[k] = p.lift[k, 0]

@@ -12,6 +12,7 @@ from harpy_pin.gaits.walking.contacts import go_on, time_left
 from harpy_pin.gaits.walking.footholds import choose_footholds
 from harpy_pin.gaits.walking.pendulum import change_after, desired_after, wrapped
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.gaits.walking.rolling import stay_flat
 from harpy_pin.gaits.walking.swinging import swing_foot
 
 LONGEST_GAP = 0.05
@@ -79,6 +80,7 @@ def begin_walk(p: WalkingRecord) -> None:
     p.walking = p.steps = p.swings = 0
     p.in_air[:] = 0.0
     p.felt[:] = 0.0
+    stay_flat(p)
     p.touched[:] = 0.0
     p.settled[:] = 1.0
     p.since[:] = LONG_AGO

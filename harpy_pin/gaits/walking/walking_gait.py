@@ -19,8 +19,8 @@ from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, 
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR
-from harpy_pin.gaits.walking.rolling import edges_of
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
+from harpy_pin.gaits.walking.rolling import soles_of
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.model.entry import as_state
@@ -182,7 +182,7 @@ class WalkingGait(FollowsVelocity):
         if balances:
             known["reach"] = min(build.reach, STEEPEST * build.rise)
         corner = (build.point - build.place[build.foot])[:, :2]
-        edge, ends = edges_of(corner, build.foot)
+        own, askew = soles_of(corner, build.foot)
         return make_record(
             WalkingRecord,
             {"feet": feet, "entries": 4},
@@ -194,8 +194,8 @@ class WalkingGait(FollowsVelocity):
             point_offset=np.array([frame.placement.translation for frame in frames]),
             corner=corner,
             facing=robot.facing,
-            edge=edge,
-            ends=ends,
+            own=own,
+            askew=askew,
             group=group,
             groups=np.int64(groups),
             nominal=nominal,
