@@ -109,7 +109,7 @@ def build_of(robot: Robot, q: Vector) -> Build:
         points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
         lengths = [float(np.linalg.norm(b - a)) for a, b in pairwise(points)]
         legs.append(sum(lengths))
-        knee = joints[1 + int(np.argmax(np.convolve(lengths, (1.0, 1.0), "valid")))]  # between the two longest links
+        knee = joints[np.argmax(np.convolve(lengths, (1.0, 1.0))[1:-1]) + 1 if len(joints) > 1 else 0]  # of long links
         knees.append(model.effortLimit[model.joints[knee].idx_v] or inf)
         hips.append(float(points[0][2] - place[k, 2]))
         if len(robot.corners) == 4 and len(chain) > len(joints):

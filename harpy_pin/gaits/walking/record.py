@@ -43,6 +43,8 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     point_body: NDArray[np.int64]  # (points,) the body to which each contact point is fixed
     point_offset: Vector  # (points, 3) its place there, m
     corner: Vector  # (points, 2) its place about the foot's middle, axes of the foot, m
+    own: Vector  # (points, 2) the same in the axes of its sole, m
+    askew: Vector  # (feet,) how far these axes are turned to the left of those of the foot, rad
     facing: float  # yaw of the direction in which the robot faces, about its base's axes, rad
     group: NDArray[np.int64]  # (feet,) in which step of the cycle each foot swings
     groups: int  # steps of a cycle
@@ -72,8 +74,6 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     always: int  # 1 where it steps at zero command, too
     holds_heading: int  # 1 where the stance feet can hold the heading
     soles: int  # 1 where feet are flat
-    own: Vector  # (points, 2) the same in the axes of its sole, m
-    askew: Vector  # (feet,) how far these axes are turned to the left of those of the foot, rad
     raised: float = 0.0  # present change of the height, m
     back: Vector = sized(2)  # velocity on the way back to the path, world axes, m/s
     desired: Vector = sized(2)  # velocity of the centre of mass, world axes, m/s
