@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import product
+from math import inf
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -41,7 +42,7 @@ class Study:
 
     name: str  # of the command and of its source in pages
     help: str | None  # of the command: a line, an empty line, and the rest; the docstring of the study's file
-    defaults: Mapping[str, Any]  # settings; of a tuple of names it has all that there are
+    defaults: Mapping[str, Any]  # settings; a tuple of names holds all that there are
     quick: Mapping[str, Any]  # those that differ in a look
     jobs: Callable[[Any], Iterable[Job]] = lambda settings: ()  # what is walked, from the settings
     # the same of what is measured afterwards, one after the other with nothing beside it
@@ -57,11 +58,13 @@ class Study:
         """The settings, with changes."""
         for name, value in changes.items():
             checks.one_of("setting", name, self.defaults)
+            own = self.defaults[name]
+            signed = any(isinstance(one, float) and one < 0.0 for one in (own if isinstance(own, tuple) else (own,)))
             for one in value if isinstance(value, tuple) else (value,):
-                if isinstance(one, str) and isinstance(self.defaults[name], tuple):
-                    checks.one_of(name, one, self.defaults[name])
+                if isinstance(one, str) and isinstance(own, tuple):
+                    checks.one_of(name, one, own)
                 elif isinstance(one, float | int):
-                    checks.number(name, one, low=0.0)
+                    checks.number(name, one, low=-inf if signed else 0.0)
         return SimpleNamespace(**{**self.defaults, **(self.quick if quick else {}), **changes})
 
     def run(

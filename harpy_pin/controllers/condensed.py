@@ -6,7 +6,7 @@ from typing import NoReturn
 
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
-from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedTargetsRecord, LaggedTargetsRecord
+from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedMotorsRecord, LaggedMotorsRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
 from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step, thrust_lag_record
@@ -21,7 +21,9 @@ class CondensedController(TaskController):
     """Walks by the optimum in contact forces; the tasks are those of :class:`WholeBodyController`.
 
     A tick, :meth:`~harpy_pin.controllers.gait_controller.GaitController.step`, calls the gait's kernels and then
-    :func:`~harpy_pin.controllers.condensed_tick.condensed_step`.
+    :func:`~harpy_pin.controllers.condensed_tick.condensed_step`: terms of the dynamics and tasks
+    (:func:`~harpy_pin.controllers.tasks.task_terms`), the optimum
+    (:func:`~harpy_pin.wbc.condensed.solve.solve_condensed`), and the command.
     Where no forces in the cones are within reach of the motors, the last command is held for ``hold_ticks`` ticks, as
     :class:`WholeBodyController` holds it where its program has no solution; then the torques are clipped.
 
@@ -40,9 +42,9 @@ class CondensedController(TaskController):
         condensed = condensed_record(self.robot, p.weights, p.limits, hold_ticks=p.hold_ticks)
         lag = thrust_lag_record(self.robot, p)
         if lag is None:
-            self._begin_tasks(CondensedTickRecord, CondensedTargetsRecord, condensed=condensed)
+            self._begin_tasks(CondensedTickRecord, CondensedMotorsRecord, condensed=condensed)
         else:
-            self._begin_tasks(LaggedTickRecord, LaggedTargetsRecord, condensed=condensed, lag=lag)
+            self._begin_tasks(LaggedTickRecord, LaggedMotorsRecord, condensed=condensed, lag=lag)
         self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self._record_["condensed"])
         self._clipped = field(self.solver._record_, "clipped")
         status, systems = (field(self.solver._record_, "status_and_systems")[k, ...] for k in range(2))

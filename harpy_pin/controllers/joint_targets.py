@@ -124,13 +124,13 @@ def keep_targets(r: TickRecord, m: JointTargetsRecord) -> None:
     m.follows = 0
 
 
-class CondensedTargetsRecord(CondensedTickRecord):
+class CondensedMotorsRecord(CondensedTickRecord):
     """The condensed whole-body controller, with joint targets."""
 
     motors: JointTargetsRecord  # of them
 
 
-class LaggedTargetsRecord(LaggedTickRecord):
+class LaggedMotorsRecord(LaggedTickRecord):
     """The same where thrusts lag."""
 
     motors: JointTargetsRecord  # of them
@@ -141,7 +141,7 @@ def _with_targets(step: Kernel[int]) -> Kernel[int]:
 
     @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
     def step_with_targets(
-        r: CondensedTargetsRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
+        r: CondensedMotorsRecord, target: GaitTargetRecord, q: Vector, v: Vector, foot_force: Vector
     ) -> int:
         status = step(r, target, q, v, foot_force)
         if r.verdict == GOOD:

@@ -18,7 +18,7 @@ from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.governed_tick import FilterTickRecord, PaperTickRecord, contact_step, paper_step
-from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedTargetsRecord
+from harpy_pin.controllers.joint_targets import WITH_TARGETS, CondensedMotorsRecord
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
@@ -111,7 +111,7 @@ class WalkTickRecord(RecordOf):
 
     gait: WalkingRecord
     goal: GaitTargetRecord
-    control: CondensedTickRecord | CondensedTargetsRecord
+    control: CondensedTickRecord | CondensedMotorsRecord
 
 
 def _walk_of(step: Kernel[int]) -> Kernel[int]:

@@ -5,7 +5,7 @@ A record is a structured array of one element with named fields. So a kernel rea
 twenty: 0.3 µs instead of 1.1. The shapes of the fields belong to its type, so kernels are compiled anew for a robot
 of another size.
 
-In a kernel, ``p = record[0]`` gives access to the fields. Fields that are arrays are views: kernels write into them.
+A kernel whose argument has such a type gets the element. Fields that are arrays are views: kernels write into them.
 
 What the fields are called and mean is said by a class, which is never instantiated::
 

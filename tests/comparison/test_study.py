@@ -77,6 +77,7 @@ def test_settings_out_of_their_domain(name, value):
 def test_quick_and_defaults_are_settings_of_the_study():
     for study in (*STUDIES.values(), STUDY):
         study.settings(**study.quick)
+        study.settings(**{name: value for name, value in study.defaults.items() if value is not None})
         assert not study.only or isinstance(study.defaults[study.only], tuple)
 
 
