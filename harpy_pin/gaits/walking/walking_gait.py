@@ -30,8 +30,9 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
 
-FULL_GRIP = 0.6
-"""Friction coefficient from which on a robot on soles walks at its largest speed; below, at a share of it."""
+FULL_GRIP, SLOWEST = 0.6, 0.07
+"""Friction coefficient from which on a robot on soles walks at its largest speed; below, at a share of it, but at this
+speed at least, in √(g leg)."""
 SLIPPERY, FIRM = 0.1, 0.2
 """Friction coefficients between which a robot on soles steps more and more as on firm ground. Where it is slippery its
 feet stand close to each other, so that it sways less. They hand over the load quickly, because that is when they
@@ -277,7 +278,8 @@ class WalkingGait(FollowsVelocity):
         r, build, pace = self._record_, self._build, self._pace
         share = min(mu / FULL_GRIP, 1.0)
         if not self._chosen_speed:
-            r["max_speed"] = pace.max_speed * share
+            slowest = SLOWEST * float(np.sqrt(GRAVITY * build.leg))
+            r["max_speed"] = min(max(pace.max_speed * share, slowest), pace.max_speed)
         r["max_aside"], r["max_turn"] = share * self._max_aside, share * MOST_TURN
         if r["sways"][0]:
             grip, group = min(max((mu - SLIPPERY) / (FIRM - SLIPPERY), 0.0), 1.0), r["group"][0]
