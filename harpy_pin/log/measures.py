@@ -71,7 +71,7 @@ class Measures:
             steps, root mean square (NaN without a logged command).
         turning_rms_rad_s: the same error of the velocity about the vertical.
         pressure_margin_mm: distance to its edge that the centre of pressure of a flat foot keeps in 95 % of the time in
-            which it bears a fifth of the weight (NaN without flat feet).
+            which it bears a fifth of the weight and does not roll (NaN without flat feet).
         joint_tracking_rms_rad: joints less the targets of the motors' law, root mean square (NaN without a law).
         force_mismatch: contact forces after a tick less those that were planned, norm over all feet, root mean square,
             over the weight (NaN without a plan). Friction, armature or delay that the controller does not know, soft

@@ -96,13 +96,15 @@ def _pressure_margin(run: Run, weight: float) -> float:
     """Distance to its edge that the centre of pressure of a loaded sole keeps 95 % of the time, m."""
     counts = np.zeros(BINS, dtype=np.int64)
     for corners in _soles(run):
-        margin = _margins(run["foot_position"][:, corners], run["foot_force"][:, corners, 2], LOADED * weight)
+        flat = run["stance"][:, corners].all(axis=1) if "stance" in run else slice(None)
+        place, force = run["foot_position"][flat][:, corners], run["foot_force"][flat][:, corners, 2]
+        margin = _margins(place, force, LOADED * weight)
         counts += np.bincount(np.clip(margin / BIN, 0, BINS - 1).astype(np.int64), minlength=BINS)
     total = int(counts.sum())
     if not total:
         return math.nan
-    place = int(np.searchsorted(np.cumsum(counts), QUANTILE * total, side="right"))
-    return BIN * (place + 0.5) if place else 0.0
+    number = int(np.searchsorted(np.cumsum(counts), QUANTILE * total, side="right"))
+    return BIN * (number + 0.5) if number else 0.0
 
 
 def _soles(run: Run) -> list[list[int]]:

@@ -276,7 +276,8 @@ def test_negative_power_is_not_given_back():
 
 @pytest.mark.parametrize("turn", [0.0, 0.9])
 def test_margin_of_a_sole(turn):
-    """A sole of 200 by 120 mm with its centre of pressure 30 mm ahead and 40 mm to the left of its middle."""
+    """A sole of 200 by 120 mm with its centre of pressure 30 mm ahead and 40 mm to the left of its middle; at the
+    end it rolls over its toes."""
     corners = np.array([(0.1, 0.06, 0.0), (0.1, -0.06, 0.0), (-0.1, 0.06, 0.0), (-0.1, -0.06, 0.0)])
     along, across = 0.5 + 0.03 / 0.2, 0.5 + 0.04 / 0.12
     share = np.array([along * across, along * (1 - across), (1 - along) * across, (1 - along) * (1 - across)])
@@ -285,7 +286,9 @@ def test_margin_of_a_sole(turn):
     force[:, :, 2] = 19.62 * share
     force[: N // 2] *= 0.1  # too little to count
     force[: N // 2, 0] += (0.0, 0.0, 0.5)
-    signals = {"foot_position": position, "foot_force": force, "foot_velocity": np.zeros((N, 4, 3))}
+    stance = np.ones((N, 4))
+    force[-N // 4 :, 2:] = stance[-N // 4 :, 2:] = 0.0
+    signals = {"foot_position": position, "foot_force": force, "foot_velocity": np.zeros((N, 4, 3)), "stance": stance}
     run = made_up(signals=signals, feet=[f"sole_{k}" for k in range(4)])
     assert hp.measure(run).pressure_margin_mm == pytest.approx(20.0, abs=0.15)
 
