@@ -24,6 +24,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.util import find_spec
@@ -254,11 +255,7 @@ def _make(path: Path, source: str) -> Path:
     say("compiling kernels for this robot, for some seconds; the result is kept on disk")
     try:
         with work_folder() as work:
-            file, made = Path(work) / f"{path.name.partition('-')[0]}.c", Path(work) / "made.so"
-            file.write_text(source, encoding="utf-8")
-            flags = [flag for flag in FLAGS if flag != VECTORS or "ziglang" not in (compiler() or ())]  # it refuses it
-            run_compiler([*flags, *SHARED, str(file), "-o", str(made), "-lm"], temporary=work)
-            data = made.read_bytes()
+            data = _compiled(source, work, path.name.partition("-")[0])
     except OSError as error:
         raise KernelError(f"a kernel cannot be compiled: {error}") from error
     data += _checksum(path.name, data)
@@ -280,6 +277,23 @@ def _make(path: Path, source: str) -> Path:
         MADE.append(place)
         return place
     raise KernelError(f"no place to keep a compiled kernel: '{path.parent}' and '{_own_folder()}' cannot be written")
+
+
+def _compiled(source: str, work: str, name: str) -> bytes:
+    """A library of this C; its parts, where it has several, are compiled at once, the longest ones first."""
+    file, made = f"{work}/{name}.c", f"{work}/made.so"
+    Path(file).write_text(source, encoding="utf-8")
+    flags = [flag for flag in FLAGS if flag != VECTORS or "ziglang" not in (compiler() or ())]  # it refuses it
+    parts = re.search(r"^#define PARTS (\d+)$", source, re.MULTILINE)
+    objects = [f"{work}/{n}.o" for n in range(int(parts[1]) if parts else 0)]
+
+    def compile_part(n: int) -> None:
+        run_compiler([*flags, *SHARED, f"-DPART={n}", "-c", file, "-o", objects[n]], temporary=work)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(compile_part, reversed(range(len(objects)))))
+    run_compiler([*flags, *SHARED, *(objects or [file]), "-o", made, "-lm"], temporary=work)
+    return Path(made).read_bytes()
 
 
 @contextmanager

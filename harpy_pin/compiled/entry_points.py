@@ -11,7 +11,7 @@ import numpy as np
 from harpy_pin.compiled.blocks import CFunction
 from harpy_pin.compiled.shapes import constant_shape
 from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Scalar, Struct, Tuple, Type, element_of
-from harpy_pin.compiled.unit import Unit
+from harpy_pin.compiled.unit import Unit, in_part
 from harpy_pin.errors import KernelError
 
 if TYPE_CHECKING:
@@ -73,7 +73,9 @@ def entry_code(kernel: Any, types: tuple[Type, ...], *, single: bool = False, de
     told = json.dumps({"results": results, "written": sorted(function.written)}).replace('"', '\\"')
     body = "\n".join(f"    {line}" for line in lines)
     entry = f'const char *const signature = "{told}";\n\nvoid entry(const slot *a, slot *r)\n{{\n{body}\n}}'
-    return "\n\n".join([unit.header(), UPPER_HALVES, unit.types(), SLOT, unit.code(), entry]) + "\n"
+    code = unit.code(apart=True)
+    entry = f"{in_part('PARTS - 1')}\n{entry}\n#endif"
+    return "\n\n".join([unit.header(), UPPER_HALVES, unit.types(), SLOT, code, entry]) + "\n"
 
 
 def _result(n: int, kind: str) -> str:

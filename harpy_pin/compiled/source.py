@@ -9,7 +9,6 @@ import hashlib
 import inspect
 import linecache
 import os
-import textwrap
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -32,13 +31,9 @@ class Source:
         self.name = function.__name__
         self._function = function
         self._file = function.__code__.co_filename
-        try:
-            lines, self._first = inspect.getsourcelines(function)
-        except (OSError, TypeError) as error:
-            raise KernelError(f"the source of {self.name} cannot be read: {error}") from error
-        self.tree = _parsed("".join(lines))
+        self.tree = _definition(function)
         if _state(self._file) != _LOADED.get(self._file) and not _is_still_there(function.__code__):
-            raise KernelError(f"{self._file}:{self._first}: {self.name} was edited after it was loaded: start again")
+            raise self.error(self.tree, "was edited after it was loaded: start again")
         signature = inspect.signature(function)
         self.parameters = list(signature.parameters)
         self.defaults = {
@@ -58,28 +53,39 @@ class Source:
         if single and name in known.get("SINGLE", ()):
             found = known["SINGLE"][name]
         if found is None:
-            raise KernelError(f"{self._file}:{self._first}: {self.name}: there is no '{name}'")
+            raise self.error(self.tree, f"there is no '{name}'")
         return found
 
     def error(self, node: ast.stmt, reason: str) -> KernelError:
         """An error at a statement."""
-        return KernelError(f"{self._file}:{self._first + node.lineno - 1}: {self.name}: {reason}")
+        return KernelError(f"{self._file}:{node.lineno}: {self.name}: {reason}")
 
 
-def _parsed(text: str) -> ast.FunctionDef:
-    """The definition of a function.
+def _definition(function: FunctionType) -> ast.FunctionDef:
+    """The definition of a function, in the tree of its file."""
+    code = function.__code__
+    linecache.checkcache(code.co_filename)
+    text = "".join(linecache.getlines(code.co_filename, function.__globals__))
+    with suppress(SyntaxError):
+        if code.co_firstlineno in (found := _definitions(text)):
+            return found[code.co_firstlineno]
+    raise KernelError(f"the source of {function.__name__} cannot be read, or was edited after it was loaded")
+
+
+@cache
+def _definitions(text: str) -> dict[int, ast.FunctionDef]:
+    """Functions in a file by their first lines, which are those of decorators.
 
     Garbage is not collected meanwhile: what it runs may let another thread parse, and Python's parser takes no two.
     """
     collects = gc.isenabled()
     gc.disable()
     try:
-        (tree,) = ast.parse(textwrap.dedent(text)).body
+        nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
     finally:
         if collects:
             gc.enable()
-    assert isinstance(tree, ast.FunctionDef)
-    return tree
+    return {min([node.lineno, *(one.lineno for one in node.decorator_list)]): node for node in nodes}
 
 
 _LOADED: dict[str, tuple[int, int]] = {}  # what files of kernels were when they were loaded

@@ -7,6 +7,7 @@ import re
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +34,20 @@ entry main signature"""
 ELSEWHERE = frozenset(FUNCTIONS.split())
 """Functions of C's library: no function may have such a name."""
 _TEXT = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
+PART = 32_000
+"""Characters of a part, which are about a second's work of GCC."""
+SHORT = 1_000
+"""Most characters of a function that each part has for itself."""
+HIDDEN = '__attribute__((visibility("hidden")))'
 HELPERS = {
     name: text for text, name in re.findall(r"^(static inline \w+ (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE)
 }
 """Functions of C that generated code calls, by name."""
+
+
+def in_part(number: int | str) -> str:
+    """The line of C before what only one part has; without ``PART`` the file is compiled whole."""
+    return f"#if !defined(PART) || PART == {number}"
 
 
 @dataclass
@@ -153,16 +164,41 @@ class Unit:
         parts += [self._struct_text(dtype, name) for dtype, name in self.structs.items()]
         return "\n\n".join(parts)
 
-    def code(self) -> str:
-        """Constants, helpers and functions."""
+    def code(self, *, apart: bool = False) -> str:
+        """Constants, helpers and functions; ``apart`` in parts for as many compilers (:meth:`_parts`)."""
         constants = "\n".join(f"#define {name} {value}" for name, value in self.constants.items())
         results = "\n".join(
             f"typedef struct {{ {' '.join(f'{item} v{n};' for n, item in enumerate(kind.items))} }} {name};"
             for kind, name in self.results.items()
         )
         parts = [constants, results, *self.helpers.values()]
-        parts += [function.text for function in self.functions.values()]
+        parts += self._parts() if apart else [function.text for function in self.functions.values()]
         return "\n\n".join(part for part in parts if part)
+
+    def _parts(self) -> list[str]:
+        """Functions in parts of about equal length: a compiler makes that one whose number ``PART`` is.
+
+        Short functions are in every part that calls them; longer ones are in one, and the others call them there.
+        """
+        functions = list(self.functions.values())
+        ends = list(accumulate(len(function.text) for function in functions))
+        count = 1 + ends[-1] // PART
+        if count == 1:
+            return [function.text for function in functions]
+        part = {function.name: (end - 1) * count // ends[-1] for function, end in zip(functions, ends, strict=True)}
+        called: dict[str, set[int]] = {name: set() for name in part}
+        heads, texts = [], []
+        for function in reversed(functions):  # callers before what they call
+            text, places = function.text, called[function.name] | {part[function.name]}
+            if len(places) > 1 and len(text) > SHORT:
+                places = {part[function.name]}
+                head = function.head.replace("static", HIDDEN, 1)
+                text = text.replace(function.head, head, 1)
+                heads.append(f"{head};")
+            for name in called.keys() & set(re.findall(r"\w+", text)):
+                called[name] |= places
+            texts.append(text if len(places) > 1 else f"{in_part(*places)}\n{text}\n#endif")
+        return [f"#define PARTS {count}\n" + "\n".join(heads), *reversed(texts)]
 
     def header(self) -> str:
         """What the file includes."""

@@ -67,7 +67,8 @@ class GaitTarget(KeepsViews, GaitTargetRecord):
         foot_velocity: (feet, 3) of that, m/s.
         foot_acceleration: (feet, 3) of that, m/s².
         stance: (feet,) 1 where the foot should be on the ground, else 0.
-        phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1.
+        phase: (feet,) share of its present stance or swing that each foot has done, 0 to 1. After half of its swing a
+            foot that touches the ground is held.
         load: (feet,) share of the usual range of its normal force in which each foot may be loaded; 1 where a gait
             says nothing else. A corner of a stance sole with 0 is lifted: it follows its target, while others bear.
         world_frame_blend: (feet,) for controllers that place feet relative to the measured body: 1 where the target
@@ -109,7 +110,8 @@ class Gait(Protocol):
     - ``expect_friction(mu)``: takes the friction coefficient that the controller assumes.
     - ``calls(state)``: the kernels of an update at the time of a tick (:class:`~harpy_pin.compiled.calls.Call`), with
       those of ``observe`` before, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
-      ``state`` has the arrays of the measured state, which stay where they are; those of ``telemetry()`` do, too.
+      They write the gait's own ``target``. ``state`` has the arrays of the measured state, which stay where they are;
+      those of ``telemetry()`` do, too.
 
     A gait around another one passes these on. The paper's controller faces x: it refuses targets with a heading.
 

@@ -94,7 +94,7 @@ class CondensationRecord(RecordOf):
 
 @kernel
 def eliminate_limbs(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, v: Vector) -> None:
-    """Fill in the root's equations."""
+    """Fill in the root's equations, after its desired acceleration."""
     thrusts, others = d.thruster_jacobian.shape[0], e.others.shape[0]
     for i in range(6):
         e.bias[i] = d.bias[i] + d.damping[i] * v[i]

@@ -10,8 +10,9 @@ and free accelerations as unknowns (:mod:`harpy_pin.wbc.condensed.limits`), so t
 in this case, too. What gives way there is said in that file.
 
 For the rigid robot with regular limbs, at every state and for every target: with the torques and thrusts returned, the
-force on each stance foot is f, and f is in its pyramid and range. The exception is reported in the status: torques that
-were clipped, because the search found no force in the pyramids that the motors can reach.
+force on each stance foot is f, and f is in its pyramid and range. There are two exceptions: within limits a leg bears
+less than the least normal force where its motors cannot bear that, and torques are clipped, as the status says, where
+the search found no force in the pyramids that the motors can reach.
 """
 
 from __future__ import annotations
