@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import linecache
 import re
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
@@ -75,9 +76,15 @@ def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
                 except PackageNotFoundError:
                     printed = ""
                     continue
-            out = io.StringIO()
+            out, text = io.StringIO(), "\n" * block.line + block.text
+            linecache.cache[str(page)] = (
+                len(text),
+                None,
+                text.splitlines(keepends=True),
+                str(page),
+            )  # for kernels in it
             with contextlib.redirect_stdout(out):
-                exec(compile("\n" * block.line + block.text, str(page), "exec"), names)
+                exec(compile(text, str(page), "exec"), names)
             printed = out.getvalue()
         elif block.language == "text" and printed:
             assert same(printed, block.text), f"{page.name}:{block.line} shows\n{block.text}\nand printed\n{printed}"
