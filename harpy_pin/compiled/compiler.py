@@ -283,7 +283,7 @@ def _compiled(source: str, work: str, name: str) -> bytes:
     """A library of this C; its parts, where it has several, are compiled at once, the longest ones first."""
     file, made = f"{work}/{name}.c", f"{work}/made.so"
     Path(file).write_text(source, encoding="utf-8")
-    flags = [flag for flag in FLAGS if flag != VECTORS or "ziglang" not in (compiler() or ())]  # it refuses it
+    flags = [flag for flag in FLAGS if flag != VECTORS or "clang" not in version()]  # it refuses it
     parts = re.search(r"^#define PARTS (\d+)$", source, re.MULTILINE)
     objects = [f"{work}/{n}.o" for n in range(int(parts[1]) if parts else 0)]
 

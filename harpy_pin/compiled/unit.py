@@ -185,7 +185,8 @@ class Unit:
         count = 1 + ends[-1] // PART
         if count == 1:
             return [function.text for function in functions]
-        part = {function.name: (end - 1) * count // ends[-1] for function, end in zip(functions, ends, strict=True)}
+        middles = [end - len(function.text) // 2 for function, end in zip(functions, ends, strict=True)]
+        part = {function.name: n * count // ends[-1] for function, n in zip(functions, middles, strict=True)}
         called: dict[str, set[int]] = {name: set() for name in part}
         heads, texts = [], []
         for function in reversed(functions):  # callers before what they call

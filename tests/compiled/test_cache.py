@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harpy_pin.compiled import BACKEND, compiler, kernel
+from harpy_pin.compiled import BACKEND, compiler, kernel, unit
 from harpy_pin.errors import KernelError
 
 pytestmark = pytest.mark.skipif(BACKEND != "c", reason="libraries are C")
@@ -29,6 +30,41 @@ def outer(x: float):
     return inner(x) + OFFSET
 """
 SCRIPT = "from edited import outer; print(outer(3.0))"
+
+
+@kernel
+def root(x: float):
+    low, high = 0.0, 1.0 + abs(x)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if middle * middle > abs(x):
+            high = middle
+        else:
+            low = middle
+    return low
+
+
+@kernel
+def half_root(x: float):
+    return 0.5 * root(x)
+
+
+@kernel
+def up(x):
+    for i in range(x.shape[0]):
+        x[i] += 3.0 * half_root(x[i]) + root(x[i]) - 0.1 * half_root(x[0]) * root(x[0])
+
+
+@kernel
+def down(x):
+    for i in range(x.shape[0]):
+        x[i] -= 2.0 * half_root(x[i]) + root(x[i]) + 0.3 * half_root(x[0]) * root(x[0])
+
+
+@kernel
+def up_and_down(x):
+    up(x)
+    down(x)
 
 
 def run(script, folder, **environment):
@@ -126,6 +162,30 @@ def test_a_compiler_that_does_not_work(tmp_path):
     printed, notice = run(SCRIPT, tmp_path, CC=broken)
     assert printed == "6.5"
     assert "the C compiler does not work" in notice
+
+
+def test_clang_gets_no_flags_that_it_refuses(tmp_path):
+    write(tmp_path)
+    clang = tmp_path / "clang"
+    refuses = f"case $1 in --version) echo clang version 14 ;; esac\ncase $* in *{compiler.VECTORS}*) exit 1 ;; esac"
+    clang.write_text(f'#!/bin/sh\n{refuses}\nexec {" ".join(compiler.compiler())} "$@"\n')
+    clang.chmod(0o700)
+    printed, notice = run(SCRIPT, tmp_path, CC=str(clang))
+    assert (printed, len(libraries(tmp_path))) == ("6.5", 1)
+    assert "does not work" not in notice
+
+
+def test_a_library_in_parts(monkeypatch, tmp_path):
+    """A long function, and a short one, are called from several parts; the short one calls another long one."""
+    monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
+    monkeypatch.setattr(unit, "PART", 250)
+    monkeypatch.setattr(unit, "SHORT", 120)
+    x = np.random.default_rng(0).normal(size=5)
+    expected = x.copy()
+    up_and_down.python(expected)
+    assert int(re.search(r"#define PARTS (\d+)", up_and_down.c_source(x))[1]) > 2
+    up_and_down(x)
+    assert np.array_equal(x, expected)
 
 
 @pytest.mark.parametrize("kind", ["c", "python"])
