@@ -54,7 +54,7 @@ def test_the_map_is_the_simulated_loop(seed, delay):
         z = matrix @ z
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(st.floats(20.0, 2000.0), st.floats(20.0, 100.0))
 def test_the_margin_parts_decay_from_growth(k_p, k_d):
     """A simulated loop with a little less delay comes to rest, with a little more it grows."""

@@ -24,22 +24,22 @@ from harpy_pin.files import finite
 TINY: dict[str, dict[str, Any]] = {
     "assumption": {"walkers": ("governed/none", "condensed"), "errors": (0.0, 1.5), "duration": 3.0},
     "grounds": {"walkers": ("governed/none", "governed/paper"), "duration": 0.1},
-    "contacts": {"walkers": ("governed/none", "condensed", contacts.GENTLE), "starts": 2},
+    "contacts": {"walkers": ("governed/none", "condensed", contacts.GENTLE), "starts": 2, "duration": 1.0},
     "crossings": {},
     "delay": {"delays": (0, 2), "noises": (0.5,), "duration": 0.5},
     "flights": {"names": ("walk", "jump 0.4 m")},
-    "ice": {},
+    "ice": {"duration": 2.5},
     "limits": {"torque": (0.5,), "damping": (50.0,), "bandwidth": (), "viscous": (), "duration": 0.2},
-    "pushes": {},
+    "pushes": {"plants": ("compliant",)},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
-    "slopes": {"degrees": (0.0, 15.0), "frictions": (0.8,), "walkers": ("condensed",), "duration": 0.5},
-    "steering": {"course": 1.0, "pushes": ()},
+    "slopes": {"degrees": (0.0, 30.0), "frictions": (0.1, 0.8), "walkers": ("no_thrust", "go2"), "duration": 0.2},
+    "steering": {"course": 1.0, "duration": 3.0, "pushes": ()},
     "thrusters": {"lags": (0.1,), "duration": 0.2},
-    "walking": {"course": 1.0},
-    "rates": {"seconds": 2.0, "size": 16, "rounds": 1},
+    "walking": {"course": 1.0, "duration": 2.0},
+    "rates": {"seconds": 1.2, "size": 16, "rounds": 1},
 }
 """Settings of a look, with even less; the policy and the microcontrollers have tests of their own."""
-OF_ROBOTS = ("crossings", "pushes", "robots", "walking")
+OF_ROBOTS = ("crossings", "pushes", "robots", "slopes", "walking")
 _found: dict[str, Rows] = {}
 
 
@@ -398,7 +398,7 @@ def test_a_wrong_friction_makes_feet_slip_beyond_the_margin():
     assert slip["governed/none", False, 0.0] == slip["governed/none", False, 4.0]  # it assumes nothing
 
 
-@pytest.mark.parametrize(("degrees", "friction"), [(10.0, 0.2), (10.0, 0.15), (20.0, 0.4), (20.0, 0.3)])
+@pytest.mark.parametrize(("degrees", "friction"), [(15.0, 0.29), (15.0, 0.25), (30.0, 0.6), (30.0, 0.55)])
 def test_without_thrust_it_stands_up_to_the_angle_of_friction(degrees, friction):
     without, least = static_bound(degrees, friction)
     assert without == (np.tan(np.radians(degrees)) <= friction)
@@ -415,7 +415,7 @@ def test_little_thrust_is_what_friction_lacks():
 
 
 @needs_robots
-@pytest.mark.parametrize(("name", "degrees"), [("go2", 10.0), ("go2", 30.0), ("g1", 10.0)])
+@pytest.mark.parametrize(("name", "degrees"), [("go2", 30.0), ("g1", 10.0)])
 def test_robots_without_thrusters_stand_up_to_the_angle_of_friction(name, degrees):
     tangent = np.tan(np.radians(degrees))
     assert static_bound(degrees, 0.98 * tangent, name) == (False, None)
@@ -430,8 +430,7 @@ def test_go2_topples_on_steep_ground():
 
 @needs_robots
 def test_the_map_is_drawn(tmp_path):
-    small = {"degrees": (0.0, 30.0), "frictions": (0.1, 0.8), "walkers": ("no_thrust", "go2"), "duration": 0.2}
-    rows = STUDIES["slopes"].run(**small)
+    rows = rows_of("slopes")
     happens = {(row["walker"], row["degrees"], row["friction"]): what_happens(row) for row in rows}
     assert happens["no_thrust", 0.0, 0.8] == happens["go2", 0.0, 0.8] == "stands"
     assert happens["go2", 30.0, 0.1] in ("not possible", "stands")  # within 0.2 s it may slide little

@@ -158,7 +158,7 @@ def test_on_the_estimate():
     """The controller and the observation have the estimate; episodes of one seed are equal, and others are not."""
     last = []
     for state, seed in (("true", 4), ("estimated", 4), ("estimated", 4), ("estimated", 5)):
-        env = RobotEnv("go2", scenario=hp.Scenario(robot="go2", ground=hp.Ground(mu_s=0.6), state=state, duration=2.0))
+        env = RobotEnv("go2", scenario=hp.Scenario(robot="go2", ground=hp.Ground(mu_s=0.6), state=state, duration=1.0))
         env.reset(seed=seed)
         over = False
         while not over:

@@ -37,7 +37,7 @@ def flown(share, *, flight, since, duration):
 
 def test_a_weak_fan_is_found_and_made_up_for():
     share = 0.5
-    run = flown(share, flight=Fly(hover=2.0), since=2.5, duration=6.5)
+    run = flown(share, flight=Fly(hover=1.0), since=2.5, duration=5.5)
     t, land = run["t"].ravel(), np.flatnonzero(run["flight_phase"].ravel() == PHASES.index("land"))
     assert run.ending == "completed"
     before, after = (run["thrust_effectiveness"][np.searchsorted(t, time)] for time in (2.49, 4.0))
@@ -52,7 +52,7 @@ def test_a_weak_fan_is_found_and_made_up_for():
 
 
 def test_healthy_fans_are_left_alone_in_a_jump():
-    run = flown(1.0, flight=Jump(height=0.31, forward=0.3), since=0.0, duration=3.2)
+    run = flown(1.0, flight=Jump(height=0.31, forward=0.3), since=0.0, duration=2.8)
     assert run.ending == "completed"
     assert np.abs(run["thrust_effectiveness"] - 1.0).max() < 0.1
 

@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pinocchio as pin
 import pytest
-from needs import PLANTS, needs_robots
+from needs import needs_mujoco, needs_robots
 
 import harpy_pin as hp
 from harpy_pin.estimation import EstimatorSettings
@@ -42,8 +42,10 @@ def errors(run):
     return drift, np.sqrt(np.mean(np.square(v)) * 3.0), np.sqrt(np.mean(np.square(tilt)))
 
 
-@pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("name", ["harpy", pytest.param("go2", marks=needs_robots)])
+@pytest.mark.parametrize(
+    ("name", "plant"),
+    [pytest.param("harpy", "mujoco", marks=needs_mujoco), pytest.param("go2", "compliant", marks=needs_robots)],
+)
 def test_walk_on_the_estimate(name, plant):
     run = hp.walk(hp.Scenario(robot=name, plant=plant, state="estimated", ground=hp.Ground(mu_s=0.5), duration=3.0))
     assert run.ending == "completed"

@@ -41,7 +41,7 @@ def follow(gait, times):
 
 
 @given(scripts)
-@settings(max_examples=8)
+@settings(max_examples=6)
 def test_targets_are_continuous_whatever_is_commanded(script):
     h = 4e-4
     gait = CommandedGait(ROBOT, script, CommandedParameters(penetration_offset=0.0))
@@ -63,7 +63,7 @@ def test_targets_are_continuous_whatever_is_commanded(script):
 @given(scripts)
 @settings(max_examples=10)
 def test_a_stance_foot_stays_and_feet_never_meet(script):
-    _, _, feet, stance = follow(CommandedGait(ROBOT, script), np.arange(0.0, script[-1][0] + 3.0, 1e-3))
+    _, _, feet, stance = follow(CommandedGait(ROBOT, script), np.arange(0.0, script[-1][0] + 3.0, 4e-3))
     kept = stance[1:] & stance[:-1]
     np.testing.assert_allclose(np.diff(feet[:, 0, :, :2], axis=0)[kept], 0.0, atol=1e-12)
     np.testing.assert_allclose(feet[:, 1, :, :2][stance], 0.0, atol=1e-12)
@@ -188,14 +188,13 @@ def test_a_wild_command_is_scaled_down_as_a_whole(wild):
     assert 0.1 < gait.most_sideways < 0.5
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_commands_that_are_not_finite_are_ignored(bad):
+def test_commands_that_are_not_finite_are_ignored():
     gait, clean = CommandedGait(ROBOT), CommandedGait(ROBOT)
     for i in range(3000):
         for one in (gait, clean):
             one.command[:] = (0.2, 0.0, 0.3)
         if 1000 <= i < 1500:
-            gait.command[i % 3] = bad
+            gait.command[i % 3] = (np.nan, np.inf, -np.inf)[i // 3 % 3]
         assert gait.update(1e-3 * i).record == clean.update(1e-3 * i).record
     assert gait.refused == 500
     assert clean.refused == 0

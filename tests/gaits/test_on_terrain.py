@@ -24,21 +24,23 @@ TERRAINS = (Plane(slope=0.3, heading=0.4), Rough(amplitude=0.03, resolution=0.2)
 
 
 @pytest.mark.parametrize("terrain", TERRAINS, ids=lambda terrain: terrain.name)
-@given(begin=st.floats(0.0, 0.02))
-@settings(max_examples=10, deadline=None)
-def test_stance_feet_are_as_high_above_the_ground_as_on_flat_ground(terrain, begin):
-    """They are where they are on flat ground, too, except on stairs those beside a riser."""
-    flat, over = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), terrain)
-    for t in np.arange(begin, 6.0, 0.05):
-        a, b = flat.update(t), over.update(t)
-        on_flat, on_terrain = a.body[:3] + a.foot_position, b.body[:3] + b.foot_position
-        moved = np.abs(on_terrain - on_flat)[:, :2]
-        assert (moved <= (0.0625 if isinstance(terrain, Stairs) else 1e-12)).all()
-        down = a.stance > 0.0
-        x, y, z = on_terrain[down].T
-        np.testing.assert_allclose(z, on_flat[down, 2] + terrain.height(x, y), atol=1e-12)
-        np.testing.assert_allclose(b.normal[down], terrain.normal(x, y), atol=1e-12)
-        np.testing.assert_allclose(b.ground_height[down], terrain.height(x, y), atol=1e-12)
+def test_feet_are_as_high_above_the_ground_as_on_flat_ground(terrain):
+    """Or higher, in the air. Stance feet are where they are on flat ground, except on stairs those beside a riser."""
+    flat, over, rows = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), terrain), []
+    for t in np.arange(0.003, 6.0, 0.007):
+        a, b = flat.update(float(t)), over.update(float(t))
+        both = (one.body[:3] + one.foot_position for one in (a, b))
+        rows.append((*both, a.stance == 0.0, b.stance > 0.0, b.normal.copy(), b.ground_height.copy()))
+    on_flat, on_terrain, lifted, down, normal, ground = map(np.array, zip(*rows, strict=True))
+    assert (np.abs(on_terrain - on_flat)[..., :2] <= (0.0625 if isinstance(terrain, Stairs) else 1e-12)).all()
+    x, y, z = on_terrain[down].T
+    np.testing.assert_allclose(z, on_flat[down, 2] + terrain.height(x, y), atol=1e-12)
+    np.testing.assert_allclose(normal[down], terrain.normal(x, y), atol=1e-12)
+    np.testing.assert_allclose(ground[down], terrain.height(x, y), atol=1e-12)
+    x, y, z = on_terrain[lifted].T
+    assert (z >= terrain.height(x, y) + on_flat[lifted, 2] - 1e-9).all()
+    assert lifted.any(axis=0).all()
+    assert down.any(axis=0).all()
 
 
 @pytest.mark.parametrize(
@@ -109,18 +111,6 @@ def test_harpy_climbs_stairs():
     assert run["q"][-1, 2] - run["q"][0, 2] == pytest.approx(0.5, abs=0.01)
 
 
-@pytest.mark.parametrize("terrain", TERRAINS, ids=lambda terrain: terrain.name)
-def test_feet_in_the_air_go_over_what_is_higher(terrain):
-    """They are as high above the ground as on flat ground, or higher."""
-    flat, over = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), terrain)
-    for t in np.linspace(0.0, 4.0, 400):
-        a, b = flat.update(float(t)), over.update(float(t))
-        for k in np.flatnonzero(a.stance == 0.0):
-            x, y, z = b.body[:3] + b.foot_position[k]
-            lift = a.body[2] + a.foot_position[k, 2]
-            assert z >= float(terrain.height(x, y)) + lift - 1e-9
-
-
 @needs_robots
 @pytest.mark.parametrize("degrees", [10.0, 20.0, -20.0])
 def test_go2_trots_on_a_ramp(degrees):
@@ -182,9 +172,9 @@ def test_a_gait_over_flat_ground_of_its_own_walks_blind():
 def test_harpy_feels_an_unknown_slope(degrees):
     slope = np.radians(degrees)
     gait = OnFeltGround(hp.make_gait(ROBOT))
-    run = walked(gait, slope=slope, mu_s=0.6, duration=4.0)
+    run = walked(gait, slope=slope, mu_s=0.6, duration=3.0)
     assert run.ending == "completed"
-    assert run["q"][-1, 0] > 1.0
+    assert run["q"][-1, 0] > 0.75
     np.testing.assert_allclose(np.arctan(gait.slope), (slope, 0.0), atol=0.02)
 
 
@@ -192,9 +182,9 @@ def test_harpy_feels_an_unknown_slope(degrees):
 def test_go2_feels_an_unknown_ramp():
     gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(0.4, 0.0, 0.0))
     felt = OnFeltGround(gait)
-    run = walked(felt, robot="go2", terrain=Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3, duration=4.0)
+    run = walked(felt, robot="go2", terrain=Ramp(slope=np.radians(10.0)), mu_s=0.6, stiffness=75e3, duration=3.0)
     assert run.ending == "completed"
-    assert run["q"][-1, 0] > 1.0
+    assert run["q"][-1, 0] > 0.75
     np.testing.assert_allclose(np.arctan(felt.slope), (np.radians(10.0), 0.0), atol=0.03)
 
 
@@ -273,14 +263,14 @@ def to_risers(stairs: Stairs, x: float) -> float:
 
 
 @given(start=starts, rise=rises)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_footholds_keep_their_distance_from_risers(start, rise):
     """That of a stance foot, after its first swing; it stays in the world, and its walk is that of flat ground where no
     riser is near."""
     stairs = Stairs(rise=rise, depth=0.3, start=start)
     flat, gait = hp.make_gait(ROBOT), OnTerrain(hp.make_gait(ROBOT), stairs)
     at = np.full(2, np.nan)
-    for t in np.arange(0.0, 9.0, 0.01):
+    for t in np.arange(0.0, 9.0, 0.02):
         plain, target = flat.update(float(t)), gait.update(float(t))
         for k in range(2):
             x = target.body[0] + target.foot_position[k, 0]
@@ -320,9 +310,18 @@ def test_the_way_over_steps_is_the_lowest_that_is_not_too_steep(x, start, rise):
     assert way_over(stairs.record, x, 0.0)[0] == pytest.approx((around - STEEPEST * np.abs(dx)).max(), abs=2e-4)
 
 
-@pytest.mark.parametrize("plant", PLANTS)
-@pytest.mark.parametrize("rise", [0.05, -0.05])
-@pytest.mark.parametrize("start", long_but((0.5, 0.52, 0.56, 0.58), (0.52, 0.58)))
+BETWEEN = [(rise, start) for rise in (0.05, -0.05) for start in (0.5, 0.56)]
+
+
+@pytest.mark.parametrize(
+    ("plant", "rise", "start"),
+    [
+        *(("compliant", rise, start) for rise in (0.05, -0.05) for start in (0.52, 0.58)),
+        *(pytest.param("mujoco", *where, marks=needs_mujoco) for where in ((0.05, 0.52), (-0.05, 0.58))),
+        *(pytest.param("mujoco", *where, marks=[needs_mujoco, pytest.mark.long]) for where in BETWEEN),
+        *(pytest.param("compliant", *where, marks=pytest.mark.long) for where in BETWEEN),
+    ],
+)
 def test_harpy_slips_little_on_stairs_wherever_they_begin(plant, rise, start):
     run = walked(terrain=Stairs(rise=rise, depth=0.3, start=start, steps=4), mu_s=0.6, duration=7.0, plant=plant)
     assert run.ending == "completed"

@@ -18,12 +18,10 @@ H = 1e-3
 
 def pitches(gait, q):
     """How far each sole is turned heel up, rad."""
-    own, height = gait.record[0]["own"][:, 0], places(gait.robot, q)[:, 2]
-    found = []
-    for k in range(2):
-        rise = np.polyfit(own[gait.record[0]["foot"] == k], height[gait.record[0]["foot"] == k], 1)[0]
-        found.append(-np.arcsin(np.clip(rise, -1.0, 1.0)))
-    return np.array(found)
+    own, height = gait.record[0]["own"][:, 0].reshape(2, -1), places(gait.robot, q)[:, 2].reshape(2, -1)
+    ahead = own - own.mean(axis=1, keepdims=True)
+    rise = (ahead * height).sum(axis=1) / (ahead**2).sum(axis=1)  # of the line through the corners
+    return -np.arcsin(np.clip(rise, -1.0, 1.0))
 
 
 @given(st.floats(-0.7, 0.7), st.permutations(range(4)))
@@ -74,7 +72,7 @@ def test_targets_of_a_sole_are_those_of_a_rigid_body_in_one_motion(name, velocit
                 assert np.abs(error).max() < 0.15
             before[k] = place, velocity, acceleration
 
-    run = walk(gait, duration=3.5, on_tick=check)
+    run = walk(gait, duration=3.0, on_tick=check)
     assert run.ending == "completed"
     assert rolled > 50
 
@@ -109,32 +107,36 @@ def test_torques_turn_a_rolling_sole_about_its_edge(name):
         errors.append(np.abs((jacobian @ acceleration + drift - desired)[lifted]).max())
         sizes.append(np.abs(desired[lifted]).max())
 
-    walk(gaits[2], duration=2.5, on_tick=see)
+    walk(gaits[2], duration=2.1, on_tick=see)
     assert len(errors) > 30
     assert np.median(errors) < 0.08 * np.median(sizes)
 
 
 @needs_robots
-@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
-@pytest.mark.parametrize(("name", "speed"), [("g1", 0.75), ("talos", 0.9), ("icub", 0.45), ("g1", -0.4)])
+@pytest.mark.parametrize(
+    ("name", "speed", "plant"),
+    [("g1", 0.75, "compliant"), ("talos", 0.9, "mujoco"), ("icub", 0.45, "compliant"), ("g1", -0.4, "mujoco")],
+)
 def test_a_walk_rolls_over_its_toes_and_hardly_slips(name, speed, plant):
     """Or over its heels, backward; while the other foot is down, and flat when it lands."""
     robot, seen = hp.load_robot(name), []
     gait = hp.WalkingGait(robot, velocity=((0.3, speed, 0.0, 0.0),))
 
     def see(state):
+        if state.t <= 3.0:
+            return
         p = gait.record[0]
         rolls = p["in_air"].sum() == 0.0 and p["pitch"][0] != 0.0
-        seen.append((state.t, *np.sign(speed) * pitches(gait, state.q), rolls, gait.target.stance.sum()))
+        seen.append((*np.sign(speed) * pitches(gait, state.q), rolls, gait.target.stance.sum()))
 
-    run = walk(gait, duration=6.0, plant=plant, on_tick=see)
+    run = walk(gait, duration=5.0, plant=plant, on_tick=see)
     assert run.ending == "completed"
-    t, one, two, rolls, touching = np.array(seen, dtype=float).T
-    steady, pitch = t > 3.0, np.maximum(one, two)
-    assert np.degrees(pitch[steady & (rolls == 1.0)].max()) > 1.5
-    assert np.degrees(pitch[steady].max()) > 8.0
-    assert np.degrees(np.minimum(one, two)[steady].min()) > -2.0
-    assert set(touching[steady & (rolls == 1.0)]) == {6.0}  # corners, of eight
+    one, two, rolls, touching = np.array(seen, dtype=float).T
+    pitch = np.maximum(one, two)
+    assert np.degrees(pitch[rolls == 1.0].max()) > 1.5
+    assert np.degrees(pitch.max()) > 8.0
+    assert np.degrees(np.minimum(one, two).min()) > -2.0
+    assert set(touching[rolls == 1.0]) == {6.0}  # corners, of eight
     v = np.polyfit(run["t"][run["t"] > 3.0], run["centre"][run["t"] > 3.0, 0], 1)[0]
     assert v == pytest.approx(speed, rel=0.05)
     assert slip_per_step(run) < (1.5 if plant == "compliant" else 0.6)
@@ -148,7 +150,7 @@ def test_soles_stay_flat_where_steps_have_no_length_and_on_slopes():
         run = walk(
             gait,
             terrain=terrain,
-            duration=2.5,
+            duration=2.0,
             on_tick=lambda _, g=gait, s=seen: s.append(abs(g.record[0]["pitch"][0])),
         )
         assert run.ending == "completed"
@@ -170,7 +172,7 @@ def test_soles_that_point_outward_roll_about_their_own_edges():
             place = gait.target.body[:3] + gait.target.foot_position
             rolled.append(np.abs(place - places(robot, state.q))[lifted].max())
 
-    run = walk(gait, duration=4.0, on_tick=see)
+    run = walk(gait, duration=3.0, on_tick=see)
     assert run.ending == "completed"
     assert max(rolled) < 0.015
     assert slip_per_step(run) < 0.5
@@ -180,7 +182,7 @@ def test_soles_that_point_outward_roll_about_their_own_edges():
 def test_a_walk_that_begins_anew_stands_on_whole_soles():
     gait = hp.WalkingGait(hp.load_robot("g1"), velocity=(0.5, 0.0, 0.0))
     states = []
-    walk(gait, duration=2.5, on_tick=lambda state: states.append(state) if gait.target.load.min() == 0.0 else None)
+    walk(gait, duration=1.5, on_tick=lambda state: states.append(state) if gait.target.load.min() == 0.0 else None)
     gait.observe(states[-1])
     gait.command[:] = 0.0
     gait.update(0.0)

@@ -3,6 +3,8 @@ differences, touchdowns as they happen."""
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -21,6 +23,7 @@ from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import cyclic_offset, nearest_in_hull, predict, real_duration, toward
 
 small = st.floats(-1.0, 1.0)
+talos = cache(lambda: hp.load_robot("talos"))
 
 
 @given(small, small, small, st.floats(3.0, 8.0), st.floats(0.0, 0.5))
@@ -154,7 +157,7 @@ def test_targets_fit_their_differences_and_footholds_are_in_reach(commands):
 @settings(max_examples=50, deadline=None)
 def test_soles_are_planned_apart(aside, turn, step):
     """Where a step to the side has brought them together and a turn has turned them towards each other."""
-    gait = hp.WalkingGait(hp.load_robot("talos"))
+    gait = hp.WalkingGait(talos())
     p = gait._record_[0]
     places = p["middle"].copy()
     p["velocity"][1], p["goal"][2], p["step_duration"] = aside, turn, step

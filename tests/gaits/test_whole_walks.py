@@ -305,7 +305,7 @@ def test_a_pushed_humanoid_hardly_steps_on_its_own_foot(name):
     robot = hp.load_robot(name)
     for quarter in range(4):
         gait = hp.WalkingGait(robot, "step")
-        time = round(2.0 + 0.25 * quarter * gait.step_duration, 3)
+        time = round(1.0 + 0.25 * quarter * gait.step_duration, 3)
         run = walk(gait, pushes=((time, (0.0, -0.4, 0.0)),), duration=time + 2.0)
         assert run.ending == "completed"
         assert gap_of_soles(run, robot) > -0.02

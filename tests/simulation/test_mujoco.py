@@ -180,7 +180,7 @@ def test_presets_have_the_stiffness_and_damping_they_state(sled, preset):
     errors = np.array(errors)
     assert np.all(errors[2] < 0.4 * errors[0])
     assert errors[2, 0] < 2e-5
-    plant.advance(NOTHING, steps=20000)
+    plant.advance(NOTHING, steps=14000)
     assert plant.q[2] == pytest.approx(-plant.static_penetration, rel=1e-6)
     np.testing.assert_allclose(plant.state.foot_force, [[0, 0, mass * 9.81]], atol=1e-6)
 
@@ -256,9 +256,9 @@ def test_spheres_roll_and_that_is_no_slip(pole):
 @pytest.mark.parametrize("controller", [hp.Governed(), hp.Governed(governor="filter"), hp.Condensed(), hp.WholeBody()])
 def test_walks_agree_with_ours(controller):
     """Distance within 5 %, mean normal force within 3 %, of our plant on the same ground."""
-    ours = walked(friction=0.25, controller=controller)
+    ours = walked(friction=0.25, controller=controller, duration=2.0)
     for preset in PRESETS:
-        theirs = walked(Mujoco(preset), friction=0.25, controller=controller)
+        theirs = walked(Mujoco(preset), friction=0.25, controller=controller, duration=2.0)
         assert ours.ending == theirs.ending == "completed"
         assert theirs.metadata["contact_unconverged"] == 0
         ways = [run["q"][-1, 0] - run["q"][0, 0] for run in (ours, theirs)]

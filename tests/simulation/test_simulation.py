@@ -36,11 +36,10 @@ def drop(sled, ground, height, dt, times):
     q = pin.neutral(sled.model)
     q[2] = height
     simulator.reset(q, np.zeros(6))
-    rows, every = [], round((times[1] - times[0]) / dt)
-    for i in range(round(times[-1] / dt) + 1):
-        if i % every == 0:
-            rows.append([simulator.q[2], simulator.v[2]])
-        simulator.advance(NO_COMMAND)
+    rows = []
+    for _ in times:
+        rows.append([simulator.q[2], simulator.v[2]])
+        simulator.advance(NO_COMMAND, steps=round((times[1] - times[0]) / dt))
     return np.array(rows)
 
 

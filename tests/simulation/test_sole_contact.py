@@ -132,8 +132,7 @@ def flat_sled(sled):
 def slide(robot, ground, slope, dt, duration):
     gravity = 9.81 * np.array([np.sin(slope), 0.0, -np.cos(slope)])
     simulator = put(Simulator(robot, ground, dt=dt, gravity=gravity), z=2.0 * gravity[2] / (4 * ground.stiffness))
-    for _ in range(round(duration / dt)):
-        simulator.advance(Command(np.zeros(0), np.zeros((0, 3))))
+    simulator.advance(Command(np.zeros(0), np.zeros((0, 3))), steps=round(duration / dt))
     assert simulator.counts[1] == 0
     return simulator
 
