@@ -352,6 +352,15 @@ def test_on_a_board(folders, chip):
     assert run(program, CHIPS[chip]) == ("all equal: 200 ticks of harpy_condensed, float\n", 0)
 
 
+@needs_compiler
+@needs_board
+def test_the_page_of_an_export_says_what_a_tick_costs_on_boards(tmp_path):
+    text = (export("harpy", tmp_path / "c", controller="paper").folder / "README.md").read_text()
+    for chip in CHIPS.values():
+        (row,) = (line for line in text.splitlines() if line.startswith(f"| {chip.title} |"))
+        assert all(float(number) > 0 for number in row.split("|")[2:-1])
+
+
 @pytest.mark.long
 @needs_compiler
 @needs_board
