@@ -146,6 +146,7 @@ def test_interrupted_command_stops(command, tmp_path, monkeypatch, number, code,
         if len(ticks) == 5:
             os.kill(os.getpid(), number)
 
+    monkeypatch.setattr("reproduction.report.study_vlip", lambda: None)  # without walks, before them
     monkeypatch.setattr(hp.Simulator, "log", logged)
     monkeypatch.setattr(hp.Simulator, "compile_loop", lambda self, *_, **__: None)  # every tick is logged in Python
     ending, out, err = command(*arguments(tmp_path))
