@@ -282,7 +282,7 @@ def test_film_of_a_robot(command, tmp_path):
     except HarpyError as missing:
         pytest.skip(str(missing))
     path, crawls = tmp_path / "dog.gif", ("--set", "gait.schedule=crawl")
-    assert command("film", path, "--robot", "Solo", *crawls, "--duration", 1, "--size", "200x150")[0] == 0
+    assert command("film", path, "--robot", "Solo", *crawls, "--duration", 0.85, "--size", "200x150")[0] == 0
     with Image.open(path) as film:
         assert film.size == (200, 150)
         assert film.n_frames >= 6

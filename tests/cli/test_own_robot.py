@@ -143,7 +143,9 @@ def test_commands_take_a_file(dog, tmp_path, monkeypatch, command):
     dog.rename("moved.urdf")
     assert "dog.urdf" in command("view", "dog.npz", "--html", "dog.html")[2]
     assert command("view", "dog.npz", "--robot", "moved.urdf", "--html", "dog.html")[0] == 0
-    assert command("export", "moved.urdf", "--feet", ",".join(FEET), "--to", "c")[0] == 0
+    monkeypatch.setattr("harpy_pin.export.folder.missing_tools", lambda: "none desired")
+    words = ("export", "moved.urdf", "--feet", ",".join(FEET), "--to", "c", "--precision", "double")
+    assert command(*words)[0] == 0
     assert (tmp_path / "c" / "my_dog_condensed.c").is_file()
 
 

@@ -19,7 +19,7 @@ from harpy_pin.export.board import CHIPS, build, measure, missing_tools, run
 from harpy_pin.export.code import controller_code
 from harpy_pin.export.exported_controllers import exportable, exportable_walk
 from harpy_pin.export.mathematics import PORTABLE
-from harpy_pin.export.recording import _library, answers, ready, record
+from harpy_pin.export.recording import _from_kernels, _library, answers, ready, record
 from harpy_pin.gaits.gait import GaitTarget
 
 WARNINGS = (
@@ -31,6 +31,21 @@ TWO = ("atan2", "hypot")
 INPUTS = ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque")
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
 needs_board = pytest.mark.skipif(missing_tools() is not None, reason=str(missing_tools()))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def libraries(tmp_path_factory):
+    """The same C is compiled once."""
+    made = {}
+
+    def library(code, folder):
+        if code not in made:
+            made[code] = _library(code, tmp_path_factory.mktemp("library"))
+        return made[code]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("harpy_pin.export.recording._library", library)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +114,7 @@ def test_a_difference_is_found(folders, tmp_path):
     text = source.read_text()
     assert text.count("state->governor.alpha_r = 10.0f;") == 1
     source.write_text(text.replace("state->governor.alpha_r = 10.0f;", "state->governor.alpha_r = 10.5f;"))
-    changed = compile_and_run(type(done)(done.code, done.what, done.ticks, place), "-O2")
+    changed = compile_and_run(type(done)(done.code, done.what, done.ticks, place), "-O0")
     assert changed.returncode == 1
     assert "ticks differ" in changed.stdout
 
@@ -118,14 +133,14 @@ def test_a_tick_is_the_controllers(controller):
 
 
 @needs_compiler
-def test_the_estimate_is_the_estimators():
+def test_the_estimate_is_the_estimators(folders):
     """In double precision every number is that of the class; in single precision it is as good as its sensors."""
     motion = ready(hp.load_harpy(), "estimator", duration=0.5)
     estimator, target = motion.sensors.estimator, GaitTarget()
     what = exportable(estimator)
     given = record(motion, what)
-    ours, _ = answers(what, controller_code(what, "x", single=False), given)
-    floats, _ = answers(what, controller_code(what, "x", single=True), given)
+    ours, _ = _from_kernels(what, given)
+    floats, _ = answers(what, folders("harpy", "estimator", "float").code, given)
     assert 0.0 < np.abs(floats - ours)[:, :13].max() < 1e-4
     for n, row in enumerate(ours):
         begin = 0
@@ -237,13 +252,13 @@ def test_walks_that_are_not_exported_are_refused():
 
 
 @needs_compiler
-def test_single_precision_is_close():
+def test_single_precision_is_close(folders):
     """Far from a change of the active set the two precisions differ by rounding; most ticks are."""
     motion = ready(hp.load_harpy(), "condensed", duration=1.0)
     what = exportable(motion.controller)
     given = record(motion, what)
-    ours, _ = answers(what, controller_code(what, "x", single=True), given)
-    theirs, _ = answers(what, controller_code(what, "x", single=False), given)
+    ours, _ = answers(what, folders("harpy", "condensed", "float").code, given)
+    theirs, _ = _from_kernels(what, given)
     gap = np.abs(ours - theirs).max(axis=1)
     assert 0.0 < np.median(gap) < 1e-3
     assert gap.max() < 0.5
@@ -333,6 +348,15 @@ def test_on_a_board(folders, chip):
     sources = [f"{done.code.name}.c", "vectors.c", "check.c"]
     program = build(done.folder, sources, CHIPS[chip], done.folder / f"{chip}.elf", flags=("-O2", *WARNINGS[1:]))
     assert run(program, CHIPS[chip]) == ("all equal: 200 ticks of harpy_condensed, float\n", 0)
+
+
+@needs_compiler
+@needs_board
+def test_the_page_of_an_export_says_what_a_tick_costs_on_boards(tmp_path):
+    text = (export("harpy", tmp_path / "c", controller="paper").folder / "README.md").read_text()
+    for chip in CHIPS.values():
+        (row,) = (line for line in text.splitlines() if line.startswith(f"| {chip.title} |"))
+        assert all(float(number) > 0 for number in row.split("|")[2:-1])
 
 
 @pytest.mark.long

@@ -128,6 +128,7 @@ def test_an_export_into_a_project_is_refused(tmp_path, monkeypatch, capsys):
     for name in ("README.md", "CMakeLists.txt", "board/a.o"):
         (project / name).write_text("mine")
     (project / "check.c").symlink_to("../target")
+    monkeypatch.setattr("harpy_pin.export.folder.missing_tools", lambda: "none desired")
     before = content(tmp_path)
     words = ["export", "iris", "--to", str(project), "--precision", "double"]
     for more, says in (([], "--force"), (["--force"], "check.c' is a link")):

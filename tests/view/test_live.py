@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from live_client import CAMERA, connected
 from needs import needs_robots
 from PIL import Image
 
@@ -26,6 +27,7 @@ from harpy_pin.view.live.drive import Drive, listen
 from harpy_pin.view.live.settings import LiveSettings
 
 viser = pytest.importorskip("viser", reason="viser is an extra")
+msgspec = pytest.importorskip("msgspec", reason="viser brings it")
 COARSE = "?fixedDpr=0.4"
 """Few pixels, since they are drawn by software."""
 PATIENCE = 600.0
@@ -120,12 +122,10 @@ def test_rules_of_an_open_address() -> None:
 
 
 def test_garbage_does_not_kill_the_server(drive: Drive, fuzz: int) -> None:
-    import msgspec
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
 
     rng = np.random.default_rng(7)
-    url = drive.url.replace("http", "ws")
     odd: list[Any] = [None, 1, "x", [], {}, {"type": "none"}, {"type": 3}, {"type": "GuiUpdateMessage"}]
     odd += [{"type": "GuiUpdateMessage", "uuid": "x", "updates": update} for update in (None, {"value": 1}, 7)]
     odd += [{"type": name} for name in ("ViewerCameraMessage", "ShareUrlRequest", "FileTransferStartUpload", "Message")]
@@ -134,13 +134,16 @@ def test_garbage_does_not_kill_the_server(drive: Drive, fuzz: int) -> None:
     messages += ["text", b"", b"\xc1", b"\x00" * 100_000]
     settings = drive.session.settings
     for message in messages:
-        with connect(url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as page:  # type: ignore[list-item]
+        with connected(drive.url) as page:
             try:
                 page.send(message)
                 page.recv(timeout=0.02)
             except (ConnectionClosed, TimeoutError):
                 pass
-    with connect(url) as page, pytest.raises(ConnectionClosed):  # a client of another version
+    with (
+        connect(drive.url.replace("http", "ws")) as page,
+        pytest.raises(ConnectionClosed),
+    ):  # a client of another version
         page.recv(timeout=PATIENCE)
     with socket.create_connection(("127.0.0.1", port_of(drive))) as connection:
         connection.sendall(rng.bytes(5000))
@@ -239,20 +242,23 @@ def test_page_drives(browser: Any, drive: Drive) -> None:
     soon(lambda: not session.paused)
     assert not session.ending
 
-    other = open_page(browser, drive, complaints, shows="whole-body QP", width=390)
-    soon(lambda: drive.viewers == 2)
-    page.close()
+    page.keyboard.press("w")
+    soon(lambda: session.settings.forward == 0.1)
+    with connected(drive.url) as another:
+        another.send(msgspec.msgpack.encode(CAMERA))
+        soon(lambda: drive.viewers == 2)
     soon(lambda: drive.viewers == 1)
+    page.close()
+    soon(lambda: drive.viewers == 0)
     ticks = session.ticks
     soon(lambda: session.ticks > ticks + 50)  # the walk does not care
-    other.keyboard.press("w")
-    soon(lambda: session.settings.forward == 0.1)
-    other.close()
-    soon(lambda: drive.viewers == 0)
     # Who comes back finds all as it was.
-    other = open_page(browser, drive, complaints, shows="whole-body QP", width=390)
-    soon(lambda: number_of(other, "Forward, m/s").input_value() == "0.1")
-    other.close()
+    page = open_page(browser, drive, complaints, shows="whole-body QP", width=390)
+    soon(lambda: drive.viewers == 1)
+    soon(lambda: number_of(page, "Forward, m/s").input_value() == "0.1")
+    page.keyboard.press("w")
+    soon(lambda: session.settings.forward == 0.2)
+    page.close()
     soon(lambda: drive.viewers == 0)
     assert not complaints
 

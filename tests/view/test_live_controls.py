@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from live_client import CAMERA, connected
 
 import harpy_pin as hp
 from harpy_pin.view.live.drive import listen
@@ -17,7 +18,8 @@ from harpy_pin.view.live.live_page import EYE, MIDDLE, followed
 from harpy_pin.view.live.live_session import LiveSession
 from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 
-viser = pytest.importorskip("viser", reason="viser is an extra")
+pytest.importorskip("viser", reason="viser is an extra")
+msgspec = pytest.importorskip("msgspec", reason="viser brings it")
 
 
 class Page:
@@ -51,27 +53,9 @@ def page(robot: hp.Robot) -> Iterator[Page]:
     page.page.server.stop()
 
 
-CAMERA = {
-    "type": "ViewerCameraMessage",
-    "wxyz": [1.0, 0.0, 0.0, 0.0],
-    "position": list(EYE),
-    "image_height": 400,
-    "image_width": 800,
-    "fov": 0.7,
-    "near": 0.1,
-    "far": 100.0,
-    "look_at": list(MIDDLE),
-    "up_direction": [0.0, 0.0, 1.0],
-}
-"""What a page says first."""
-
-
 def send(page: Page, messages: list[dict[str, Any]], *, camera: dict[str, Any] | None = None) -> None:
     """As one page, and wait until all of it was taken."""
-    import msgspec
-    from websockets.sync.client import connect
-
-    with connect(page.url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:  # type: ignore[list-item]
+    with connected(page.url) as browser:
         for message in (camera or CAMERA, *messages):
             browser.send(msgspec.msgpack.encode(message))
         time.sleep(0.2)
@@ -177,14 +161,11 @@ def test_the_camera_follows() -> None:
 @pytest.mark.parametrize("follows", [True, False])
 def test_a_page_whose_keys_move_the_camera_gets_it_back(page: Page, follows: bool) -> None:
     """As a minute of driving moves it, and from the distance of its driver; unless the driver does not want that."""
-    import msgspec
-    from websockets.sync.client import connect
-
     middle, away, twice = np.array(MIDDLE), np.array([40.0, 0.0, 0.0]), 2.0 * (np.array(EYE) - MIDDLE)
     moved = {**CAMERA, "position": (middle + away + twice).tolist(), "look_at": (middle + away).tolist()}
     assert page.panel.follows
     page.panel._follows.value = follows
-    with connect(page.url, subprotocols=[f"viser-v{viser.__version__}"], max_size=None) as browser:  # type: ignore[list-item]
+    with connected(page.url) as browser:
         browser.send(msgspec.msgpack.encode(CAMERA))
         wait_until(page.page.server.get_clients)
         (client,) = page.page.server.get_clients().values()

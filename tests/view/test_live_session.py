@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any
 
@@ -86,13 +87,15 @@ def test_controllers_take_over_in_mid_walk(robot: hp.Robot) -> None:
     session = walk(make(robot), 2.0)
     begin = float(session.simulator.q[0])
     names = list(CONTROLLERS)
-    order = [name for a in names for b in names if a != b for name in (a, b)]
-    for number, name in enumerate(order):
+    order = [*(name for k, a in enumerate(names) for b in names[k + 1 :] for name in (a, b)), names[0]]
+    assert sorted(pairwise(order)) == sorted(permutations(names, 2))
+    assert session.settings.controller == names[0]
+    for number, name in enumerate(order[1:]):
         q = session.simulator.q.copy()
         assert session.change({"controller": name}) == ""
         assert np.array_equal(session.simulator.q, q)
         walk(session, 0.4 + 0.05 * (number % 7))
-        assert not session.ending, (order[number - 1], name, session.time)
+        assert not session.ending, (order[number], name, session.time)
     assert session.walks == 1
     walked = float(session.simulator.q[0]) - begin
     assert walked == pytest.approx(0.3 * (session.time - 2.0), rel=0.05)
@@ -336,10 +339,10 @@ def test_log_is_a_run_at_every_moment(robot: hp.Robot, tmp_path: Path) -> None:
     assert "harpy" in replay_html([(run, robot)])
 
 
-def test_log_refuses_what_is_no_file(robot: hp.Robot, tmp_path: Path) -> None:
+def test_log_refuses_what_is_no_file(shared: LiveSession, tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "none" / "drive.npz", Path("/dev/null")):
         with pytest.raises(RunFileError):
-            LiveLog(make(robot), path)
+            LiveLog(shared, path)
 
 
 def test_drive_without_a_page(robot: hp.Robot, tmp_path: Path) -> None:

@@ -53,11 +53,22 @@ def show(browser: Any, address: str, *, width: int = 1000, height: int = 640) ->
     return page
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def page(browser: Any, address: str) -> Iterator[Any]:
+    """One page, which the tests use one after the other."""
     page = show(browser, address)
     yield page
+    assert page.asked == [address]
+    assert page.said == []
     page.close()
+
+
+@pytest.fixture(scope="module")
+def film(browser: Any, run: Run, robot: Robot) -> Iterator[Film]:
+    """Made beside the running loop of ``browser``, as in a notebook."""
+    assert asyncio.get_running_loop()
+    with Film([(run, robot)]) as film:
+        yield film
 
 
 def go(page: Any, time: float) -> None:
@@ -86,6 +97,7 @@ def node(path: str) -> str:
 
 
 def test_page_loads_nothing_and_opens_paused_at_its_moment(page: Any, address: str) -> None:
+    """The first test of the page."""
     assert page.asked == [address]
     assert page.said == []
     assert page.evaluate("document.documentElement.dataset.state") == "paused"
@@ -124,6 +136,7 @@ def test_cone_is_red_where_the_log_says_that_the_foot_slides(page: Any, run: Run
         assert (
             "slides" in page.evaluate("document.getElementById('key').textContent.split('friction cone')[1]")[:12]
         ) is (slides)
+    page.evaluate(f"{node('robot')}.visible = {node('reference')}.visible = {node('slip')}.visible = true")
 
 
 def check_together(page: Any, run: Run, time: float) -> None:
@@ -180,6 +193,8 @@ def test_all_charts_zoom_together_and_follow_the_time(page: Any, run: Run) -> No
     low, high = page.evaluate("[replay.charts.plots[0].scales.x.min, replay.charts.plots[0].scales.x.max]")
     assert low < 0.95 < high
     check_together(page, run, 0.95)
+    page.evaluate("document.querySelector('.zoom button:last-child').click()")
+    assert page.evaluate("replay.charts.plots[0].scales.x.max - replay.charts.plots[0].scales.x.min") > 0.9
 
 
 def test_playing_goes_on_and_pausing_stops(page: Any) -> None:
@@ -219,15 +234,8 @@ LAYOUT = """(() => {
 })()"""
 
 
-@pytest.mark.parametrize("size", [(1280, 800), (390, 844), (800, 1100)], ids=["desk", "phone", "tablet"])
-@pytest.mark.parametrize("runs", [1, 3])
-def test_nothing_overlaps(
-    browser: Any, run: Run, robot: Robot, tmp_path: Path, size: tuple[int, int], runs: int
-) -> None:
-    path = write_html([(run, robot)] * runs, tmp_path / "walk.html")
-    page = show(browser, path.as_uri(), width=size[0], height=size[1])
+def check_layout(page: Any, size: tuple[int, int], runs: int) -> None:
     found = page.evaluate(LAYOUT)
-    page.close()
     assert found["wide"] <= found["width"] == size[0]
     # What scrolls is cut by the bar: it goes on below, but is not seen there.
     edge = found["boxes"]["#bar"][1]
@@ -252,21 +260,50 @@ def test_nothing_overlaps(
         assert found["boxes"]["#charts"][1] >= found["boxes"]["#scenes"][3]
 
 
-def test_runs_side_by_side_play_in_step(browser: Any, run: Run, robot: Robot, tmp_path: Path) -> None:
+DESK, TABLET, PHONE = (1280, 800), (800, 1100), (390, 844)
+
+
+def check_layouts(page: Any, runs: int) -> None:
+    """On a desk, and in a window that is made narrower."""
+    for size in (DESK, TABLET):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        go(page, 0.5)
+        check_layout(page, size, runs)
+
+
+def check_on_a_phone(browser: Any, address: str, runs: int) -> None:
+    page = show(browser, address, width=PHONE[0], height=PHONE[1])
+    check_layout(page, PHONE, runs)
+    page.close()
+
+
+def test_nothing_overlaps(browser: Any, page: Any, address: str) -> None:
+    before = page.viewport_size
+    check_layouts(page, 1)
+    page.set_viewport_size(before)
+    check_on_a_phone(browser, address, 1)
+
+
+def test_runs_side_by_side_play_in_step_and_nothing_overlaps(
+    browser: Any, run: Run, robot: Robot, tmp_path: Path
+) -> None:
     short = Run({name: signal[:501] for name, signal in run.signals.items()}, run.metadata | {"ending": "fell"})
-    path = write_html([(run, robot), (short, robot)], tmp_path / "two.html", names=["long", "short"])
-    page = show(browser, path.as_uri(), width=1280, height=800)
+    names = ["long", "short", "long again"]
+    path = write_html([(run, robot), (short, robot), (run, robot)], tmp_path / "three.html", names=names)
+    page = show(browser, path.as_uri(), width=DESK[0], height=DESK[1])
     go(page, 0.8)
     places = [
-        page.evaluate(f"{node('robot/root_joint').replace('scenes[0]', f'scenes[{k}]')}.position.x") for k in (0, 1)
+        page.evaluate(f"{node('robot/root_joint').replace('scenes[0]', f'scenes[{k}]')}.position.x") for k in range(3)
     ]
-    np.testing.assert_allclose(places, [0.3 * 0.8, 0.3 * 0.5], atol=0.002)
+    np.testing.assert_allclose(places, [0.3 * 0.8, 0.3 * 0.5, 0.3 * 0.8], atol=0.002)
     captions = page.evaluate("[...document.querySelectorAll('figcaption')].map((c) => c.textContent)")
     assert captions[0].startswith("long")
     assert captions[1] == "shortfell"
     rows = page.evaluate("[...document.querySelectorAll('#scores tr')].map((r) => r.textContent)")
-    page.close()
     assert any("walked to the end" in row and "fell at 0.50 s" in row for row in rows)
+    check_layouts(page, 3)
+    page.close()
+    check_on_a_phone(browser, path.as_uri(), 3)
 
 
 def test_text_of_a_log_stays_text(browser: Any, robot: Robot, tmp_path: Path) -> None:
@@ -305,30 +342,26 @@ def test_fault_in_a_page_is_reported(browser: Any, run: Run, robot: Robot, monke
         Film([(run, robot)])
 
 
-def test_pictures_and_gif_beside_a_running_loop(browser: Any, run: Run, robot: Robot, tmp_path: Path) -> None:
-    """As in a notebook, where an event loop runs in the thread of whoever takes pictures."""
-    assert asyncio.get_running_loop()
-    with Film([(run, robot)]) as film:
-        pictures = film.pictures(tmp_path / "walk.png", [0.2, 0.9], size=(300, 200))
-        assert [path.name for path in pictures] == ["walk-0.2.png", "walk-0.9.png"]
-        images = [np.asarray(Image.open(path).convert("RGB"), dtype=int) for path in pictures]
-        assert all(image.shape == (200, 300, 3) for image in images)
-        assert np.abs(images[0] - images[1]).mean() > 0.5
-        (alone,) = film.pictures(tmp_path / "moment.png", size=(300, 200))
-        assert alone == tmp_path / "moment.png"
-        with Image.open(film.save(tmp_path / "walk.gif", begin=0.2, end=0.6, size=(400, 400))) as gif:
-            assert (gif.size, gif.n_frames, gif.info["duration"], gif.info["loop"]) == ((400, 400), 6, 80, 0)
-        with pytest.raises(InputError, match="end after its beginning"):
-            film.save(tmp_path / "none.gif", begin=0.5, end=0.5)
-        assert not (tmp_path / "none.gif").exists()
-
-
-def test_film(browser: Any, run: Run, robot: Robot, tmp_path: Path) -> None:
+def test_pictures_and_films(film: Film, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pictures = film.pictures(tmp_path / "walk.png", [0.2, 0.9], size=(300, 200))
+    assert [path.name for path in pictures] == ["walk-0.2.png", "walk-0.9.png"]
+    images = [np.asarray(Image.open(path).convert("RGB"), dtype=int) for path in pictures]
+    assert all(image.shape == (200, 300, 3) for image in images)
+    assert np.abs(images[0] - images[1]).mean() > 0.5
+    (alone,) = film.pictures(tmp_path / "moment.png", size=(300, 200))
+    assert alone == tmp_path / "moment.png"
+    with Image.open(film.save(tmp_path / "walk.gif", begin=0.2, end=0.6, size=(200, 200))) as gif:
+        assert (gif.size, gif.n_frames, gif.info["duration"], gif.info["loop"]) == ((200, 200), 6, 80, 0)
+    with pytest.raises(InputError, match="end after its beginning"):
+        film.save(tmp_path / "none.gif", begin=0.5, end=0.5)
+    assert not (tmp_path / "none.gif").exists()
     encoder = pytest.importorskip("imageio_ffmpeg")
-    with Film([(run, robot)]) as film:
-        path = film.save(tmp_path / "walk.mp4", begin=0.0, end=0.2, size=(201, 161))
+    path = film.save(tmp_path / "walk.mp4", begin=0.0, end=0.2, size=(201, 161))
     about = next(encoder.read_frames(str(path)))
     assert (about["codec"], about["size"], about["fps"]) == ("h264", (200, 160), 25.0)
+    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
+    with pytest.raises(HarpyError, match=re.escape(install_line("film"))):
+        film.save(tmp_path / "walk.mp4")
 
 
 def test_no_browser_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot) -> None:
@@ -342,14 +375,6 @@ def test_no_playwright_is_a_clear_error(monkeypatch: pytest.MonkeyPatch, run: Ru
     monkeypatch.setitem(__import__("sys").modules, "playwright.sync_api", None)
     with pytest.raises(HarpyError, match=re.escape(install_line("film"))):
         Film([(run, robot)])
-
-
-def test_no_encoder_is_a_clear_error(
-    browser: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run, robot: Robot
-) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
-    with Film([(run, robot)]) as film, pytest.raises(HarpyError, match=re.escape(install_line("film"))):
-        film.save(tmp_path / "walk.mp4")
 
 
 def test_long_walk_is_a_small_page(robot: Robot, tmp_path: Path) -> None:
