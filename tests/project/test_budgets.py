@@ -13,11 +13,11 @@ import harpy_pin
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
-LINES = {"harpy_pin": 38_698, CONTRIB: 3_059, "reproduction": 3_772, "comparison": 10_982, "tests": 31_387}
+LINES = {"harpy_pin": 38_764, CONTRIB: 3_059, "reproduction": 3_772, "comparison": 10_982, "tests": 31_583}
 """Most lines of the Python files that Git tracks in a folder; those of ``harpy_pin`` are counted without contrib."""
 LONGEST_FILE = 450
 MOST_PUBLIC_NAMES = 70
-MOST_WORDS = 17_434
+MOST_WORDS = 17_433
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 
