@@ -105,15 +105,19 @@ def _moved(robot: Robot, start: Vector, x: float, rise: float) -> Vector:
 
 def _feet(robot: Robot, q: Vector) -> tuple[Vector, Vector]:
     """Places of the feet, and their Jacobian, world axes."""
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    places = np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet])
-    return places, np.vstack(_jacobians(robot, q, robot.feet))
+    jacobians, data = _jacobians(robot, q, robot.feet), _data(robot)
+    return np.array([data.oMf[robot.frame_id(name)].translation for name in robot.feet]), np.vstack(jacobians)
+
+
+@cache
+def _data(robot: Robot) -> pin.Data:
+    """Work space of Pinocchio, overwritten by the next call."""
+    return robot.model.createData()
 
 
 def _jacobians(robot: Robot, q: Vector, frames: tuple[str, ...]) -> list[Vector]:
     """(3, nv) of each frame, world axes."""
-    model, data = robot.model, robot.model.createData()
+    model, data = robot.model, _data(robot)
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     return [pin.getFrameJacobian(model, data, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)[:3] for name in frames]

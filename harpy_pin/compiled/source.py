@@ -69,7 +69,8 @@ def _definition(function: FunctionType) -> ast.FunctionDef:
     with suppress(SyntaxError):
         if code.co_firstlineno in (found := _definitions(text)):
             return found[code.co_firstlineno]
-    raise KernelError(f"the source of {function.__name__} cannot be read, or was edited after it was loaded")
+    reason = "its source cannot be read, or was edited after it was loaded: start again"
+    raise KernelError(f"{code.co_filename}:{code.co_firstlineno}: {function.__name__}: {reason}")
 
 
 @cache

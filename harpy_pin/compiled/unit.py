@@ -34,15 +34,15 @@ entry main signature"""
 ELSEWHERE = frozenset(FUNCTIONS.split())
 """Functions of C's library: no function may have such a name."""
 _TEXT = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
+HELPERS = {
+    name: text for text, name in re.findall(r"^(static inline \w+ (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE)
+}
+"""Functions of C that generated code calls, by name."""
 PART = 32_000
 """Characters of a part, which are about a second's work of GCC."""
 SHORT = 1_000
 """Most characters of a function that each part has for itself."""
 HIDDEN = '__attribute__((visibility("hidden")))'
-HELPERS = {
-    name: text for text, name in re.findall(r"^(static inline \w+ (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE)
-}
-"""Functions of C that generated code calls, by name."""
 
 
 def in_part(number: int | str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from math import inf
 from typing import Any
 
@@ -217,42 +218,10 @@ class CommandedGait(FollowsVelocity):
         late = (1.0 - FROZEN) * p.step_duration * (1.0 - p.double_support)
         acceleration = p.acceleration + p.turn_acceleration * p.width
         unforeseen = 0.5 * acceleration * (half + late) ** 2
-        speed = (self._reach() - SPARE - p.sway - unforeseen) / half
+        speed = (_reach(self.robot, p) - SPARE - p.sway - unforeseen) / half
         if speed <= 0.0:
             raise InputError("this gait is out of the robot's reach", name="gait")
         return speed, (2.0 * p.width - FEET_APART) / p.step_duration
-
-    def _reach(self) -> float:
-        """Radius of the largest circle on the ground around where a foot stands that its leg reaches, m.
-
-        At the height of mid-swing half of it must be in reach.
-        """
-        p = self.parameters
-        lower, upper = self.robot.joint_lower, self.robot.joint_upper
-        angles = np.empty(3)
-
-        def reached(k: int, x: float, y: float, z: float) -> bool:
-            inside = leg_inverse(self.geometry[k].record[0], np.array((x, y, z)), angles) <= 1e-12
-            joints = slice(3 * k, 3 * k + 3)
-            return bool(inside and np.all(angles >= lower[joints]) and np.all(angles <= upper[joints]))
-
-        def circle(radius: float) -> bool:
-            return all(
-                reached(
-                    k, share * radius * np.cos(angle), side * p.width + share * radius * np.sin(angle), z - p.height
-                )
-                for k, side in enumerate((1.0, -1.0))
-                for share, z in ((1.0, -p.penetration_offset), (0.5, p.clearance))
-                for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-            )
-
-        low, high = 0.0, p.height
-        if not circle(low):
-            return 0.0
-        while high - low > 1e-3:
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if circle(middle) else (low, middle)
-        return low
 
 
 @checked
@@ -272,3 +241,33 @@ def make_commanded_gait(
     return CommandedGait(
         robot, velocity, CommandedParameters(penetration_offset=penetration_offset_on(robot, stiffness))
     )
+
+
+@lru_cache(maxsize=32)
+def _reach(robot: Robot, p: CommandedParameters) -> float:
+    """Radius of the largest circle on the ground around where a foot stands that its leg reaches, m.
+
+    At the height of mid-swing half of it must be in reach.
+    """
+    geometry, lower, upper, angles = two_legs(robot), robot.joint_lower, robot.joint_upper, np.empty(3)
+
+    def reached(k: int, x: float, y: float, z: float) -> bool:
+        inside = leg_inverse(geometry[k].record[0], np.array((x, y, z)), angles) <= 1e-12
+        joints = slice(3 * k, 3 * k + 3)
+        return bool(inside and np.all(angles >= lower[joints]) and np.all(angles <= upper[joints]))
+
+    def circle(radius: float) -> bool:
+        return all(
+            reached(k, share * radius * np.cos(angle), side * p.width + share * radius * np.sin(angle), z - p.height)
+            for k, side in enumerate((1.0, -1.0))
+            for share, z in ((1.0, -p.penetration_offset), (0.5, p.clearance))
+            for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+        )
+
+    low, high = 0.0, p.height
+    if not circle(low):
+        return 0.0
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if circle(middle) else (low, middle)
+    return low

@@ -77,12 +77,8 @@ def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
                     printed = ""
                     continue
             out, text = io.StringIO(), "\n" * block.line + block.text
-            linecache.cache[str(page)] = (
-                len(text),
-                None,
-                text.splitlines(keepends=True),
-                str(page),
-            )  # for kernels in it
+            lines = text.splitlines(keepends=True)
+            linecache.cache[str(page)] = (len(text), None, lines, str(page))  # from which kernels are translated
             with contextlib.redirect_stdout(out):
                 exec(compile(text, str(page), "exec"), names)
             printed = out.getvalue()
