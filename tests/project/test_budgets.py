@@ -13,7 +13,7 @@ import harpy_pin
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
-LINES = {"harpy_pin": 38_764, CONTRIB: 3_059, "reproduction": 3_772, "comparison": 10_982, "tests": 31_583}
+LINES = {"harpy_pin": 38_764, CONTRIB: 3_059, "reproduction": 3_772, "comparison": 10_986, "tests": 31_550}
 """Most lines of the Python files that Git tracks in a folder; those of ``harpy_pin`` are counted without contrib."""
 LONGEST_FILE = 450
 MOST_PUBLIC_NAMES = 70
