@@ -25,4 +25,6 @@ run = plant.run(Springs(robot), 2.0, pushes=[hp.Push(1.0, (0.0, 0.5, 0.0))])
 
 moved = 1e3 * np.ptp(run["q"][:, :3], axis=0)
 slip = 1e3 * run["slip_path"][-1].max()
-print(f"{run.ending} in {run.metadata['plant']['name']}: body moved by {moved.round(1)} mm, feet slipped {slip:.2f} mm")
+print(
+    f"{run.ending} in {run.metadata['plant']['name']}: body moved by {moved.round(1)} mm, feet slipped {slip:.2f} mm"
+)

@@ -11,7 +11,9 @@ MU, HEIGHT, N = 0.2, 0.6, 1000
 robot, random = hp.load_harpy(), np.random.default_rng(0)
 legs = [hp.model.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
 feet = ((0.0, 0.125, -HEIGHT), (0.0, -0.125, -HEIGHT))
-posture = np.concatenate([hp.model.leg_inverse_kinematics(leg, foot) for leg, foot in zip(legs, feet, strict=True)])
+posture = np.concatenate(
+    [hp.model.leg_inverse_kinematics(leg, foot) for leg, foot in zip(legs, feet, strict=True)]
+)
 REST = np.concatenate(([0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0], posture, np.zeros(12)))
 
 
@@ -47,10 +49,14 @@ class Network:
 
 
 PUSHED = hp.Disturbances(pushes=(hp.Push(0.6, (3.5, 0.0, 0.0)),))
-SCENARIO = hp.Scenario(ground=hp.Ground(mu_s=MU), gait=hp.Straight(speed=0.0), duration=2.0, disturbances=PUSHED)
+SCENARIO = hp.Scenario(
+    ground=hp.Ground(mu_s=MU), gait=hp.Straight(speed=0.0), duration=2.0, disturbances=PUSHED
+)
 for policy in (Network(None), Network(MU)):
     run = hp.walk(SCENARIO, controller=policy.of)
-    print(f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed")
+    print(
+        f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed"
+    )
 ticks = random.integers(len(run), size=N)
 arrays = [run[name][ticks] for name in ("q", "v", "foot_force", "torque", "thrust")]
 batch = ShieldBatch(robot, N, mu=MU)

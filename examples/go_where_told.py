@@ -13,7 +13,10 @@ COURSE = (
 )
 for controller in ("condensed", "wbc"):
     scenario = hp.Scenario(
-        controller=controller, gait=hp.Commanded(velocity=COURSE), ground=hp.Ground(mu_s=0.4), duration=20.0
+        controller=controller,
+        gait=hp.Commanded(velocity=COURSE),
+        ground=hp.Ground(mu_s=0.4),
+        duration=20.0,
     )
     run = hp.walk(scenario)
     error = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)
@@ -32,4 +35,6 @@ def steer(state: hp.State) -> None:
 
 
 run = hp.walk(hp.Scenario(controller="condensed", duration=5.0), gait=gait, on_tick=steer)
-print(f"live     {run.ending}: x = {run['q'][-1, 0]:.2f} m, turned to {run['heading'][-1, 0]:.2f} rad")
+print(
+    f"live     {run.ending}: x = {run['q'][-1, 0]:.2f} m, turned to {run['heading'][-1, 0]:.2f} rad"
+)

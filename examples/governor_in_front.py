@@ -35,4 +35,6 @@ for k in range(2000):
     velocity += dt * (100.0 * (applied[:3] - position) + 20.0 * (applied[3:] - velocity))
     position += dt * velocity
     fastest = max(fastest, applied[3])
-print(f"asked for 0.80 m/s, applied at most {fastest:.3f} m/s; violated by the target: {governor.status.active}")
+print(
+    f"asked for 0.80 m/s, applied at most {fastest:.3f} m/s; violated by the target: {governor.status.active}"
+)

@@ -17,7 +17,9 @@ def policy(observation: np.ndarray) -> np.ndarray:
     return np.hstack((np.zeros((len(observation), 6)), thrust, thrust))
 
 
-scenario = hp.Scenario(ground=hp.Ground(mu_s=0.3), gait=hp.Straight(speed=0.0), duration=10.0, period=5e-3, dt=1e-3)
+scenario = hp.Scenario(
+    ground=hp.Ground(mu_s=0.3), gait=hp.Straight(speed=0.0), duration=10.0, period=5e-3, dt=1e-3
+)
 for shield in (False, True):
     env = gymnasium.make_vec(
         "harpy_pin.contrib.gym:Harpy-v0",
@@ -35,5 +37,7 @@ for shield in (False, True):
         falls, total = falls + fallen.sum(), total + reward.sum()
     rate = WORLDS * STEPS / (perf_counter() - begin)
     name = "with a shield" if shield else "without"
-    print(f"{name:13s} {falls} falls, mean reward {total / (WORLDS * STEPS):.3f}, {rate:,.0f} steps per second")
+    print(
+        f"{name:13s} {falls} falls, mean reward {total / (WORLDS * STEPS):.3f}, {rate:,.0f} steps per second"
+    )
     env.close()

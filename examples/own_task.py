@@ -27,7 +27,9 @@ def with_tasks(gait: hp.Gait) -> hp.Controller:
 
     # A range instead of a weight: the centre of mass never accelerates upward or downward by more than 3 m/s².
     centre = hp.CentreOfMassTask()
-    added["centre"] = controller.add(centre, lower=(-np.inf, -np.inf, -3.0), upper=(np.inf, np.inf, 3.0))
+    added["centre"] = controller.add(
+        centre, lower=(-np.inf, -np.inf, -3.0), upper=(np.inf, np.inf, 3.0)
+    )
 
     controller.add(SlowYaw(), weight=0.1)
     return controller
@@ -36,6 +38,8 @@ def with_tasks(gait: hp.Gait) -> hp.Controller:
 added: dict[str, hp.wbc.AddedTask] = {}
 run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.25), duration=2.0), controller=with_tasks)
 left = run["desired_force"][run["held"].all(axis=1), 0, 2].mean()
-print(f"{run.ending}: left foot with {left:.1f} N on average while both are held")  # without the tasks it is about 21
+print(
+    f"{run.ending}: left foot with {left:.1f} N on average while both are held"
+)  # without the tasks it is about 21
 for name, task in added.items():
     print(f"{name}: target {task.target.round(2)}, error in the last tick {task.error.round(2)}")

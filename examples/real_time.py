@@ -9,7 +9,11 @@ import numpy as np
 
 import harpy_pin as hp
 
-PERIOD, SECONDS, SPIN = 1_000_000, 4.0, 150_000  # ns; s; ns before a deadline in which the loop spins
+PERIOD, SECONDS, SPIN = (
+    1_000_000,
+    4.0,
+    150_000,
+)  # ns; s; ns before a deadline in which the loop spins
 Row = tuple[float, np.ndarray]
 
 gait = hp.make_gait(hp.load_harpy())
@@ -23,7 +27,9 @@ class Log:
     def __init__(self, size: int = 1024) -> None:
         self.rows: list[Row] = []
         self.dropped, self._queue = 0, queue.Queue[Row | None](size)
-        self._thread = threading.Thread(target=lambda: self.rows.extend(iter(self._queue.get, None)))
+        self._thread = threading.Thread(
+            target=lambda: self.rows.extend(iter(self._queue.get, None))
+        )
         self._thread.start()  # it may write to a file, a socket, a topic
 
     def put(self, row: Row) -> None:

@@ -19,7 +19,9 @@ class Policy:
 
     def step(self, state: hp.State) -> hp.Command:
         command = self.inner.step(state)
-        return hp.Command(command.torque + self.random.normal(0.0, 0.5, command.torque.shape), command.thrust)
+        return hp.Command(
+            command.torque + self.random.normal(0.0, 0.5, command.torque.shape), command.thrust
+        )
 
 
 class Shielded:
@@ -38,4 +40,7 @@ for controller in (Policy, Shielded):
     run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=MU), duration=4.0), controller=controller)
     slip = hp.measure(run, step_duration=0.75).slip_mm_per_step
     print(f"{controller.__name__:9s} {run.ending}: slip {slip:.2f} mm per step")
-print("ticks in which the shield acted:", ", ".join(f"{reason} {count}" for reason, count in reasons.most_common()))
+print(
+    "ticks in which the shield acted:",
+    ", ".join(f"{reason} {count}" for reason, count in reasons.most_common()),
+)

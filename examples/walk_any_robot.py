@@ -8,7 +8,13 @@ import numpy as np
 import harpy_pin as hp
 
 QUARTER = np.pi / 2 / 0.6  # s
-COURSE = ((0.5, 1.0, 0, 0), (3.0, 0.5, 0, 0.6), (3.0 + QUARTER, 0, 0.5, 0), (8.0, -0.5, 0, 0), (10.0, 0, 0, 0))
+COURSE = (
+    (0.5, 1.0, 0, 0),
+    (3.0, 0.5, 0, 0.6),
+    (3.0 + QUARTER, 0, 0.5, 0),
+    (8.0, -0.5, 0, 0),
+    (10.0, 0, 0, 0),
+)
 
 
 def walk(
@@ -49,6 +55,9 @@ for name in sys.argv[1:] or ["go2"]:
         "2 ms of delay": {"delay": 2e-3},
     }
     if len(robot.corners) == 4:
-        walks |= {schedule: {"schedule": schedule, "velocity": (0.2, 0, 0)} for schedule in ("crawl", "pace", "bound")}
+        walks |= {
+            schedule: {"schedule": schedule, "velocity": (0.2, 0, 0)}
+            for schedule in ("crawl", "pace", "bound")
+        }
     for what, settings in walks.items():
         print(f"{name:9} {what:14} {walk(robot, **settings)}", flush=True)

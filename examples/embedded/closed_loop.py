@@ -92,9 +92,14 @@ def program(duration: float, *, single: bool) -> dict[str, str]:
     physics = unit.function_for(physics_steps, (*records, q, v, joints, feet, feet))
     unit.struct(Struct(world.dtype, "world"))
     table, statements = initial_values(unit, world)
-    main = MAIN.replace("STATEMENTS", "\n    ".join(statements)).replace("TICKS", str(round(1e3 * duration)))
+    main = MAIN.replace("STATEMENTS", "\n    ".join(statements)).replace(
+        "TICKS", str(round(1e3 * duration))
+    )
     main = main.replace("WALK", walk.name).replace("PHYSICS", physics.name)
-    begin = [unit.header(), f'#include <stdio.h>\n\n#include "harpy_condensed.h"\n\ntypedef {code.real} number;']
+    begin = [
+        unit.header(),
+        f'#include <stdio.h>\n\n#include "harpy_condensed.h"\n\ntypedef {code.real} number;',
+    ]
     loop = "\n\n".join([*begin, unit.types(), unit.code(), table, main])
     return {"harpy_condensed.h": code.header, "harpy_condensed.c": code.source, "loop.c": loop}
 
@@ -129,6 +134,7 @@ if __name__ == "__main__":
     for name, is_single in (("float", True), ("double", False)):
         slip, end = run(length, single=is_single)
         print(
-            f"{name:6}: {len(slip)} steps, slip {slip.mean():.2f} mm in a step, largest {slip.max():.2f} mm; ", end=""
+            f"{name:6}: {len(slip)} steps, slip {slip.mean():.2f} mm in a step, largest {slip.max():.2f} mm; ",
+            end="",
         )
         print(f"ends at x = {end[0]:.3f} m, height {end[1]:.3f} m")
