@@ -1,4 +1,4 @@
-"""A shield behind a loop of inverse kinematics and joint PD, as one has with Pink or mink: the feet hold on ice."""
+"""A shield behind inverse kinematics and joint PD, as with Pink or mink: the feet hold on ice."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ MU = 0.15
 
 
 class Loop:
-    """Inverse kinematics for the pose that is desired, joint PD to get there, thrusters that keep the body in place."""
+    """Joint PD to the angles of inverse kinematics; the thrusters keep the body in place."""
 
     def __init__(self, gait: hp.Gait) -> None:
         self.legs = [hp.model.LegGeometry.from_robot(gait.robot, foot) for foot in gait.robot.feet]

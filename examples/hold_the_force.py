@@ -1,4 +1,4 @@
-"""The contact-force filter behind a controller of your own: a walk on slippery ground without it and with it."""
+"""The contact-force filter behind any controller: a walk on slippery ground without and with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A controller of one's own: squats on both feet; the legs carry, the thrusters keep the body in place."""
+"""A controller of one's own squats: the legs carry, and the thrusters keep the body in place."""
 
 import numpy as np
 
