@@ -1,0 +1,142 @@
+"""Walks on the workers of a Dask cluster, instead of a process for each core of this machine.
+
+A worker has the code, versions and arithmetic of this process, so that rows are the same to the bit; one that has
+others is refused. Walks of a worker that dies are done again by the others.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
+from functools import cache, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from comparison.campaign.plan import code_digest
+from comparison.measure.walking import PLACE
+from harpy_pin.errors import HarpyError, InputError, install_line, reason, shown
+from harpy_pin.log.run import describe_versions
+from harpy_pin.simulation.mujoco import installed_version
+
+if TYPE_CHECKING:
+    from distributed import Client, Worker
+
+SECONDS = 5.0
+"""How long a scheduler may take to answer, and to have a worker."""
+START = "start workers in this checkout by: PYTHONPATH=. dask worker ADDRESS --nworkers=-1 --nthreads=1"
+GOES_ON = "the same command goes on with what is kept"
+
+
+@contextmanager
+def workers(scheduler: str | None) -> Iterator[None]:
+    """Within the block, the workers of a Dask scheduler walk; with None this machine does, as always.
+
+    Args:
+        scheduler: its address, such as ``tcp://10.0.0.1:8786``.
+
+    Raises:
+        HarpyError: nobody answers there, there are no workers, or one is refused (:func:`require_same`).
+    """
+    if scheduler is None:
+        yield
+        return
+    if not re.fullmatch(r"(tcp|tls)://\S+:\d{1,5}", scheduler):
+        message = f"the address of a scheduler is like tcp://10.0.0.1:8786, not {shown(scheduler)}"
+        raise InputError(message, name="scheduler", value=scheduler)
+    with _connected(scheduler):
+        pass  # what is wrong with it is said before anything else is done
+    before = PLACE.set(partial(_on_workers, scheduler))
+    try:
+        yield
+    finally:
+        PLACE.reset(before)
+
+
+def _on_workers(scheduler: str, walk: Callable[[Any], dict[str, Any]], jobs: Sequence[Any]) -> Iterator[dict[str, Any]]:
+    """A row for each job, in their order.
+
+    The connection ends with the walks: its thread would wake up while ticks are timed.
+    """
+    if not jobs:
+        return
+    with _connected(scheduler) as client:
+        from distributed import KilledWorker
+
+        work = partial(_walked, walk, identity())
+        try:
+            yield from client.get_executor(pure=False).map(work, jobs)
+        except CancelledError as error:
+            raise HarpyError(f"the scheduler {scheduler} is gone; {GOES_ON}") from error
+        except KilledWorker as error:
+            raise HarpyError(f"a walk killed one worker after the other: {reason(error)}; {GOES_ON}") from error
+
+
+def _walked(walk: Callable[[Any], dict[str, Any]], here: Mapping[str, str], job: Any) -> dict[str, Any]:
+    """A row, on a worker, which may have come after all others were compared."""
+    from distributed import get_worker
+
+    require_same(here, {get_worker().address: identity(get_worker())})
+    return walk(job)
+
+
+@contextmanager
+def _connected(scheduler: str) -> Iterator[Client]:
+    """A client of a scheduler whose workers are as this process is."""
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise HarpyError(f"--scheduler needs 'distributed': {install_line('cluster')}") from error
+    try:
+        client = Client(scheduler, timeout=SECONDS, set_as_default=False)
+    except OSError as error:
+        raise HarpyError(f"no Dask scheduler answers at {scheduler}") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=SECONDS)
+        except TimeoutError as error:
+            raise HarpyError(f"the scheduler {scheduler} has no workers: {START}") from error
+        require_same(identity(), client.run(identity, on_error="return"))
+        yield client
+
+
+def require_same(here: Mapping[str, str], workers: Mapping[str, Any]) -> None:
+    """Refuse workers that would find other rows.
+
+    Args:
+        here: :func:`identity` of this process.
+        workers: that of each worker, or the error that asking it ended with, by its address.
+
+    Raises:
+        HarpyError: names the worker, and what differs.
+    """
+    for address, there in workers.items():
+        if isinstance(there, Exception):
+            raise HarpyError(f"the worker {address} cannot walk: {reason(there)}; {START}")
+        other = [f"{name} {there[name]} (here {here[name]})" for name in here if there[name] != here[name]]
+        if other:
+            raise HarpyError(f"the worker {address} is refused for its {', '.join(other)}; {START}")
+
+
+def identity(dask_worker: Worker | None = None) -> dict[str, str]:
+    """What decides the rows of this process: versions, code, arithmetic, and whether walks share it as threads.
+
+    Args:
+        dask_worker: the worker that this process is; it passes itself.
+    """
+    threads = 1 if dask_worker is None else dask_worker.state.nthreads
+    own = {"mujoco": installed_version(), "code": code_digest(), "arithmetic": arithmetic(), "threads": threads}
+    return describe_versions() | {name: str(value) for name, value in own.items()}
+
+
+@cache
+def arithmetic() -> str:
+    """Hash of results whose last digits depend on the processor: BLAS and C libraries choose their kernels by it."""
+    a = np.random.default_rng(0).standard_normal((32, 32))
+    scalars = [f(x) for f in (math.sin, math.cos, math.exp, math.atan) for x in a.flat]
+    found = (a @ a, a @ a[0], np.linalg.solve(a, a[0]), np.linalg.cholesky(a @ a.T), np.sin(a), np.array(scalars))
+    return hashlib.sha256(b"".join(one.tobytes() for one in found)).hexdigest()[:24]
