@@ -7,9 +7,10 @@ others is refused. Walks of a worker that dies are done again by the others.
 from __future__ import annotations
 
 import hashlib
+import logging
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import cache, partial
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 SECONDS = 5.0
 """How long a scheduler may take to answer, and to have a worker."""
-START = "start workers in this checkout by: PYTHONPATH=. dask worker ADDRESS --nworkers=-1 --nthreads=1"
+START = "install the same checkout there, and start workers by: dask worker ADDRESS --nworkers=-1 --nthreads=1"
 GOES_ON = "the same command goes on with what is kept"
 
 
@@ -57,7 +58,9 @@ def workers(scheduler: str | None) -> Iterator[None]:
         PLACE.reset(before)
 
 
-def _on_workers(scheduler: str, walk: Callable[[Any], dict[str, Any]], jobs: Sequence[Any]) -> Iterator[dict[str, Any]]:
+def _on_workers(
+    scheduler: str, walk: Callable[[Any], dict[str, Any]], jobs: Sequence[Any]
+) -> Generator[dict[str, Any]]:
     """A row for each job, in their order.
 
     The connection ends with the walks: its thread would wake up while ticks are timed.
@@ -65,15 +68,8 @@ def _on_workers(scheduler: str, walk: Callable[[Any], dict[str, Any]], jobs: Seq
     if not jobs:
         return
     with _connected(scheduler) as client:
-        from distributed import KilledWorker
-
         work = partial(_walked, walk, identity())
-        try:
-            yield from client.get_executor(pure=False).map(work, jobs)
-        except CancelledError as error:
-            raise HarpyError(f"the scheduler {scheduler} is gone; {GOES_ON}") from error
-        except KilledWorker as error:
-            raise HarpyError(f"a walk killed one worker after the other: {reason(error)}; {GOES_ON}") from error
+        yield from client.get_executor(pure=False).map(work, jobs)
 
 
 def _walked(walk: Callable[[Any], dict[str, Any]], here: Mapping[str, str], job: Any) -> dict[str, Any]:
@@ -88,20 +84,35 @@ def _walked(walk: Callable[[Any], dict[str, Any]], here: Mapping[str, str], job:
 def _connected(scheduler: str) -> Iterator[Client]:
     """A client of a scheduler whose workers are as this process is."""
     try:
-        from distributed import Client
+        from distributed import Client, KilledWorker
+        from distributed.comm.core import CommClosedError
     except ImportError as error:
         raise HarpyError(f"--scheduler needs 'distributed': {install_line('cluster')}") from error
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # errors are raised here
     try:
         client = Client(scheduler, timeout=SECONDS, set_as_default=False)
     except OSError as error:
         raise HarpyError(f"no Dask scheduler answers at {scheduler}") from error
     with client:
         try:
-            client.wait_for_workers(1, timeout=SECONDS)
-        except TimeoutError as error:
-            raise HarpyError(f"the scheduler {scheduler} has no workers: {START}") from error
-        require_same(identity(), client.run(identity, on_error="return"))
-        yield client
+            _require_same_everywhere(client)
+            yield client
+        except (CommClosedError, CancelledError) as error:
+            raise HarpyError(f"the scheduler {scheduler} is gone; {GOES_ON}") from error
+        except KilledWorker as error:
+            last = error.last_worker.address
+            raise HarpyError(f"workers died of the same walk, the last one was {last}; {GOES_ON}") from error
+
+
+def _require_same_everywhere(client: Client) -> None:
+    try:
+        client.wait_for_workers(1, timeout=SECONDS)
+        client.run_on_scheduler(arithmetic)
+    except TimeoutError as error:
+        raise HarpyError(f"the scheduler has no workers: {START}") from error
+    except ImportError as error:
+        raise HarpyError(f"the scheduler cannot read what is to be walked: {error}; {START}") from error
+    require_same(identity(), client.run(identity, on_error="return"))
 
 
 def require_same(here: Mapping[str, str], workers: Mapping[str, Any]) -> None:

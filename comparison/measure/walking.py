@@ -6,7 +6,7 @@ import hashlib
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextvars import ContextVar
@@ -52,7 +52,7 @@ def stage(progress: Callable[[str, int, int], None], what: str, total: int) -> C
     return lambda: progress(what, next(done), total)
 
 
-def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Iterator[dict[str, Any]]:
+def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Generator[dict[str, Any]]:
     """A row for each job, each as soon as it and all before it are there.
 
     Many are done in processes of their own, one a core, or by a cluster (:func:`comparison.campaign.cluster.workers`).
@@ -64,7 +64,7 @@ def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> 
     return PLACE.get()(walk, jobs)
 
 
-def _on_this_machine(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Iterator[dict[str, Any]]:
+def _on_this_machine(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Generator[dict[str, Any]]:
     if len(jobs) <= ALONE:
         yield from map(walk, jobs)
         return
@@ -79,7 +79,7 @@ def _on_this_machine(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job
             pool.shutdown(cancel_futures=True)
 
 
-PLACE: ContextVar[Callable[..., Iterator[dict[str, Any]]]] = ContextVar("PLACE", default=_on_this_machine)
+PLACE: ContextVar[Callable[..., Generator[dict[str, Any]]]] = ContextVar("PLACE", default=_on_this_machine)
 """What :func:`one_by_one` does, of the same arguments."""
 
 
