@@ -1,7 +1,7 @@
 """Walks on the workers of a Dask cluster, instead of a process for each core of this machine.
 
-A worker has the code, versions and arithmetic of this process, so that rows are the same to the bit; one that has
-others is refused. Walks of a worker that dies are done again by the others.
+A worker has the code, versions and arithmetic of this process, so that rows are the same to the
+bit; one that has others is refused. Walks of a worker that dies are done again by the others.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ GOES_ON = "the same command goes on with what is kept"
 
 @contextmanager
 def workers(scheduler: str | None) -> Iterator[None]:
-    """Within the block, the workers of a Dask scheduler walk; with None this machine does, as always.
+    """Within the block, the workers of a Dask scheduler walk; with None this machine does.
 
     Args:
         scheduler: its address, such as ``tcp://10.0.0.1:8786``.
 
     Raises:
-        HarpyError: nobody answers there, there are no workers, or one is refused (:func:`require_same`).
+        HarpyError: nobody answers there, it has no workers, or one is refused.
     """
     if scheduler is None:
         yield
@@ -73,7 +73,7 @@ def _on_workers(
 
 
 def _walked(walk: Callable[[Any], dict[str, Any]], here: Mapping[str, str], job: Any) -> dict[str, Any]:
-    """A row, on a worker, which may have come after all others were compared."""
+    """A row, on a worker, which may have come after the others were compared."""
     from distributed import get_worker
 
     require_same(here, {get_worker().address: identity(get_worker())})
@@ -134,20 +134,35 @@ def require_same(here: Mapping[str, str], workers: Mapping[str, Any]) -> None:
 
 
 def identity(dask_worker: Worker | None = None) -> dict[str, str]:
-    """What decides the rows of this process: versions, code, arithmetic, and whether walks share it as threads.
+    """What decides the rows of this process: versions, code, arithmetic, and threads that walk in it.
 
     Args:
         dask_worker: the worker that this process is; it passes itself.
     """
     threads = 1 if dask_worker is None else dask_worker.state.nthreads
-    own = {"mujoco": installed_version(), "code": code_digest(), "arithmetic": arithmetic(), "threads": threads}
-    return describe_versions() | {name: str(value) for name, value in own.items()}
+    return describe_versions() | {
+        "mujoco": str(installed_version()),
+        "code": code_digest(),
+        "arithmetic": arithmetic(),
+        "threads": str(threads),
+    }
 
 
 @cache
 def arithmetic() -> str:
-    """Hash of results whose last digits depend on the processor: BLAS and C libraries choose their kernels by it."""
+    """Hash of results whose last digits depend on the processor.
+
+    BLAS and the C library choose their kernels by it; rows of the same code then differ in
+    them.
+    """
     a = np.random.default_rng(0).standard_normal((32, 32))
-    scalars = [f(x) for f in (math.sin, math.cos, math.exp, math.atan) for x in a.flat]
-    found = (a @ a, a @ a[0], np.linalg.solve(a, a[0]), np.linalg.cholesky(a @ a.T), np.sin(a), np.array(scalars))
+    functions = (math.sin, math.cos, math.exp, math.atan)
+    found = (
+        a @ a,
+        a @ a[0],
+        np.linalg.solve(a, a[0]),
+        np.linalg.cholesky(a @ a.T),
+        np.sin(a),
+        np.array([function(x) for function in functions for x in a.flat]),
+    )
     return hashlib.sha256(b"".join(one.tobytes() for one in found)).hexdigest()[:24]
