@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Container, Mapping
+from contextlib import closing
 from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
@@ -70,15 +71,16 @@ def do_missing(
 ) -> None:
     """Do the jobs that a store lacks; the row of each is stored as soon as it and all before it are done.
 
-    Many are done in processes of their own, but for those whose keys are in ``alone``, which come last among the jobs.
+    Many are done in processes of their own, or by a cluster, but for those whose keys are in ``alone``. These come last
+    among the jobs.
     """
     missing, total = [key for key in jobs if key not in store.rows], len(jobs)
-    together = one_by_one(work, [jobs[key] for key in missing if key not in alone])
-    rows = chain(together, map(work, (jobs[key] for key in missing if key in alone)))
     progress(total - len(missing), total)
-    for left, (key, row) in enumerate(zip(missing, rows, strict=True), start=1 - len(missing)):
-        store.append(key, finite(row))
-        progress(total + left, total)
+    with closing(one_by_one(work, [jobs[key] for key in missing if key not in alone])) as together:
+        rows = chain(together, map(work, (jobs[key] for key in missing if key in alone)))
+        for left, (key, row) in enumerate(zip(missing, rows, strict=True), start=1 - len(missing)):
+            store.append(key, finite(row))
+            progress(total + left, total)
 
 
 def read_rows(path: Path) -> tuple[dict[str, dict[str, Any]], int]:

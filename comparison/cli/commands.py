@@ -9,10 +9,11 @@ from typing import Annotated, Any
 import typer
 
 from comparison.benchmark import FRICTION, Settings, compare
+from comparison.campaign.cluster import workers
 from comparison.campaign.plan import KINDS, QUICK, CampaignSettings, plan
 from comparison.campaign.summary import variants_table
 from comparison.campaign.walks import exceptions_table, run_campaign, with_reasons
-from comparison.cli.output import NO_EVIDENCE, NumbersFile, Quick, print_tables, stages, writing
+from comparison.cli.output import NO_EVIDENCE, NumbersFile, Quick, Scheduler, print_tables, stages, writing
 from comparison.contenders import VARIANTS
 from comparison.peers.compare import ROBOTS, compare_peers, peer_tables
 from comparison.peers.environment import PEERS, WORLDS, default_folder
@@ -40,6 +41,7 @@ def whole(
     seed: Annotated[int, typer.Option(help="Seed of the pushes and of the order in which controllers are timed.")] = 0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the walks whose states are timed.")] = 0.25,
     duration: Annotated[float | None, typer.Option(help="Length of a walk, s.  [default: 6, with --quick 2]")] = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Compare reference governors, the condensed controller and a QP whole-body controller.
 
@@ -61,7 +63,7 @@ def whole(
     folder = OwnFolder(out, force=force)
     if figures is not None:
         check_writable(figures / "pareto.png")
-    with writing(json) as document, stages() as progress:
+    with writing(json) as document, stages() as progress, workers(scheduler):
         document |= compare(settings, progress, rows=folder.place("campaign.jsonl"))
     write_report(folder, document)
     if figures is not None:
@@ -88,6 +90,7 @@ def campaign(
         Path, typer.Option("--out", metavar="FILE", help="File for the finished walks, one line of JSON each.")
     ] = Path("campaign.jsonl"),
     json: NumbersFile = None,
+    scheduler: Scheduler = None,
 ) -> None:
     """Walk every controller and governor through drawn scenarios.
 
@@ -106,7 +109,7 @@ def campaign(
     given: dict[str, Any] = {"walks": walks, "duration": duration, "seed": seed, "joint_dampings": damped}
     given = {name: value for name, value in given.items() if value is not None}
     settings = CampaignSettings.of(kind, **((QUICK if quick else {}) | given))
-    with writing(json) as summary, stages() as progress:
+    with writing(json) as summary, stages() as progress, workers(scheduler):
         summary |= run_campaign(settings, out, progress=partial(progress, "campaign"))
         if kind == "harsh":
             again = partial(progress, "reasons")

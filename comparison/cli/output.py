@@ -21,6 +21,14 @@ NumbersFile = Annotated[
     Path | None, typer.Option("--json", metavar="FILE", help="Also write every number to this file, as JSON.")
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="A few short ones: to see whether it works.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Walk on the workers of this Dask scheduler, as tcp://10.0.0.1:8786, not on this machine's cores.",
+    ),
+]
 NO_EVIDENCE = "--quick shows that it works; its results are no evidence. Leave it out for results."
 
 

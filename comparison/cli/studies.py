@@ -13,7 +13,8 @@ from typing import Annotated, Any
 import typer
 
 from comparison import studies
-from comparison.cli.output import NumbersFile, Quick, print_tables, stages, writing
+from comparison.campaign.cluster import workers
+from comparison.cli.output import NumbersFile, Quick, Scheduler, print_tables, stages, writing
 from comparison.study import Study
 from harpy_pin.files import check_writable
 
@@ -40,19 +41,20 @@ def command_of(study: Study) -> Callable[..., None]:
         figure: Annotated[
             Path | None, typer.Option("--figure", metavar="FILE", help="Also draw this figure, such as map.png.")
         ] = None,
+        scheduler: Scheduler = None,
         **options: Any,
     ) -> None:
         if figure is not None:
             check_writable(figure)
         chosen: dict[str, Any] = {study.only: tuple(only)} if only else {}
         chosen |= {name: value for name, value in options.items() if value is not None}
-        with writing(json) as document, stages() as progress:
+        with writing(json) as document, stages() as progress, workers(scheduler):
             document["walks"] = rows = study.run(partial(progress, study.name), quick=quick, path=out, **chosen)
         print_tables(study.tables(rows), quick=quick)
         if figure is not None:
             study.figure(rows).savefig(figure)
 
-    lacking = {"only": not study.only, "figure": study.draw is None}
+    lacking = {"only": not study.only, "figure": study.draw is None, "scheduler": study.jobs is Study.jobs}
     *parameters, _ = inspect.signature(command, eval_str=True).parameters.values()
     kept = [parameter for parameter in parameters if not lacking.get(parameter.name)]
     for name, text in study.options.items():

@@ -6,9 +6,10 @@ import hashlib
 import multiprocessing
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import partial
 from itertools import count
@@ -51,13 +52,19 @@ def stage(progress: Callable[[str, int, int], None], what: str, total: int) -> C
     return lambda: progress(what, next(done), total)
 
 
-def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Iterator[dict[str, Any]]:
-    """A row for each job, each as soon as it and all before it are there; many in processes of their own, one a core.
+def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Generator[dict[str, Any]]:
+    """A row for each job, each as soon as it and all before it are there.
+
+    Many are done in processes of their own, one a core, or by a cluster (:func:`comparison.campaign.cluster.workers`).
 
     Args:
         walk: function of a module, of one job.
         jobs: what is walked.
     """
+    return PLACE.get()(walk, jobs)
+
+
+def _on_this_machine(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> Generator[dict[str, Any]]:
     if len(jobs) <= ALONE:
         yield from map(walk, jobs)
         return
@@ -70,6 +77,10 @@ def one_by_one(walk: Callable[[_Job], dict[str, Any]], jobs: Sequence[_Job]) -> 
             raise HarpyError("a process that walked was killed; the same command goes on with what is kept") from error
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+PLACE: ContextVar[Callable[..., Generator[dict[str, Any]]]] = ContextVar("PLACE", default=_on_this_machine)
+"""What :func:`one_by_one` does, of the same arguments."""
 
 
 def grouped(rows: Iterable[dict[str, Any]], *names: str) -> dict[tuple[Any, ...], Rows]:
