@@ -101,9 +101,9 @@ def make_problem(
     gait is the robot's default where none is given, and so are the weights.
     """
     limits = WholeBodyLimits(mu=friction, faces=FACES)
-    weights = WholeBodyWeights() if weights is None else weights
-    parameters = WholeBodyParameters(formulation="full", limits=limits, weights=weights)
-    controller = WholeBodyController(make_gait(robot) if gait is None else gait, parameters)
+    gait = make_gait(robot) if gait is None else gait
+    parameters = WholeBodyParameters.for_gait(gait, formulation="full", limits=limits, weights=weights)
+    controller = WholeBodyController(gait, parameters)
     problem, p, t = controller.problem, controller.parameters, controller.targets
     program, n_thrust = problem.program, problem.n_thrust
     normal = program.bounded + np.arange(1, problem.feet + 1) * problem.foot_rows - 1  # rows of f_z
