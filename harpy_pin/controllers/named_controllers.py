@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import Any, Literal, overload
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -13,6 +13,7 @@ from harpy_pin.controllers.governed import GovernedController
 from harpy_pin.controllers.parameters import JOINT_TARGETS, MAX_FORCE, GovernedParameters, WholeBodyParameters, changed
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterParameters
@@ -21,10 +22,8 @@ from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.robot import Robot
+from harpy_pin.simulation.mujoco.bridge import MujocoBridge
 from harpy_pin.wbc import WholeBodyWeights
-
-if TYPE_CHECKING:
-    from harpy_pin.simulation.mujoco.bridge import MujocoBridge
 
 CONTROLLERS = ("governed", "wbc", "condensed")
 """The paper's controller with a governor, the whole-body QP, and the condensed controller."""
@@ -53,7 +52,8 @@ def make_governor(
         parameters: of the governor, see :func:`make_governor_parameters`.
 
     Raises:
-        InputError: unknown name, evaluate_at or parameter, or a number out of its domain.
+        InputError: unknown name, evaluate_at or parameter, a number out of its domain, or a robot that weighs less than
+            the paper's least normal force where no other is given.
     """
     if name == "filter":
         raise InputError(
@@ -65,6 +65,9 @@ def make_governor(
     settings = make_governor_parameters(name, mu=mu, changes=parameters)
     if not isinstance(settings, PaperGovernorParameters):
         return None
+    if "min_normal_force" not in (parameters or {}) and settings.min_normal_force >= GRAVITY * robot.mass:
+        message = f"the paper's least normal force, {settings.min_normal_force:g} N, is more than '{robot.name}' weighs"
+        raise InputError(f"{message}: give one by parameters={{'min_normal_force': ...}}", name="robot", value=robot)
     of_governor = asdict(settings)
     of_rows = {key: of_governor.pop(key) for key in ("friction_share", "min_normal_force")}
     rows = ForceRows(mass=robot.mass, mu=mu, gains=gains, evaluate_at=evaluate_at, **of_rows)

@@ -166,4 +166,12 @@ def test_a_filter_knows_forces_in_weights_and_torques_by_the_legs() -> None:
 def test_the_papers_controller_refuses_other_robots() -> None:
     for name in ("go2", "bolt", "g1"):
         with pytest.raises(hp.HarpyError, match=name if name != "bolt" else "FL_FOOT"):
-            hp.make_controller("governed", hp.WalkingGait(hp.load_robot(name)), mu=0.5)
+            hp.make_controller("governed", hp.WalkingGait(hp.load_robot(name)), mu=0.5, governor="none")
+
+
+@needs_robots
+def test_the_papers_governor_refuses_robots_lighter_than_its_force() -> None:
+    bolt = hp.load_robot("bolt")
+    with pytest.raises(InputError, match="20 N, is more than 'bolt' weighs"):
+        hp.controllers.make_governor("paper", bolt, mu=0.5)
+    assert hp.controllers.make_governor("paper", bolt, mu=0.5, parameters={"min_normal_force": 6.0}) is not None
