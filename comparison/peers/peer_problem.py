@@ -105,6 +105,7 @@ def make_problem(
     parameters = WholeBodyParameters.for_gait(gait, formulation="full", limits=limits, weights=weights)
     controller = WholeBodyController(gait, parameters)
     problem, p, t = controller.problem, controller.parameters, controller.targets
+    weights = p.weights
     program, n_thrust = problem.program, problem.n_thrust
     normal = program.bounded + np.arange(1, problem.feet + 1) * problem.foot_rows - 1  # rows of f_z
     box = program.lower[:n_thrust].copy(), program.upper[:n_thrust].copy()

@@ -248,7 +248,8 @@ def changed(
         default = getattr(parameters, name)
         if value is None:
             continue
-        if is_dataclass(default) and type(value) is not type(default):
+        fixed_inside = any(entry.startswith(f"{inside}{name}.") for entry in fixed)
+        if is_dataclass(default) and (fixed_inside or type(value) is not type(default)):
             value = changed(default, value, fixed=fixed, inside=f"{inside}{name}.")
         elif isinstance(default, bool) and not isinstance(value, bool):
             raise InputError(f"{inside}{name} must be true or false, got {shown(value)}", name=name, value=value)
