@@ -99,6 +99,14 @@ def test_settings_scale_with_mass_and_legs(mass: float, length: float, name: str
         assert other.orientation[0] == pytest.approx(own.orientation[0] / length)
 
 
+@pytest.mark.parametrize("controller", ["condensed", "wbc"])
+def test_harpy_walks_by_the_rule_too(controller: str) -> None:
+    """A gait around its own that passes nothing on."""
+    run = walk(Wrapped(hp.make_gait(ROBOT)), controller, duration=3.0)
+    assert stood(run)
+    assert run["q"][-1, 0] > 0.8
+
+
 def test_what_is_given_comes_before_the_gaits_and_the_gaits_before_the_robots() -> None:
     gait = Wrapped(hp.gaits.make_commanded_gait(ROBOT))
     gait.controller_parameters = {"body": [36.0, 12.0], "weights": {"swing": 3.0, "thrust": 1e-3}}
