@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,7 +11,9 @@ from typing import Any
 
 from harpy_pin.controllers import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.named_controllers import GOVERNORS
+from harpy_pin.gaits import make_gait
 from harpy_pin.governors import ContactForceFilterParameters, PaperGovernorParameters
+from harpy_pin.model.robot import load_harpy
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 from harpy_pin.scenario.parts import read_part
 
@@ -78,12 +80,19 @@ _WHOLE_BODY: Space = {
     **{f"parameters.weights.{name}": _WEIGHT for name in ("orientation", "swing", "thrust", "force")},
 }
 
-_PUBLISHED = {
-    ("governed", "parameters"): GovernedParameters(),
-    ("wbc", "parameters"): WholeBodyParameters(),
-    ("condensed", "parameters"): WholeBodyParameters(),
-    ("paper", "governor_parameters"): PaperGovernorParameters(),
-    ("filter", "governor_parameters"): ContactForceFilterParameters(),
+
+@cache
+def published_parameters() -> WholeBodyParameters:
+    """Settings of the whole-body controllers for Harpy's straight walk."""
+    return WholeBodyParameters.for_gait(make_gait(load_harpy()))
+
+
+_PUBLISHED: Mapping[tuple[str, str], Callable[[], Any]] = {
+    ("governed", "parameters"): GovernedParameters,
+    ("wbc", "parameters"): published_parameters,
+    ("condensed", "parameters"): published_parameters,
+    ("paper", "governor_parameters"): PaperGovernorParameters,
+    ("filter", "governor_parameters"): ContactForceFilterParameters,
 }
 
 
@@ -124,7 +133,7 @@ class Variant:
 
     def _record(self, group: str) -> Any:
         """The published settings of a group."""
-        return _PUBLISHED[self.part["governor"] if group == "governor_parameters" else self.part["name"], group]
+        return _PUBLISHED[self.part["governor"] if group == "governor_parameters" else self.part["name"], group]()
 
 
 def _governed(governor: str, legs: str, own: Space, **more: Any) -> Variant:

@@ -22,7 +22,6 @@ from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
 from harpy_pin.scenario import Governed, Scenario, walk
 from harpy_pin.simulation.plant import GRAVITY
-from harpy_pin.wbc import WholeBodyLimits
 from reproduction.chattering import Chattering, chattering
 from reproduction.claims import CLAIMS, Finding, judge
 from reproduction.gait.periodicity import analyse_periodicity
@@ -285,9 +284,9 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
     if governor is None:
         raise InputError("there is no governor to time", name="governor")
     measured, targets = _measured(run), run["x_r"]
-    limits = WholeBodyLimits(mu=mu)
+    gait = make_named_gait(robot, gait_name)
     controllers = [
-        WholeBodyController(make_named_gait(robot, gait_name), WholeBodyParameters(limits=limits, reuse=reuse))
+        WholeBodyController(gait, WholeBodyParameters.for_gait(gait, limits={"mu": mu}, reuse=reuse))
         for reuse in (True, False)
     ]
     ratios, updates, failed = [], [], 0

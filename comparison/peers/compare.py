@@ -120,7 +120,7 @@ SHORT_LEGS = WholeBodyWeights(body=1e3, orientation=1e2, swing=5e3, arms=1e3, th
 The condensed WBC has no cost of posture there, and its torques differ in proportion to that cost's share: by up to
 0.06 N·m on Go2 with the default weights, by 7e-5 with these."""
 
-LONG_LEGS = WholeBodyWeights(posture=1e-2)
+LONG_LEGS = WholeBodyWeights(orientation=0.25, swing=12.0, posture=1e-2, thrust=3.5e-4, force=1.9e-5)
 """On two points the ankles are free, and only the cost of posture decides their accelerations."""
 
 ROBOTS: dict[str, tuple[WholeBodyWeights, tuple[str, ...]]] = {
@@ -181,7 +181,7 @@ def _growth_of(robot: str, folder: Path, *, warm_up: int, most: int, repetitions
         except HarpyError as error:
             return {"reason": str(error).splitlines()[0]}
         entries: dict[str, Any] = {}
-        parameters = peers_parameters(_FRICTION, ROBOTS[robot][0])
+        parameters = peers_parameters(gait(), _FRICTION, ROBOTS[robot][0])
         for name, kind in (("WBC QP", WholeBodyController), ("condensed WBC", CondensedController)):
 
             def make(kind: type[WholeBody] = kind) -> WholeBody:

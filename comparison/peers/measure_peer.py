@@ -142,20 +142,19 @@ OURS = "harpy_pin"
 _SETTLED = 500
 """Ticks of a walk inside C that are not counted: it begins from rest."""
 
-_DEFAULT = WholeBodyWeights()
-
 WholeBody = WholeBodyController | CondensedController
 
 
 def the_peers_program(robot: Robot, friction: float) -> tuple[Gait, WholeBodyParameters]:
     """Without what the peers lack: limits of thrust, a range of normal forces, more than four faces."""
-    return make_gait(replace(robot, thrust_limit=np.inf)), peers_parameters(friction)
+    gait = make_gait(replace(robot, thrust_limit=np.inf))
+    return gait, peers_parameters(gait, friction)
 
 
-def peers_parameters(friction: float, weights: WholeBodyWeights = _DEFAULT) -> WholeBodyParameters:
-    """That program's settings of ours."""
-    limits = WholeBodyLimits(mu=friction, faces=FACES)
-    return WholeBodyParameters(min_normal_force=0.0, max_normal_force=1e4, limits=limits, weights=weights)
+def peers_parameters(gait: Gait, friction: float, weights: WholeBodyWeights | None = None) -> WholeBodyParameters:
+    """That program's settings of ours; those of the gait but for what is said here."""
+    how = {"min_normal_force": 0.0, "max_normal_force": 1e4, "limits": WholeBodyLimits(mu=friction, faces=FACES)}
+    return WholeBodyParameters.for_gait(gait, weights=weights, **how)
 
 
 class Ours:

@@ -101,10 +101,11 @@ def make_problem(
     gait is the robot's default where none is given, and so are the weights.
     """
     limits = WholeBodyLimits(mu=friction, faces=FACES)
-    weights = WholeBodyWeights() if weights is None else weights
-    parameters = WholeBodyParameters(formulation="full", limits=limits, weights=weights)
-    controller = WholeBodyController(make_gait(robot) if gait is None else gait, parameters)
+    gait = make_gait(robot) if gait is None else gait
+    parameters = WholeBodyParameters.for_gait(gait, formulation="full", limits=limits, weights=weights)
+    controller = WholeBodyController(gait, parameters)
     problem, p, t = controller.problem, controller.parameters, controller.targets
+    weights = p.weights
     program, n_thrust = problem.program, problem.n_thrust
     normal = program.bounded + np.arange(1, problem.feet + 1) * problem.foot_rows - 1  # rows of f_z
     box = program.lower[:n_thrust].copy(), program.upper[:n_thrust].copy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from time import perf_counter_ns, process_time_ns
 from typing import Any
@@ -16,11 +17,11 @@ from comparison.measure.timing import Bench, Laps, summarise, summarise_repetiti
 from comparison.measure.walking import StateSequence, recorded_walk, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.gaits import make_gait
+from harpy_pin.gaits import Gait, make_gait
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State
 from harpy_pin.scenario import build
-from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, WholeBodyLimits, installed_solvers
+from harpy_pin.wbc import FORMULATIONS, SOLVERS, QPStatus, installed_solvers
 from harpy_pin.wbc.solvers import ProxQPSolver
 
 COLD = 200
@@ -34,8 +35,9 @@ def make_all(robot: Robot, friction: float) -> dict[str, Any]:
     for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):
         programs[f"wbc/{solver}"] = {"solver": solver, "reuse": False}
     for name, settings in programs.items():
-        parameters = WholeBodyParameters(limits=WholeBodyLimits(mu=friction), **settings)
-        made[name] = WholeBodyController(make_gait(robot), parameters)
+        gait = make_gait(robot)
+        parameters = WholeBodyParameters.for_gait(gait, limits={"mu": friction}, **settings)
+        made[name] = WholeBodyController(gait, parameters)
     return made
 
 
@@ -171,14 +173,14 @@ class _CheckedChain(WholeBodyChain):
             self.violation = max(self.violation, solution.violation)
 
 
-def _configurations(friction: float) -> dict[str, WholeBodyParameters]:
-    limits = WholeBodyLimits(mu=friction)
+def _configurations(gait: Gait, friction: float) -> dict[str, WholeBodyParameters]:
+    plain = WholeBodyParameters.for_gait(gait, limits={"mu": friction})
     found: dict[str, WholeBodyParameters] = {}
     for formulation in FORMULATIONS:
         for solver in (name for name in SOLVERS if name in installed_solvers()):
             for reuse in (False, True) if solver in ("proxqp", "daqp") else (False,):
                 name = f"{formulation}, {solver}" + (", active set reused" if reuse else "")
-                found[name] = WholeBodyParameters(formulation=formulation, solver=solver, reuse=reuse, limits=limits)
+                found[name] = replace(plain, formulation=formulation, solver=solver, reuse=reuse)
     return found
 
 
@@ -193,9 +195,10 @@ def time_formulations(bench: Bench, sequence: StateSequence) -> dict[str, Any]:
     robot, settings = bench.robot, bench.settings
     begin = max((len(sequence) - STATES) // 2, 0)
     states = sequence.states[begin : begin + STATES]
-    made = {name: WholeBodyController(make_gait(robot), how) for name, how in _configurations(bench.friction).items()}
-    plain = WholeBodyParameters(limits=WholeBodyLimits(mu=bench.friction))
-    made[LOOSE] = WholeBodyController(make_gait(robot), plain, solver=partial(ProxQPSolver, tolerance=1e-6, gap=None))
+    gait = make_gait(robot)
+    made = {name: WholeBodyController(gait, how) for name, how in _configurations(gait, bench.friction).items()}
+    plain = WholeBodyParameters.for_gait(gait, limits={"mu": bench.friction})
+    made[LOOSE] = WholeBodyController(gait, plain, solver=partial(ProxQPSolver, tolerance=1e-6, gap=None))
     timed = {name: _CheckedChain(controller) for name, controller in made.items()}
 
     def start(_: int) -> dict[str, _CheckedChain]:

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from comparison.contenders import published_parameters
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.margins import joint_loop, joint_mobility, pd_delay_margin
 from comparison.study import Job, Study, View, grid, kept
 from comparison.tables import Cell, Table
 from harpy_pin import Condensed, Disturbances, Governed, Ground, Noise, Scenario, WholeBody, load_harpy, make_gait
-from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.scenario import ControllerPart
 
@@ -85,7 +85,7 @@ def _of_joints(rows: Rows) -> Iterator[Table]:
 
 def _of_tasks(rows: Rows) -> Iterator[Table]:
     """Delay margins of the accelerations that condensed WBC and QP command."""
-    p = WholeBodyParameters()
+    p = published_parameters()
     gains = {
         "body": p.body,
         "orientation": p.orientation,

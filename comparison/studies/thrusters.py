@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from comparison.contenders import LIMITED
+from comparison.contenders import LIMITED, published_parameters
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.limits import slip_or_falls
 from comparison.studies.margins import pd_lag_margin
 from comparison.study import STARTS, Job, Study, Value, View, grid, kept, median, start_velocity, starts
 from comparison.tables import Cell, Table, number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario, Thrusters
-from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.log.optional import given_thrust
 from harpy_pin.simulation.mujoco import installed_version
@@ -106,7 +105,7 @@ def _view(name: str, title: str, what: Value, note: str) -> View:
 
 def _margins(rows: Rows) -> Iterable[Table]:
     """Lags that the linear argument allows where only thrusts act."""
-    governed, p = GovernedParameters(), WholeBodyParameters()
+    governed, p = GovernedParameters(), published_parameters()
     loops = {
         "paper: position": (float(np.max(governed.centre.k_pt)), float(np.max(governed.centre.k_dt))),
         "paper: roll and yaw": (governed.attitude.k_p, governed.attitude.k_d),

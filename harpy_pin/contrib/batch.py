@@ -95,8 +95,9 @@ class CondensedBatch(KeepsViews):
     Args:
         robot: each foot on a limb of its own.
         n: how many robots.
-        parameters: gains, weights and limits. There is no friction estimate here: give each robot its
-            friction in ``mu``. Gains of joint targets are those of ``robot``, whatever the errors of the mass.
+        parameters: gains, weights and limits; by default those that fit the robot where it stands or hovers. There is
+            no friction estimate here: give each robot its friction in ``mu``. Gains of joint targets are those of
+            ``robot``, whatever the errors of the mass.
         double_support: share of a step with both feet on the ground, over which the load goes from one foot to the
             other; zero where it may go at once.
         dtype: float64 or float32, of all arrays; the arithmetic is float64.
@@ -133,15 +134,17 @@ class CondensedBatch(KeepsViews):
         self._n = n = checks.whole("n", n, low=1)
         checks.one_of("dtype", getattr(dtype, "__name__", str(dtype)), ("float64", "float32"))
         self.dtype = np.dtype(dtype)
-        self.parameters = p = parameters if parameters is not None else WholeBodyParameters(estimate_friction=False)
-        if p.estimate_friction or p.estimate_joint_friction or p.thrust_lag or p.thrust_turning_lag:
-            message = "a batch estimates no friction (estimate_friction=False) and knows no lag"
-            raise InputError(message, name="parameters", value=p)
         gait: FullGait
         if robot.name == "harpy":
             gait = make_gait(robot, speed=0.0)
         else:
             gait = Standing(robot) if robot.feet else Hovering(robot)
+        if parameters is None:
+            parameters = WholeBodyParameters.for_gait(gait, estimate_friction=False)
+        self.parameters = p = parameters
+        if p.estimate_friction or p.estimate_joint_friction or p.thrust_lag or p.thrust_turning_lag:
+            message = "a batch estimates no friction (estimate_friction=False) and knows no lag"
+            raise InputError(message, name="parameters", value=p)
         condensed = condensed_record(robot, p.weights, p.limits)
         record: Any = tasks_record(gait, p, CondensedTasksRecord, condensed=condensed)
         record["tasks"]["double_support"] = checks.number("double_support", double_support, low=0.0, high=0.9)

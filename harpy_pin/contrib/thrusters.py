@@ -25,7 +25,7 @@ from scipy.linalg import expm
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.standing import GRAVITY
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot

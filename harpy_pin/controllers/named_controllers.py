@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import asdict, fields, is_dataclass, replace
-from typing import Any, Literal, TypeVar, overload
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, Literal, overload
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.governed import GovernedController
-from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
+from harpy_pin.controllers.parameters import JOINT_TARGETS, MAX_FORCE, GovernedParameters, WholeBodyParameters, changed
 from harpy_pin.controllers.whole_body import WholeBodyController
-from harpy_pin.errors import InputError, shown
+from harpy_pin.errors import InputError
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterParameters
@@ -21,9 +22,8 @@ from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.robot import Robot
-from harpy_pin.wbc import WholeBodyLimits
-
-Parameters = TypeVar("Parameters")
+from harpy_pin.simulation.mujoco.bridge import MujocoBridge
+from harpy_pin.wbc import WholeBodyWeights
 
 CONTROLLERS = ("governed", "wbc", "condensed")
 """The paper's controller with a governor, the whole-body QP, and the condensed controller."""
@@ -52,7 +52,8 @@ def make_governor(
         parameters: of the governor, see :func:`make_governor_parameters`.
 
     Raises:
-        InputError: unknown name, evaluate_at or parameter, or a number out of its domain.
+        InputError: unknown name, evaluate_at or parameter, a number out of its domain, or a robot that weighs less than
+            the paper's least normal force where no other is given.
     """
     if name == "filter":
         raise InputError(
@@ -64,6 +65,9 @@ def make_governor(
     settings = make_governor_parameters(name, mu=mu, changes=parameters)
     if not isinstance(settings, PaperGovernorParameters):
         return None
+    if "min_normal_force" not in (parameters or {}) and settings.min_normal_force >= GRAVITY * robot.mass:
+        message = f"the paper's least normal force, {settings.min_normal_force:g} N, is more than '{robot.name}' weighs"
+        raise InputError(f"{message}: give one by parameters={{'min_normal_force': ...}}", name="robot", value=robot)
     of_governor = asdict(settings)
     of_rows = {key: of_governor.pop(key) for key in ("friction_share", "min_normal_force")}
     rows = ForceRows(mass=robot.mass, mu=mu, gains=gains, evaluate_at=evaluate_at, **of_rows)
@@ -82,7 +86,14 @@ def make_controller(
 ) -> GovernedController | WholeBodyController | CondensedController: ...
 @checked
 def make_controller(
-    name: str, gait: Gait, *, mu: float, governor: str | None = None, period: float = 1e-3, **settings: Any
+    name: str,
+    gait: Gait,
+    *,
+    mu: float,
+    governor: str | None = None,
+    period: float | None = None,
+    bridge: MujocoBridge | None = None,
+    **settings: Any,
 ) -> GovernedController | WholeBodyController | CondensedController:
     """A walking controller by name.
 
@@ -92,11 +103,14 @@ def make_controller(
         mu: friction coefficient that the controller assumes.
         governor: of the governed controller, one of :data:`GOVERNORS`, ``paper`` by default; the whole-body controllers
             have none.
-        period: time between ticks, s.
-        settings: others that differ from their defaults, or from the gait's ``controller_parameters``
-            (:class:`~harpy_pin.gaits.gait.Gait`), by the names of :class:`WholeBodyParameters`, or for the governed
-            controller those of :class:`GovernedParameters`, ``evaluate_at`` and ``governor_parameters`` (see
-            :func:`make_governor`); those of a record inside as a mapping, such as ``weights={"swing": 0.5}``.
+        period: time between ticks, s; by default that of a step of the bridge's model, or 1 ms.
+        bridge: to the MuJoCo simulation in which it walks. There the whole-body controllers give joint targets, too,
+            for motors to hold (:data:`~harpy_pin.controllers.parameters.JOINT_TARGETS`), because torques alone fall in
+            many models of others. Torques alone are ``joint_stiffness=0.0, joint_damping=0.0``.
+        settings: others that differ from those that fit gait and robot (:meth:`WholeBodyParameters.for_gait`), by the
+            names of :class:`WholeBodyParameters`, or for the governed controller from the defaults of
+            :class:`GovernedParameters`, with ``evaluate_at`` and ``governor_parameters`` (see :func:`make_governor`);
+            those of a record inside as a mapping, such as ``weights={"swing": 0.5}``.
 
     Raises:
         InputError: unknown name, a setting out of its domain, or a governor for a whole-body controller.
@@ -104,12 +118,15 @@ def make_controller(
     if governor is not None:
         checks.one_of("governor", governor, GOVERNORS)
     check_gait(gait)
+    if bridge is not None and bridge.robot.joints != gait.robot.joints:
+        message = f"the gait is of '{gait.robot.name}', the bridge of '{bridge.robot.name}'"
+        raise InputError(message, name="bridge", value=bridge)
+    if bridge is not None and name != "governed":
+        settings = {**JOINT_TARGETS, **settings}
+    if period is None:
+        period = 1e-3 if bridge is None else float(bridge.model.opt.timestep)
     of_governor = {key: settings.pop(key) for key in ("evaluate_at", "governor_parameters") if key in settings}
-    if name != "governed":
-        fits: Mapping[str, Any] = getattr(gait, "controller_parameters", {})
-        own = {key: {**fits[key], **settings[key]} for key in settings if isinstance(fits.get(key), Mapping)}
-        settings = {**fits, **settings, **own}
-    parameters = make_parameters(name, mu=mu, period=period, changes=settings)
+    parameters = make_parameters(name, gait, mu=mu, period=period, changes=settings)
     if isinstance(parameters, WholeBodyParameters):
         if governor not in (None, "none") or of_governor:
             raise InputError(
@@ -146,9 +163,9 @@ def make_governor_parameters(
     """
     checks.one_of("governor", name, GOVERNORS)
     if name == "paper":
-        return _changed(PaperGovernorParameters(), changes)
+        return changed(PaperGovernorParameters(), changes)
     if name == "filter":
-        return _changed(ContactForceFilterParameters(mu=mu), changes, fixed=("mu",))
+        return changed(ContactForceFilterParameters(mu=mu), changes, fixed=("mu",))
     if changes:
         raise InputError(f"the governor '{name}' has no parameters", name="governor_parameters", value=changes)
     return None
@@ -156,16 +173,18 @@ def make_governor_parameters(
 
 @checked
 def make_parameters(
-    name: str, *, mu: float, period: float = 1e-3, changes: Mapping[str, Any] | None = None
+    name: str, gait: Gait, *, mu: float, period: float = 1e-3, changes: Mapping[str, Any] | None = None
 ) -> GovernedParameters | WholeBodyParameters:
     """The parameters of a controller by name.
 
     Args:
         name: one of :data:`CONTROLLERS`.
+        gait: that it follows; those of whole-body controllers fit it and its robot.
         mu: friction coefficient that the controller assumes.
         period: time between ticks, s.
         changes: values by the names of :class:`GovernedParameters` or :class:`WholeBodyParameters`, those of a record
-            inside as a mapping again, such as ``{"solver": "daqp", "weights": {"swing": 0.5}}``.
+            inside as a mapping again, such as ``{"solver": "daqp", "weights": {"swing": 0.5}}``; None leaves a value
+            as it is.
 
     Raises:
         InputError: unknown name, a value out of its domain, or a change of what is an argument here.
@@ -173,35 +192,36 @@ def make_parameters(
     hint = f"it is make_controller('governed', ..., governor='{name}')" if name in GOVERNORS else ""
     checks.one_of("controller", name, CONTROLLERS, hint=hint)
     if name == "governed":
-        return _changed(GovernedParameters(period=period), changes, fixed=("period",))
-    whole_body = WholeBodyParameters(period=period, limits=WholeBodyLimits(mu=mu))
-    return _changed(whole_body, changes, fixed=("period", "limits.mu"))
+        return changed(GovernedParameters(period=period), changes, fixed=("period",))
+    whole_body = WholeBodyParameters.for_gait(gait, period=period, limits={"mu": mu})
+    return changed(whole_body, changes, fixed=("period", "limits.mu"))
 
 
-def _changed(
-    parameters: Parameters, changes: Mapping[str, Any] | None, *, fixed: Collection[str] = (), inside: str = ""
-) -> Parameters:
-    """A copy of a frozen dataclass with other values, checked as when it is made.
+@checked
+def check_parameters(name: str, changes: Mapping[str, Any]) -> None:
+    """Refuse changes of a controller's parameters that no gait and robot can have.
 
     Args:
-        parameters: may hold further dataclasses.
-        changes: values by name; those of a dataclass inside as a mapping. Lists become tuples.
-        fixed: names that may not change; those of a dataclass inside after its name and a dot.
-        inside: name of the dataclass and a dot, for messages; empty at the top.
+        name: one of :data:`CONTROLLERS`.
+        changes: as of :func:`make_parameters`.
+
+    Raises:
+        InputError: unknown name, a value out of its domain, or a change of what is an argument there.
     """
-    changes = {} if changes is None else changes
-    if not isinstance(changes, Mapping):
-        raise InputError(f"parameters {inside[:-1] or 'of the controller'} must be a mapping, got {shown(changes)}")
-    valid = [entry.name for entry in fields(parameters)]  # type: ignore[arg-type]
-    values: dict[str, Any] = {}
-    for name, value in changes.items():
-        checks.one_of("parameter", name, valid)
-        if inside + name in fixed:
-            raise InputError(f"parameter '{inside}{name}' has an argument of its own", name=name, value=value)
-        default = getattr(parameters, name)
-        if is_dataclass(default):
-            value = _changed(default, value, fixed=fixed, inside=f"{inside}{name}.")
-        elif isinstance(default, bool) and not isinstance(value, bool):
-            raise InputError(f"{inside}{name} must be true or false, got {shown(value)}", name=name, value=value)
-        values[name] = tuple(value) if isinstance(value, list) else value
-    return replace(parameters, **values)  # type: ignore[type-var]
+    checks.one_of("controller", name, CONTROLLERS)
+    if name == "governed":
+        changed(GovernedParameters(), changes, fixed=("period",))
+    else:
+        changed(ANY, changes, fixed=("period", "limits.mu"))
+
+
+ANY = WholeBodyParameters(
+    body=(0.0, 0.0),
+    orientation=(0.0, 0.0),
+    swing=(0.0, 0.0),
+    contact_damping=0.0,
+    min_normal_force=0.0,
+    max_normal_force=MAX_FORCE,
+    weights=WholeBodyWeights(orientation=1.0, swing=1.0, thrust=1.0, force=1.0),
+)
+"""Settings next to which every valid one is."""

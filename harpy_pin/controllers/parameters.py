@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from typing import Any, TypeVar
 
 from harpy_pin import checks
+from harpy_pin.errors import InputError, shown
+from harpy_pin.gaits.fitting import fitting_parameters
+from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 from harpy_pin.wbc import FORMULATIONS, SOLVERS, WholeBodyLimits, WholeBodyWeights
+
+Parameters = TypeVar("Parameters")
 
 LEGS = ("pid", "feedforward")
 """Control laws of the governed controller's legs: the paper's joint PID, or softer joints with feedforward torques."""
@@ -19,6 +26,9 @@ MAX_LAG = 1e3
 """Largest lag of thrusts, s."""
 MAX_RATIO = 1e3
 """Largest stiffness and damping of joints in their units."""
+JOINT_TARGETS: Mapping[str, float] = {"joint_stiffness": 1.0, "joint_damping": 0.3, "contact_damping": 20.0}
+"""Settings with which motors hold joint targets, for models of others: torques alone fall in many of them
+(docs/worlds.md)."""
 MAX_HELD = 1000
 """Largest number of ticks for which the last good command is held."""
 
@@ -115,7 +125,9 @@ class GovernedParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class WholeBodyParameters:
-    """Settings of :class:`~harpy_pin.controllers.whole_body.WholeBodyController`; gains and forces are at most 1e6.
+    """Settings of the whole-body controllers; gains and forces are at most 1e6.
+
+    Gains, forces and weights depend on the robot and have no defaults here: :meth:`for_gait` finds them.
 
     Attributes:
         period: time between ticks, s.
@@ -150,13 +162,13 @@ class WholeBodyParameters:
     """
 
     period: float = 1e-3
-    body: tuple[float, float] = (100.0, 40.0)
-    orientation: tuple[float, float] = (210.0, 21.0)
-    swing: tuple[float, float] = (850.0, 85.0)
+    body: tuple[float, float]
+    orientation: tuple[float, float]
+    swing: tuple[float, float]
     posture: tuple[float, float] = (100.0, 20.0)
-    contact_damping: float = 100.0
-    min_normal_force: float = 11.0
-    max_normal_force: float = 200.0
+    contact_damping: float
+    min_normal_force: float
+    max_normal_force: float
     contact_threshold: float = 1.0
     hold_ticks: int = 20
     formulation: str = "input_space"
@@ -169,8 +181,30 @@ class WholeBodyParameters:
     joint_stiffness: float = 0.0
     joint_damping: float = 0.0
     joint_leak: float = 40.0
-    weights: WholeBodyWeights = field(default_factory=WholeBodyWeights)
+    weights: WholeBodyWeights
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
+
+    @classmethod
+    def for_gait(cls, gait: Gait, **changes: Any) -> WholeBodyParameters:
+        """Settings that fit a gait and its robot.
+
+        What is not among the changes is the gait's own by its ``controller_parameters``
+        (:class:`~harpy_pin.gaits.gait.Gait`), and where it brings none, the robot's by its mass and legs
+        (:func:`~harpy_pin.gaits.fitting.fitting_parameters`).
+
+        Args:
+            gait: any.
+            changes: settings that differ, by name; those of a record inside as a mapping or whole, such as
+                ``weights={"swing": 0.5}``.
+
+        Raises:
+            InputError: it is no gait, or a setting is unknown or out of its domain.
+        """
+        check_gait(gait)
+        rule = fitting_parameters(gait.robot)
+        records = {"weights": WholeBodyWeights(**rule["weights"]), "limits": WholeBodyLimits(**rule["limits"])}
+        fitting = cls(**{**rule, **records})
+        return changed(changed(fitting, getattr(gait, "controller_parameters", {})), changes)
 
     def __post_init__(self) -> None:
         checks.number("period", self.period, low=0.0, strict=True)
@@ -188,3 +222,36 @@ class WholeBodyParameters:
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)
         for kind, name, valid in (("formulation", self.formulation, FORMULATIONS), ("solver", self.solver, SOLVERS)):
             checks.one_of(kind, name, valid)
+
+
+def changed(
+    parameters: Parameters, changes: Mapping[str, Any] | None, *, fixed: Collection[str] = (), inside: str = ""
+) -> Parameters:
+    """A copy of a frozen dataclass with other values, checked as when it is made.
+
+    Args:
+        parameters: may hold further dataclasses.
+        changes: values by name, those of a dataclass inside as a mapping or whole. Lists become tuples; None changes
+            nothing.
+        fixed: names that may not change; those of a dataclass inside after its name and a dot.
+        inside: name of the dataclass and a dot, for messages; empty at the top.
+    """
+    changes = {} if changes is None else changes
+    if not isinstance(changes, Mapping):
+        raise InputError(f"parameters {inside[:-1] or 'of the controller'} must be a mapping, got {shown(changes)}")
+    valid = [entry.name for entry in fields(parameters)]  # type: ignore[arg-type]
+    values: dict[str, Any] = {}
+    for name, value in changes.items():
+        checks.one_of("parameter", name, valid)
+        if inside + name in fixed:
+            raise InputError(f"parameter '{inside}{name}' has an argument of its own", name=name, value=value)
+        default = getattr(parameters, name)
+        if value is None:
+            continue
+        fixed_inside = any(entry.startswith(f"{inside}{name}.") for entry in fixed)
+        if is_dataclass(default) and (fixed_inside or type(value) is not type(default)):
+            value = changed(default, value, fixed=fixed, inside=f"{inside}{name}.")
+        elif isinstance(default, bool) and not isinstance(value, bool):
+            raise InputError(f"{inside}{name} must be true or false, got {shown(value)}", name=name, value=value)
+        values[name] = tuple(value) if isinstance(value, list) else value
+    return replace(parameters, **values)  # type: ignore[type-var]

@@ -69,7 +69,8 @@ class TaskController(GaitController):
 
     Args:
         gait: where body and feet should be.
-        parameters: gains, weights and limits.
+        parameters: gains, weights and limits; by default those that fit gait and robot
+            (:meth:`WholeBodyParameters.for_gait`).
 
     Attributes:
         dynamics: terms at the last state.
@@ -79,7 +80,7 @@ class TaskController(GaitController):
     parameters: WholeBodyParameters
 
     def __init__(self, gait: Gait, parameters: WholeBodyParameters | None) -> None:
-        p = parameters if parameters is not None else WholeBodyParameters()
+        p = parameters if parameters is not None else WholeBodyParameters.for_gait(gait)
         super().__init__(gait, p)
         expect_lag = getattr(self.gait, "expect_lag", None)
         if expect_lag is not None:  # a gait that flies

@@ -67,7 +67,8 @@ class WholeBodyController(TaskController):
     Args:
         gait: where body and feet should be; the controller takes its own copy of a library's gait, with targets of its
             own, so that one gait may serve several controllers.
-        parameters: gains, weights and limits.
+        parameters: gains, weights and limits; by default those that fit gait and robot
+            (:meth:`WholeBodyParameters.for_gait`).
         solver: makes a solver of your own for the program, instead of the one that the parameters name.
 
     Attributes:

@@ -18,7 +18,7 @@ from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
 from harpy_pin.gaits.steering import FEET_APART, FROZEN, LONGEST_GAP, MAX_TURN, advance, restart
-from harpy_pin.gaits.straight import TUNED_STIFFNESS, StepParameters, penetration_offset_on
+from harpy_pin.gaits.straight import TUNED_STIFFNESS, StepParameters, penetration_offset_on, tuned_parameters
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, VelocityRecord
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
@@ -134,6 +134,11 @@ class CommandedGait(FollowsVelocity):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.robot.name}')"
+
+    @property
+    def controller_parameters(self) -> dict[str, Any]:
+        """Settings of whole-body controllers, see :func:`~harpy_pin.gaits.straight.tuned_parameters`."""
+        return tuned_parameters(self.robot)
 
     def update(self, t: float) -> GaitTarget:
         """Targets at time t ≥ 0, s; time zero, or one more than a step before the last, begins the walk anew.

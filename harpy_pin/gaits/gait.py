@@ -102,8 +102,8 @@ class Gait(Protocol):
     - ``observe(state)``: takes the measured :class:`~harpy_pin.model.state.State` of a tick, before ``update`` of its
       time, for gaits that choose their steps by it. Bad samples come, too: the gait has to ignore them.
     - ``describe() -> Mapping[str, Any]``: parameters, for the log's metadata.
-    - ``controller_parameters``: settings of whole-body controllers that fit it and the robot's weight;
-      ``make_controller`` takes them where others are not given.
+    - ``controller_parameters``: settings of whole-body controllers that fit it, as a mapping. They take them before
+      those that fit its robot (:mod:`harpy_pin.gaits.fitting`), which are enough for most gaits.
     - ``telemetry() -> Mapping[str, ArrayLike]``: signals of the last update, the same names and shapes each time, which
       the whole-body controllers log.
     - ``expect_lag(lag)``: takes the time constant of the thrusts that the controller assumes, s.

@@ -23,8 +23,8 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled.calls import Call
 from harpy_pin.gaits.commanded import CommandedGait
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, calls_of, own_target
-from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.gaits.straight import StraightGait
 from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over
 from harpy_pin.gaits.walking.swinging import walk_over

@@ -14,32 +14,13 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.fitting import standing_parameters
 from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTarget, GaitTargetRecord
 from harpy_pin.model.ik import LEVEL, find_posture
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
-GRAVITY = 9.81
-"""m/s²."""
-MIN_SHARE, SOLE_SHARE = 0.02, 0.1
-"""Least normal force of a contact point, and of a corner of a sole, as a share of its load when all are loaded alike. A
-sole whose centre of pressure comes to its edge tips over that edge; so it stays inside by a twentieth of the sole."""
-FORCE_WEIGHT = 2e-4
-"""Weight on contact forces times the squared mass, kg²."""
-FLAT_FOOT_DAMPING = 20.0
-"""Gain of the velocity of a flat foot that is held, 1/s."""
-GAINS: Mapping[str, Any] = {
-    "body": (25.0, 10.0),
-    "orientation": (400.0, 40.0),
-    "swing": (400.0, 40.0),
-    "contact_damping": 200.0,
-    "limits": {"friction_share": 0.75},
-    "estimate_friction": False,
-}
-"""Gains for any robot, and the share of friction. The defaults were found for Harpy, and make Go2 fall."""
-WEIGHTS = {"orientation": 0.1, "swing": 5.0, "thrust": 5e-3}
-"""Weights of the tasks for any robot."""
 SHORTEST = 1e-6
 """Duration of a move, s."""
 DEGREE = 5
@@ -142,6 +123,11 @@ class Staying(ClockGait):
         self.target = GaitTarget(len(feet))
         _stay.prepare(0.0, self._record, self.target._record_)
 
+    @property
+    def controller_parameters(self) -> dict[str, Any]:
+        """Settings of whole-body controllers: :func:`~harpy_pin.gaits.fitting.standing_parameters` of the robot."""
+        return standing_parameters(self.robot)
+
     def move(self, offset: ArrayLike, *, t: float, duration: float = 1.0) -> None:
         """Send the body to another place, from the time t on; it gets there at rest, and stays.
 
@@ -195,9 +181,6 @@ class Standing(Staying):
     The body's target goes from its place to ``shift`` and back, over and over, smoothly and from rest. At any time
     :meth:`move` sends it elsewhere, such as over one foot (:meth:`over`).
 
-    The whole-body controllers' ranges of normal force and weight on it are made for Harpy; those that fit the weight of
-    another robot are :attr:`parameters`.
-
     Args:
         robot: any robot with feet, points or flat feet.
         posture: (joints,) angles, rad; by default as :func:`harpy_pin.model.ik.find_posture` says.
@@ -241,26 +224,6 @@ class Standing(Staying):
         q[2] = -float(feet[:, 2].min())
         super().__init__(robot, q, feet, shift=shift, shift_period=shift_period, penetration_offset=penetration_offset)
 
-    @property
-    def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit this robot's weight; ``make_controller`` takes them.
-
-        The normal force of a contact point is between 2 % of its share of the weight (of a corner of a sole: 10 %)
-        and twice the whole weight. The weight on contact forces falls with the squared mass. For flat feet the
-        formulation is the one that uses the whole sole, and held feet are damped less: on compliant ground a sole
-        rocks, and with a damping from 100 1/s on G1 does not come to rest.
-        """
-        load, share = self.robot.mass * GRAVITY, SOLE_SHARE if self.robot.flat_feet else MIN_SHARE
-        parameters: dict[str, Any] = {
-            "min_normal_force": share * load / len(self.robot.feet),
-            "max_normal_force": 2.0 * load,
-            "weights": {**WEIGHTS, "force": FORCE_WEIGHT / self.robot.mass**2},
-            **GAINS,
-        }
-        if self.robot.flat_feet:
-            parameters.update(formulation="full", contact_damping=FLAT_FOOT_DAMPING)
-        return parameters
-
     def over(self, *feet: int) -> Vector:
         """Where the body has to move for the centre of mass to be above the middle of some feet.
 
@@ -302,15 +265,11 @@ class Hovering(Staying):
         shift: (3,) how far the body goes, world axes, m.
         shift_period: there and back, s.
 
-    Attributes:
-        controller_parameters: settings of whole-body controllers that fit, see :class:`~harpy_pin.gaits.gait.Gait`.
-
     Raises:
         InputError: values out of their domains, or a robot with feet.
     """
 
     constant = True
-    controller_parameters: Mapping[str, Any] = {**GAINS, "weights": WEIGHTS}
 
     def __init__(
         self,

@@ -28,6 +28,19 @@ TUNED_OFFSET, TUNED_STIFFNESS, TUNED_MASS = 0.005, 8000.0, 4.02
 """Penetration offset of the tuned walk, m, the ground's stiffness, N/m, and the robot's mass, kg, that it is for."""
 MAX_OFFSET = 0.1
 """Largest penetration offset of the default walk, m."""
+TUNED_PARAMETERS: Mapping[str, Any] = {
+    "body": (100.0, 40.0),
+    "orientation": (210.0, 21.0),
+    "swing": (850.0, 85.0),
+    "contact_damping": 100.0,
+    "min_normal_force": 11.0,
+    "max_normal_force": 200.0,
+    "contact_threshold": 1.0,
+    "estimate_friction": True,
+    "limits": {"friction_share": 0.4},
+    "weights": {"orientation": 0.25, "swing": 12.0, "posture": 1e-6, "arms": 1.0, "thrust": 3.5e-4, "force": 1.9e-5},
+}
+"""Settings of whole-body controllers for that walk; ``docs/limitations.md`` says how they were found."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,6 +232,11 @@ class StraightGait(ClockGait):
         self._kernel.prepare(0.0, self._record, self.target._record_)
         self._check_reach()
 
+    @property
+    def controller_parameters(self) -> dict[str, Any]:
+        """Settings of whole-body controllers, see :func:`tuned_parameters`."""
+        return tuned_parameters(self.robot)
+
     def describe(self) -> Mapping[str, Any]:
         """Parameters, for the log's metadata."""
         return asdict(self.parameters)
@@ -288,3 +306,18 @@ def penetration_offset_on(robot: Robot, stiffness: float) -> float:
         message = f"a ground of stiffness {stiffness:g} N/m is too soft for this walk: {sinks}"
         raise InputError(message, name="stiffness", value=stiffness)
     return offset
+
+
+def tuned_parameters(robot: Robot) -> dict[str, Any]:
+    """Settings of whole-body controllers for Harpy's walks: :data:`TUNED_PARAMETERS`, by the robot's mass.
+
+    Args:
+        robot: a biped of Harpy's kind. Forces scale with its mass, weights on squared forces with 1/mass².
+    """
+    ratio = robot.mass / TUNED_MASS
+    parameters = {**TUNED_PARAMETERS, "weights": {**TUNED_PARAMETERS["weights"]}}
+    for name in ("min_normal_force", "max_normal_force"):
+        parameters[name] *= ratio
+    for name in ("thrust", "force"):
+        parameters["weights"][name] /= ratio**2
+    return parameters

@@ -54,7 +54,8 @@ class ContactForceFilter(KeepsViews):
 
     Args:
         robot: with feet and thrusters, a free flyer.
-        parameters: settings.
+        parameters: settings; by default those that fit the robot
+            (:meth:`ContactForceFilterParameters.for_robot`).
         period: time between updates, s.
 
     Attributes:
@@ -80,7 +81,7 @@ class ContactForceFilter(KeepsViews):
         self, robot: Robot, parameters: ContactForceFilterParameters | None = None, *, period: float = 1e-3
     ) -> None:
         self.robot = robot
-        self.parameters = parameters if parameters is not None else ContactForceFilterParameters()
+        self.parameters = parameters if parameters is not None else ContactForceFilterParameters.for_robot(robot)
         self.period = checks.number("period", period, low=0.0, strict=True)
         self.dynamics = Dynamics(robot)
         if robot.rotors:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
+from harpy_pin.gaits.fitting import leg_length
+from harpy_pin.gaits.straight import TUNED_MASS
 from harpy_pin.governors.governor import StatusRecord
 from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, to_world, turn_feet
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
@@ -16,19 +18,22 @@ from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.record import ZERO, sized
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
+TUNED_LEG = 0.7000000000000001
+"""Length of Harpy's legs, m, by :func:`~harpy_pin.gaits.fitting.leg_length`."""
 BAD_STATE, MISFIT_SIZES = -2.0, -3.0
 """What :func:`filter_forces` says of a state, and of arrays that do not fit; −1 is of forces and commands."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ContactForceFilterParameters:
-    """Settings of :class:`~harpy_pin.governors.ContactForceFilter`.
+    """Settings of :class:`~harpy_pin.governors.ContactForceFilter`; the defaults are Harpy's.
 
-    The weights were found by a random search over slip on walks at friction 0.2, 0.15 and 0.1, without pushes
-    (``docs/limitations.md``); its script was not kept.
+    For another robot :meth:`for_robot` scales them. The weights were found by a random search over slip on walks at
+    friction 0.2, 0.15 and 0.1, without pushes (``docs/limitations.md``); its script was not kept.
 
     Attributes:
         mu: friction coefficient μ_s of the ground.
@@ -80,6 +85,32 @@ class ContactForceFilterParameters:
 
     @classmethod
     @checked
+    def for_robot(cls, robot: Robot, *, mu: float = 0.25) -> ContactForceFilterParameters:
+        """Settings for a robot: Harpy's, scaled with its mass m and the length l of its legs.
+
+        Forces scale with m, torques with m l, the weights on their squares with one over the square of that, and those
+        on squared angular accelerations with l².
+
+        Args:
+            robot: any; where it has no legs, only its mass counts.
+            mu: friction coefficient μ_s of the ground.
+        """
+        plain, mass, leg = cls(mu=mu), robot.mass / TUNED_MASS, (leg_length(robot) or TUNED_LEG) / TUNED_LEG
+        x, y, z = plain.angular
+        return replace(
+            plain,
+            margin=plain.margin * mass,
+            min_normal_force=plain.min_normal_force * mass,
+            contact_threshold=plain.contact_threshold * mass,
+            angular=(x * leg**2, y * leg**2, z * leg**2),
+            thrust=plain.thrust / mass**2,
+            torque=plain.torque / (mass * leg) ** 2,
+            thrust_authority=plain.thrust_authority * mass,
+            torque_authority=plain.torque_authority * mass * leg,
+        )
+
+    @classmethod
+    @checked
     def robust(
         cls,
         *,
@@ -102,7 +133,7 @@ class ContactForceFilterParameters:
             force_error: e_f, error of the prediction itself, N.
             mass_error: ε_m, relative.
             delay: T, between measurement and action, s.
-            load: F, largest force on a foot, N.
+            load: F, largest force on a foot, N; by default Harpy's weight.
             force_rate: Ḟ, how fast the force on a foot changes away from impacts, N/s.
 
         Raises:

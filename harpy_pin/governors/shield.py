@@ -76,7 +76,7 @@ class Shield(KeepsViews):
         robot: with feet and thrusters, a free flyer.
         mu: friction coefficient of the ground.
         period: time between commands, s.
-        parameters: other settings of the filter; their ``mu`` is replaced.
+        parameters: other settings of the filter, by default those that fit the robot; their ``mu`` is replaced.
 
     Attributes:
         governor: the filter.
@@ -201,7 +201,7 @@ class ShieldLoop:
         n: number of robots.
         mu: friction coefficient of the filter, which each call gives anew.
         period: time between commands, s.
-        parameters: other settings of the filter; their ``mu`` is replaced.
+        parameters: other settings of the filter, by default those that fit the robot; their ``mu`` is replaced.
 
     Attributes:
         governor: the filter, whose records serve the whole loop.
@@ -212,7 +212,8 @@ class ShieldLoop:
         self, robot: Robot, n: int, *, mu: float, period: float, parameters: ContactForceFilterParameters | None
     ) -> None:
         feet, thrusters, joints = len(robot.feet), len(robot.thrusters), len(robot.joints)
-        settings = replace(parameters if parameters is not None else ContactForceFilterParameters(), mu=mu)
+        given = parameters if parameters is not None else ContactForceFilterParameters.for_robot(robot)
+        settings = replace(given, mu=mu)
         self.governor = ContactForceFilter(robot, settings, period=period)
         self._limits = make_record(LimitsRecord, torque_limit=robot.torque_limit, thrust_limit=robot.thrust_limit)
         self.bend: Vector = np.zeros((n, 3 * thrusters + joints))

@@ -10,9 +10,9 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.named_controllers import (
     GOVERNORS,
+    check_parameters,
     make_controller,
     make_governor_parameters,
-    make_parameters,
 )
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.errors import InputError
@@ -28,7 +28,7 @@ class ControllerPart(Part):
 
     Attributes:
         mu: friction coefficient that it assumes; the ground's static one by default.
-        parameters: further settings that differ from their defaults, such as
+        parameters: further settings that differ from those that fit gait and robot, such as
             ``{"solver": "daqp", "weights": {"swing": 0.5}}``, by the names of
             :class:`harpy_pin.controllers.WholeBodyParameters`.
     """
@@ -65,8 +65,7 @@ class ControllerPart(Part):
             raise InputError(f"'{name}' is a setting of the part itself, not one of its parameters", name=name)
         # Refuses parameters that are not its own.
         own = {name: value for name, value in self._own_settings().items() if name in defaults_of(self.further)}
-        changes = {**self.parameters, **own}
-        make_parameters(self.name, mu=1.0 if self.mu is None else self.mu, changes=changes)
+        check_parameters(self.name, {**self.parameters, **own})
 
     @checked
     def make(self, gait: Gait, *, mu: float, period: float) -> Controller:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, asdict, dataclass, fields
-from typing import Any, ClassVar, Self, TypeVar, cast
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
+from typing import Any, ClassVar, Self, TypeVar, cast, get_type_hints
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
@@ -118,11 +118,20 @@ def read_record(kind: type[_Record], what: str, value: Any) -> _Record:
 
 
 def defaults_of(kind: type) -> dict[str, Any]:
-    """The attributes of a dataclass by name, with their defaults."""
-    made = (entry.default_factory for entry in fields(kind))
-    return {
-        entry.name: entry.default if make is MISSING else make() for entry, make in zip(fields(kind), made, strict=True)
-    }
+    """The attributes of a dataclass by name, with their defaults.
+
+    One without a default has None, or its class where that is a dataclass.
+    """
+    found: dict[str, Any] = {}
+    for entry in fields(kind):
+        if entry.default_factory is not MISSING:
+            found[entry.name] = entry.default_factory()
+        elif entry.default is not MISSING:
+            found[entry.name] = entry.default
+        else:
+            inside = get_type_hints(kind)[entry.name]
+            found[entry.name] = inside if is_dataclass(inside) else None
+    return found
 
 
 def plain(value: Any) -> Any:

@@ -92,16 +92,17 @@ def settings_table() -> list[Setting]:
 
 def _entry(name: str, default: Any, of: tuple[str, ...], meaning: str) -> list[Setting]:
     """A setting, or those inside it."""
-    if is_dataclass(default) and not isinstance(default, type):
+    if is_dataclass(default):
         return list(_inside(default, f"{name}.", of))
     return [Setting(name, default, of, meaning)]
 
 
 def _inside(record: Any, above: str, of: tuple[str, ...]) -> Iterator[Setting]:
-    """The settings of a record; the name of the record and a dot stand above them."""
-    meanings = _meanings(type(record))
-    for name in defaults_of(type(record)):
-        yield from _entry(above + name, getattr(record, name), of, meanings.get(name, ""))
+    """The settings of a record, or of its class; the name of the record and a dot stand above them."""
+    kind = record if isinstance(record, type) else type(record)
+    meanings, defaults = _meanings(kind), defaults_of(kind)
+    for name, default in (defaults if record is kind else vars(record)).items():
+        yield from _entry(above + name, default, of, meanings.get(name, ""))
 
 
 def _meanings(kind: type) -> dict[str, str]:

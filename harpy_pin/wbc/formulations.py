@@ -27,7 +27,7 @@ def make_problem(
     Args:
         name: one of :data:`FORMULATIONS`.
         robot: any robot with feet.
-        weights: of the tasks.
+        weights: of the tasks; by default those that fit the robot.
         limits: of the constraints.
 
     Raises:

@@ -86,7 +86,7 @@ class WholeBodyProblem(KeepsViews):
 
     Args:
         robot: any robot; feet, thrusters or rotors may be absent.
-        weights: of the tasks.
+        weights: of the tasks; by default those that fit the robot.
         limits: of the constraints.
 
     Attributes:
@@ -107,7 +107,7 @@ class WholeBodyProblem(KeepsViews):
     ) -> None:
         checks.instance("robot", robot, Robot)
         self.robot = robot
-        self.weights = weights if weights is not None else WholeBodyWeights()
+        self.weights = weights if weights is not None else WholeBodyWeights.for_robot(robot)
         self.limits = limits if limits is not None else WholeBodyLimits()
         self.feet, self.joints = len(robot.feet), len(robot.joints)
         self.nv, self.n_force, self.n_thrust = robot.model.nv, 3 * self.feet, robot.n_thrust

@@ -9,6 +9,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.fitting import fitting_parameters
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record, same_layout
@@ -29,7 +30,7 @@ rounding."""
 class WholeBodyWeights:
     """Weights of the tasks, on squared accelerations (m/s², rad/s²) and forces (N); each at most 1e6.
 
-    ``docs/limitations.md`` says how they, the gains and the share of friction were found.
+    Those that fit a robot depend on its mass and legs: :meth:`for_robot` has them.
 
     Attributes:
         body: linear acceleration of the body.
@@ -42,12 +43,23 @@ class WholeBodyWeights:
     """
 
     body: float = 1.0
-    orientation: float = 0.25
-    swing: float = 12.0
+    orientation: float
+    swing: float
     posture: float = 1e-6
     arms: float = 1.0
-    thrust: float = 3.5e-4
-    force: float = 1.9e-5
+    thrust: float
+    force: float
+
+    @classmethod
+    @checked
+    def for_robot(cls, robot: Robot, **changes: float) -> WholeBodyWeights:
+        """Weights that fit a robot (:func:`~harpy_pin.gaits.fitting.fitting_parameters`).
+
+        Args:
+            robot: any.
+            changes: weights that differ, by name.
+        """
+        return cls(**{**fitting_parameters(robot)["weights"], **changes})
 
     def __post_init__(self) -> None:
         for entry in fields(self):

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import harpy_pin as hp
+from comparison.contenders import published_parameters
 from comparison.studies.margins import DelayedLoop, joint_loop, joint_mobility, pd_delay_margin, pd_lag_margin
 
 T = 1e-3
@@ -163,7 +164,7 @@ def test_margin_without_a_hold():
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_directions_that_lag_fell_a_walk_beyond_the_margin(share):
     """On one foot only thrusts balance, and where their directions lag, legs cannot make up for it."""
-    lag = share * pd_lag_margin(*hp.controllers.WholeBodyParameters().orientation, period=1e-3)
+    lag = share * pd_lag_margin(*published_parameters().orientation, period=1e-3)
     fans = hp.Actuators(thrusters=hp.Thrusters(turning_lag=lag))
     walk = hp.Scenario(ground=hp.Ground(mu_s=0.25), disturbances=hp.Disturbances(actuators=fans), duration=6.0)
     assert hp.walk(walk).fell == (share == 1.0)

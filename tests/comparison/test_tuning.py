@@ -21,6 +21,7 @@ from comparison.contenders import (
     best_paper,
     controller_part,
     label,
+    published_parameters,
     searched,
     tuned,
 )
@@ -49,9 +50,8 @@ def test_the_published_point_changes_nothing(name: str) -> None:
     assert variant.settings(variant.published) == dict(variant.part)
     made = hp.Scenario(controller=variant.controller(variant.published))
     whole_body = name in ("condensed", "wbc")
-    kind = WholeBodyParameters if whole_body else GovernedParameters
     parameters = hp.build(made).controller.parameters  # type: ignore[attr-defined]
-    expected = kind() if whole_body else GovernedParameters(legs=name.rpartition("/")[2])
+    expected = published_parameters() if whole_body else GovernedParameters(legs=name.rpartition("/")[2])
     if isinstance(expected, WholeBodyParameters):
         parameters = WholeBodyParameters(**{**vars(parameters), "limits": expected.limits})
     assert parameters == expected

@@ -37,7 +37,7 @@ def test_rows_are_what_single_controllers_give(threads):
     checked = rng.choice(N, 12, replace=False)
     singles = {}
     for i in checked:
-        parameters = WholeBodyParameters(limits=WholeBodyLimits(mu=batch.mu[i]), hold_ticks=0)
+        parameters = WholeBodyParameters.for_gait(gait, limits={"mu": batch.mu[i]}, hold_ticks=0)
         # Inertia of a heavier body, as the batch computes it.
         same_walk = StraightGait(heavier(ROBOT, batch.mass_error[i]), gait.parameters)
         singles[i] = CondensedController(same_walk, parameters)
@@ -67,7 +67,7 @@ def test_joint_targets_are_those_of_single_controllers(gains, threads):
     """To the last bit, also after a reset and where torques are clipped or the state is bad; without gains all zero."""
     rng, gait = np.random.default_rng(3), StraightGait(ROBOT, GaitParameters(double_support=0.25))
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.1)
-    parameters = WholeBodyParameters(limits=limits, hold_ticks=0, estimate_friction=False, **gains)
+    parameters = WholeBodyParameters.for_gait(gait, limits=limits, hold_ticks=0, estimate_friction=False, **gains)
     batch = CondensedBatch(ROBOT, N, parameters, double_support=0.25, threads=threads)
     singles = [CondensedController(gait, parameters) for _ in range(0, N, 15)]
     status = []
@@ -95,7 +95,7 @@ def test_joint_targets_are_those_of_single_controllers(gains, threads):
 
 def test_single_precision_is_near():
     rng, gait = np.random.default_rng(1), hp.make_gait(ROBOT, speed=0.3)
-    parameters = WholeBodyParameters(estimate_friction=False, **MOTORS)
+    parameters = WholeBodyParameters.for_gait(hp.make_gait(ROBOT), estimate_friction=False, **MOTORS)
     double, single = (CondensedBatch(ROBOT, N, parameters, dtype=dtype) for dtype in (np.float64, np.float32))
     given = [array.astype(np.float32) for array in samples(gait, rng, N)]
     for batch in (double, single):
@@ -167,9 +167,11 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(InputError):
         CondensedBatch(ROBOT, 0)
     with pytest.raises(InputError, match="estimates no friction"):
-        CondensedBatch(ROBOT, 3, WholeBodyParameters(estimate_friction=True))
+        CondensedBatch(ROBOT, 3, WholeBodyParameters.for_gait(hp.make_gait(ROBOT), estimate_friction=True))
+    iris = hp.load_robot("iris")
+    motors = WholeBodyParameters.for_gait(hp.Hovering(iris), estimate_friction=False, **MOTORS)
     with pytest.raises(InputError, match="'iris' has no legs"):
-        CondensedBatch(hp.load_robot("iris"), 2, WholeBodyParameters(estimate_friction=False, **MOTORS))
+        CondensedBatch(iris, 2, motors)
     for array in (np.full((3, 4, 6), np.nan), np.zeros((3, 4, 5))):
         with pytest.raises(InputError, match="law"):
             batch.law = array

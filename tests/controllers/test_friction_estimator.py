@@ -182,8 +182,9 @@ def test_a_lower_coefficient_of_the_feet_is_one_of_the_limits(robot, name):
 def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind):
     """Whatever is measured, tick after tick."""
     rng = np.random.default_rng(3)
-    parameters = WholeBodyParameters(estimate_friction=True, solver="daqp", limits=WholeBodyLimits(mu=0.8))
-    controller = kind(hp.make_gait(robot), parameters)
+    gait = hp.make_gait(robot)
+    parameters = WholeBodyParameters.for_gait(gait, estimate_friction=True, solver="daqp", limits={"mu": 0.8})
+    controller = kind(gait, parameters)
     lowest = 1.0
     for _ in range(300):
         controller.step(draw(robot, rng))

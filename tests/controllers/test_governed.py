@@ -124,7 +124,7 @@ def test_target_out_of_reach_is_reported(robot):
 def test_failed_solves_fall_back_as_stated(robot):
     """The last good command is held, then the joints go soft without thrust; the failures are counted."""
     gait = hp.make_gait(robot, speed=0.0)
-    controller = WholeBodyController(gait, WholeBodyParameters(hold_ticks=3))
+    controller = WholeBodyController(gait, WholeBodyParameters.for_gait(gait, hold_ticks=3))
     simulator = started(hp.Simulator(robot, hp.Ground(mu_s=0.8)), gait)
     for _ in range(5):
         command = controller.step(simulator.state)

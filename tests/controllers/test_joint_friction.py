@@ -48,4 +48,8 @@ def test_a_walk_that_slips_or_falls_without_it_does_not():
 
 def test_a_batch_refuses_it():
     with pytest.raises(hp.errors.InputError, match="estimates no friction"):
-        CondensedBatch(hp.load_harpy(), 2, WholeBodyParameters(estimate_joint_friction=True))
+        CondensedBatch(
+            hp.load_harpy(),
+            2,
+            WholeBodyParameters.for_gait(hp.make_gait(hp.load_harpy()), estimate_joint_friction=True),
+        )

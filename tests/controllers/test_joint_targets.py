@@ -178,8 +178,9 @@ def test_bad_samples_are_held_then_fade_and_targets_begin_anew(name, more):
 def test_gains_are_in_units_of_the_robot_and_light_joints_have_less():
     for name, unit in (("go2", 16.09 * 9.81 * 0.426 / 4), ("g1", 33.34 * 9.81 * 0.561 / 4)):
         robot = hp.load_robot(name)
-        q = hp.Standing(robot).initial_state()[0]
-        stiffness, damping = joint_gains(robot, WholeBodyParameters(**MOTORS), q)
+        standing = hp.Standing(robot)
+        q = standing.initial_state()[0]
+        stiffness, damping = joint_gains(robot, WholeBodyParameters.for_gait(standing, **MOTORS), q)
         assert stiffness.max() == pytest.approx(unit, rel=2e-3)
         np.testing.assert_allclose(damping, 0.3 * stiffness * np.sqrt(4 * unit / robot.mass) / 9.81, rtol=2e-3)
         inverse = np.diag(np.linalg.inv(mass_matrix(robot.model, q)))[6:]
@@ -196,7 +197,7 @@ def test_a_law_changes_contact_forces_by_its_torques_times_the_map(seed):
     held = [(1.0, 1.0), (1.0, 0.0), (0.0, 1.0)][seed % 3]
     world = Rigid(q, rng.standard_normal(12), held)
     torque, thrust, errors = 5.0 * rng.standard_normal(6), rng.standard_normal((2, 3)), rng.standard_normal((2, 6))
-    stiffness, damping = joint_gains(ROBOT, WholeBodyParameters(**MOTORS), q)
+    stiffness, damping = joint_gains(ROBOT, WholeBodyParameters.for_gait(hp.make_gait(ROBOT), **MOTORS), q)
     law = 0.01 * stiffness * errors[0] + 0.1 * damping * errors[1]
     world.solve(torque, thrust)
     before = world.force
@@ -213,4 +214,4 @@ def test_a_law_changes_contact_forces_by_its_torques_times_the_map(seed):
 @needs_robots
 def test_a_robot_without_legs_has_no_law():
     with pytest.raises(InputError, match="'iris' has no legs"):
-        hp.CondensedController(hp.Hovering(hp.load_robot("iris")), WholeBodyParameters(**MOTORS))
+        hp.make_controller("condensed", hp.Hovering(hp.load_robot("iris")), mu=0.5, **MOTORS)

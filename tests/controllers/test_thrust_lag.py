@@ -71,7 +71,7 @@ def test_slip_is_within_twice_that_without_lag(plant, lag, turning_lag):
 def test_thrust_follows_the_program_as_if_it_had_a_short_lag(values):
     """By the exact solution of the lag, where the command has no limit; at a limit as near as it comes."""
     period, present = 1e-3, 5.0
-    record = thrust_lag_record(ROBOT, WholeBodyParameters(thrust_lag=LAG, period=period))
+    record = thrust_lag_record(ROBOT, WholeBodyParameters.for_gait(hp.make_gait(ROBOT), thrust_lag=LAG, period=period))
     record["level"] = record["goal"] = present
     record["settled"] = 1
     advance_thrusts(record)

@@ -257,8 +257,8 @@ def test_it_starts_where_its_targets_are():
 
 def test_the_body_is_turned_to_the_heading(draw_state):
     """The orientation task against Pinocchio's logarithm."""
-    parameters = WholeBodyParameters()
     gait = CommandedGait(ROBOT)
+    parameters = WholeBodyParameters.for_gait(gait)
     record = tasks_record(gait, parameters)
     rng = np.random.default_rng(5)
     k, d = parameters.orientation

@@ -28,6 +28,7 @@ class Wrapped:
     def __init__(self, inner):
         self.inner, self.robot = inner, inner.robot
         self.step_duration, self.double_support = inner.step_duration, inner.double_support
+        self.controller_parameters = inner.controller_parameters
 
     def update(self, t):
         return self.inner.update(t)

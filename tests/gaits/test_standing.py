@@ -26,7 +26,7 @@ SOLO = np.array([0.1, 0.8, -1.6, -0.1, 0.8, -1.6, 0.1, -0.8, 1.6, -0.1, -0.8, 1.
 BOLT = np.array([-0.2, 0.7854, -1.5708, 0.2, 0.7854, -1.5708])
 LIGHT = {"min_normal_force": 0.5, "max_normal_force": 60.0}
 """Ranges of normal force for robots of some kilograms."""
-WEIGHTS = WholeBodyWeights(posture=1e-10)
+WEIGHTS = WholeBodyWeights(orientation=0.25, swing=12.0, posture=1e-10, thrust=3.5e-4, force=1.9e-5)
 
 
 @pytest.fixture(scope="module")

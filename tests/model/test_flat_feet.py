@@ -202,7 +202,9 @@ def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
     """
     robot = hp.load_robot("g1")
     dynamics, rng, mass = hp.Dynamics(robot), np.random.default_rng(3), robot.mass
-    weights = WholeBodyWeights(posture=1e-9, arms=arms, force=2e-4 / mass**2)
+    weights = WholeBodyWeights(
+        orientation=0.25, swing=12.0, posture=1e-9, arms=arms, thrust=3.5e-4, force=2e-4 / mass**2
+    )
     limits = WholeBodyLimits(mu=0.5, torque_scale=torque_scale, give_way=1.0)
     law, problem = CondensedSolver(robot, weights, limits), make_problem("full", robot, weights, limits)
     solver = make_solver("proxqp", problem.program, reuse=True)

@@ -128,7 +128,7 @@ def test_law_is_the_program_with_rotors_feet_and_limits(mixed, robot):
         for _ in range(80)
     ]
     limits = WholeBodyLimits(mu=0.5, give_way=1.0)  # a program built once does not let tasks give way
-    weights = WholeBodyWeights(posture=1e-10)
+    weights = WholeBodyWeights.for_robot(flyer, posture=1e-10)
     saturated, _ = same_optimum(mixed, states, weights, limits, ("input_space",), spread=4.0, most=300.0)
     assert 20 <= saturated < 80
 
@@ -138,7 +138,9 @@ def test_law_is_the_program_in_the_air(flyer):
     neutral = pin.neutral(flyer.model)
     states = [(pin.integrate(flyer.model, neutral, rng.standard_normal(6)), rng.standard_normal(6)) for _ in range(60)]
     how = {"spread": 8.0, "most": 300.0}
-    saturated, _ = same_optimum(flyer, states, WholeBodyWeights(), WholeBodyLimits(), ("input_space", "full"), **how)
+    saturated, _ = same_optimum(
+        flyer, states, WholeBodyWeights.for_robot(flyer), WholeBodyLimits(), ("input_space", "full"), **how
+    )
     assert 10 <= saturated <= 60
 
 
@@ -152,7 +154,7 @@ def test_thrusts_are_the_analytic_allocation(flyer):
     outward = np.stack((np.cos(angles), np.sin(angles), np.zeros(ROTORS)))
     moment = np.cross(ARM * outward.T, force.T).T + side * DRAG * force
     allocation = np.vstack((force, moment))
-    law = CondensedSolver(flyer, WholeBodyWeights(thrust=1e-9))
+    law = CondensedSolver(flyer, WholeBodyWeights.for_robot(flyer, thrust=1e-9))
     dynamics, targets = hp.Dynamics(flyer), WholeBodyTargets(flyer)
     q, v = pin.neutral(flyer.model), np.zeros(6)
     dynamics.update(q, v)

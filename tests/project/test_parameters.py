@@ -114,12 +114,12 @@ BAD = {
     JointGains: {"k_p": ((1.0, -1.0, 1.0),)},
     GovernedParameters: {"period": (0.0,), "legs": ("stiff",)},
     FeedforwardGains: {"swing_p": ((-1.0, 0.0, 0.0),)},
-    WholeBodyWeights: {"body": (-1.0, 1e7), "thrust": (0.0,)},
+    partial(WholeBodyWeights.for_robot, ROBOT): {"body": (-1.0, 1e7), "thrust": (0.0,)},
     WholeBodyLimits: {
         **{"mu": (-0.1, 1e300, 10.1), "faces": (2, 4.5, 65), "friction_share": (0.0,), "lateral_thrust": (0.9,)},
         **{"torque_scale": (0.0, 1e7)},
     },
-    WholeBodyParameters: {
+    partial(WholeBodyParameters.for_gait, hp.make_gait(ROBOT)): {
         **{"solver": ("gurobi",), "formulation": ("sparse",), "swing": ((1e7, 1.0),), "contact_damping": (1e7,)},
         **{"min_normal_force": (1e7,), "max_normal_force": (1e7, 10.0), "contact_threshold": (1e7,)},
         **{"hold_ticks": (10_000,), "body": ((1.0, -2.0),), "thrust_lag": (-0.1, math.nan, 1e9)},

@@ -220,7 +220,7 @@ def test_the_controller_believes_in_its_own_friction():
 def test_parameters_reach_the_controller():
     changes = {"solver": "daqp", "weights": {"swing": 0.5}, "limits": {"faces": 4}, "body": [30.0, 12.0]}
     wbc = hp.build(scenario(controller=hp.WholeBody(parameters=changes), mu_s=0.6)).controller.parameters
-    default = WholeBodyParameters()
+    default = WholeBodyParameters.for_gait(hp.make_gait(hp.load_harpy()))
     weights, limits = replace(default.weights, swing=0.5), replace(default.limits, faces=4, mu=0.6)
     assert wbc == replace(default, solver="daqp", body=(30.0, 12.0), weights=weights, limits=limits)
     part = hp.Governed(parameters={"centre": {"k_pt": 300.0}}, limits=True)

@@ -338,3 +338,32 @@ def test_masses_of_geoms_are_mujocos_or_refused(tmp_path, of_class, own):
     else:
         with pytest.raises(RobotError, match="which is not read"):
             hp.load_robot(file, feet=())
+
+
+@pytest.mark.parametrize("kind", ["condensed", "wbc"])
+def test_motors_hold_joint_targets_unless_torques_alone_are_asked_for(go2, kind):
+    """Armature that the controller does not know: with its default behind a bridge it walks, with torques alone not."""
+    model = described(go2, actuators="motor", joints={"armature": 0.02}).compile()
+    bridge, alone, heights = MujocoBridge(model, go2), {"joint_stiffness": 0.0, "joint_damping": 0.0}, []
+    for how in ({}, {**alone, "contact_damping": 200.0}):
+        data, gait = mujoco.MjData(model), hp.WalkingGait(go2, velocity=(0.4, 0.0, 0.0))
+        controller = hp.make_controller(kind, gait, mu=0.6, bridge=bridge, **how)
+        bridge.place(hp.State(0.0, *gait.initial_state(), FEET, FEET, FEET), data)
+        while data.time < 1.6:
+            command = controller.step(bridge.read(data))
+            assert (command.law is None) == bool(how)
+            bridge.write(command, data)
+            mujoco.mj_step(model, data)
+        heights.append(data.qpos[2] / gait.initial_state()[0][2])
+    assert heights[0] > 0.95
+    assert heights[1] < 0.8
+    assert controller.period == model.opt.timestep
+
+
+def test_a_bridge_of_another_robot_makes_no_controller(go2):
+    bridge = MujocoBridge(described(go2).compile(), go2)
+    gait, period = hp.Standing(hp.load_robot("solo12")), 0.004
+    with pytest.raises(InputError, match="the gait is of 'solo12', the bridge of 'go2'"):
+        hp.make_controller("condensed", gait, mu=0.5, bridge=bridge)
+    made = hp.make_controller("condensed", hp.Standing(go2), mu=0.5, bridge=bridge, period=period, joint_damping=0.5)
+    assert (made.period, made.parameters.joint_damping, made.parameters.joint_stiffness) == (period, 0.5, 1.0)

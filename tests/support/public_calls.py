@@ -23,6 +23,7 @@ import harpy_pin as hp
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.flight import Fly, FlyingGait
 from harpy_pin.contrib.power import Motors
+from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.estimation import EstimatorSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -94,7 +95,10 @@ def values() -> dict[str, Any]:
     program, feet = problem.program, np.zeros((2, 3))
     rows = hp.governors.ForceRows(mass=robot.mass, mu=0.25)
     iris, solo = (hp.load_robot(name) for name in ("iris", "solo12"))
+    fitting = vars(WholeBodyParameters.for_gait(gait))
     return {
+        **{f"controllers.WholeBodyParameters.{name}": value for name, value in fitting.items()},
+        **{f"wbc.WholeBodyWeights.{name}": value for name, value in vars(fitting["weights"]).items()},
         **{"robot": robot, "gait": gait, "state": simulator.state, "command": command, "run": run, "q": q, "v": v},
         **{"simulator": simulator, "dynamics": dynamics, "ground": hp.Ground(), "mu": 0.25, "t": 0.0, "dt": 1e-3},
         **{"task": Yaw(), "scenario": hp.Scenario(duration=0.01), "problem": problem, "program": program},

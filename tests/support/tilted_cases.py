@@ -68,7 +68,7 @@ def random_state(rng: np.random.Generator, target: GaitTarget, *, spread: float 
 
 
 def parameters(limits: WholeBodyLimits, **settings) -> WholeBodyParameters:
-    return WholeBodyParameters(weights=WEIGHTS, limits=limits, **settings)
+    return WholeBodyParameters.for_gait(hp.make_gait(ROBOT), weights=WEIGHTS, limits=limits, **settings)
 
 
 def sloped_case(controller, rng: np.random.Generator, *, spread: float = 0.1):

@@ -8,6 +8,7 @@ import pinocchio as pin
 from forward_dynamics import frame_terms, mass_matrix
 
 import harpy_pin as hp
+from harpy_pin.gaits.straight import tuned_parameters
 from harpy_pin.wbc import WholeBodyTargets, WholeBodyWeights
 
 ROBOT = hp.load_harpy()
@@ -15,7 +16,7 @@ NV = 12
 MU = 0.5
 STANDING = hp.make_gait(ROBOT).initial_state()[0]
 SUPPORTS = ((1.0, 1.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))
-WEIGHTS = WholeBodyWeights(posture=1e-10)
+WEIGHTS = WholeBodyWeights(**{**tuned_parameters(ROBOT)["weights"], "posture": 1e-10})
 """The condensed controller has no posture task: limbs leave no posture free. The whole-body program must have one."""
 
 
@@ -53,7 +54,7 @@ def oracle(q, v, targets, limits, weights=None, *, frames=None):
 
     All in world axes; the pyramids are about the third axes of ``frames`` (feet, 3, 3), by default the world's.
     """
-    model, weights = ROBOT.model, weights or WholeBodyWeights()
+    model, weights = ROBOT.model, weights or WholeBodyWeights.for_robot(ROBOT)
     mass, bias = mass_matrix(model, q), pin.nle(model, model.createData(), q, v)
     jacobians, drifts = frame_terms(model, (*ROBOT.feet, "base", *ROBOT.thrusters), q, v)
     (*feet, (base_jacobian, base_drift)), mounts = [*zip(jacobians[:3], drifts[:3], strict=True)], jacobians[3:]

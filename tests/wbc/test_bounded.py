@@ -88,7 +88,9 @@ def test_extreme_settings(robot, fuzz):
     top = (1e6, 1e6)
     drive(robot, states, (10.0,), limits={"faces": 64})
     gait = hp.make_gait(robot)
-    parameters = WholeBodyParameters(body=top, orientation=top, swing=top, posture=top, contact_damping=1e6)
+    parameters = WholeBodyParameters.for_gait(
+        gait, body=top, orientation=top, swing=top, posture=top, contact_damping=1e6
+    )
     controller = WholeBodyController(gait, parameters)
     for state in states:
         command = controller.step(state)
@@ -206,7 +208,7 @@ def test_redundant_contacts_leave_the_torques_alone(flat_footed):
     start = hp.make_gait(hp.load_harpy()).initial_state()[0]
     dynamics, targets = hp.Dynamics(robot), WholeBodyTargets(robot)
     targets.held[4:] = 0.0
-    weights, found = WholeBodyWeights(orientation=0.0, swing=0.0), np.empty((2, 12))
+    weights, found = WholeBodyWeights.for_robot(robot, orientation=0.0, swing=0.0), np.empty((2, 12))
     problems = [make_problem(name, robot, weights) for name in ("input_space", "full")]
     for _ in range(20):
         q, v = pin.integrate(robot.model, start, 0.03 * rng.standard_normal(12)), np.zeros(12)

@@ -135,8 +135,8 @@ def test_controllers_agree_on_a_walk(formulation):
     """On the states of a walk with the damping of the paper authors' model, whose torques are often at their limits."""
     gait = hp.make_gait(DAMPED)
     limits = WholeBodyLimits(mu=0.8)
-    condensed = CondensedController(gait, WholeBodyParameters(limits=limits))
-    parameters = WholeBodyParameters(limits=limits, formulation=formulation, weights=WEIGHTS)
+    condensed = CondensedController(gait, WholeBodyParameters.for_gait(gait, limits=limits))
+    parameters = WholeBodyParameters.for_gait(gait, limits=limits, formulation=formulation, weights=WEIGHTS)
     general = WholeBodyController(gait, parameters)
     simulator = started(hp.Simulator(DAMPED, hp.Ground(mu_s=0.8)), gait)
     limited = 0

@@ -5,15 +5,15 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from whole_body_oracle import MU, ROBOT, oracle, random_case, solve_oracle
+from whole_body_oracle import MU, ROBOT, WEIGHTS, oracle, random_case, solve_oracle
 
 import harpy_pin as hp
-from harpy_pin.wbc import AddedTasks, WholeBodyLimits, WholeBodyWeights, make_problem, make_solver
+from harpy_pin.wbc import AddedTasks, WholeBodyLimits, make_problem, make_solver
 
 NV = 12
 seeds = st.integers(0, 10_000)
 LIMITS = WholeBodyLimits(mu=MU)
-LOOSE = WholeBodyWeights(posture=1e-10)
+LOOSE = WEIGHTS
 """The forces alone have no posture task; the other formulations must have one."""
 
 

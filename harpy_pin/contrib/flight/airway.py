@@ -24,8 +24,8 @@ import pinocchio as pin
 from scipy.linalg import solve_continuous_are
 
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import GaitTarget
-from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector

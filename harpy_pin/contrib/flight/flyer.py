@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from harpy_pin.contrib.flight.airway import Balance, Quintic, lacking_moments
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.standing import GRAVITY
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector

@@ -33,9 +33,9 @@ from harpy_pin.contrib.flight.flights import (
 from harpy_pin.contrib.flight.flyer import LED, Flyer
 from harpy_pin.contrib.flight.standing_feet import LandedGait, StandingFeet
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import LONGEST, Gait, GaitTarget, own_target, refuse_time
 from harpy_pin.gaits.on_terrain import OnTerrain
-from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews

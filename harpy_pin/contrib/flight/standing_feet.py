@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.contrib.flight.flyer import TOUCHDOWN
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import FullGait, GaitTarget
-from harpy_pin.gaits.standing import GRAVITY
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector

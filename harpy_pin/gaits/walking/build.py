@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.standing import GRAVITY
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR, UPRIGHT_END, toward, upright_end
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector

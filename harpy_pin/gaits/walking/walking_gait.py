@@ -12,8 +12,9 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError
+from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
-from harpy_pin.gaits.standing import GRAVITY, Standing
+from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity
 from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of, pace_of
 from harpy_pin.gaits.walking.footholds import APART
@@ -65,21 +66,6 @@ LOAD_RAMP, FAST_LOAD_RAMP = 0.26, 0.4
 part of the load, or begins to give it away, slow and at the largest speed; in other walks, all of it at once."""
 LOADED, MIN_LOADED = 0.03, 0.6
 """Normal force from which on a foot touches the ground, as a share of its load when standing, and least, N."""
-SWING_WEIGHT = 1.0
-"""Weight of the acceleration of a swing foot, a fifth of the default: where motors are at their limits, the body comes
-first."""
-SWING_RATE, LEAST_RATE = 4.2, 19.0
-"""Rate at which a swing foot comes back to its path, on points: in √(g / leg), and least, 1/s. Short legs step
-fast, and have less time to make good what a delay costs."""
-TURN_WEIGHT, LOOSE_TURN_WEIGHT = 0.2, 0.02
-"""Weights of the angular accelerations of body, torso and arms, times the squared height of the centre of mass, m²; and
-on soles, where turning holds a body that has been pushed, and where one point stands alone. Its force holds the body
-upright against the swinging leg only by pushing it aside and up."""
-POINT_TURN_RATE = 10.0
-"""Rate at which the body comes back upright where turning weighs that little, in √(g / leg)."""
-POSTURE_WEIGHT = 1e-7
-"""Weight of the accelerations of the legs' joints, times that squared height, m²: the WBC QP needs it for one
-optimum, not for a posture."""
 
 
 @fixed_arrays("applied", "command", "record")
@@ -236,27 +222,8 @@ class WalkingGait(FollowsVelocity):
 
     @property
     def controller_parameters(self) -> dict[str, Any]:
-        """Settings of whole-body controllers that fit this robot's weight; ``make_controller`` takes them.
-
-        They are those of :attr:`Standing.controller_parameters`, but: a foot, not each of its corners, is loaded with
-        at most twice the weight, because a sole whose corners are loaded fast at touchdown slips; swing feet weigh
-        less; and joints and the turning of the body weigh as the robot's size says, because one sole, or a line
-        between two points, holds little moment, and what is missing must not lift the body. On one point turning
-        weighs less still, and comes back the faster.
-        """
-        parameters, square = self._standing.controller_parameters, self._build.rise**2
-        parameters["max_normal_force"] /= max(self.robot.corners)
-        alone, natural = self.robot.corners == (1, 1), float(np.sqrt(GRAVITY / self._build.leg))
-        turn = square * (LOOSE_TURN_WEIGHT if alone or self.robot.flat_feet else TURN_WEIGHT)
-        own = {"swing": SWING_WEIGHT, "orientation": turn, "arms": turn, "posture": POSTURE_WEIGHT * square}
-        parameters["weights"] = {**parameters["weights"], **own}
-        if not self.robot.flat_feet:
-            rate = max(SWING_RATE * natural, LEAST_RATE)
-            parameters["swing"] = (rate * rate, 2.0 * rate)
-        if alone:
-            rate = POINT_TURN_RATE * natural
-            parameters["orientation"] = (rate * rate, 2.0 * rate)
-        return parameters
+        """Settings of whole-body controllers: :func:`~harpy_pin.gaits.fitting.fitting_parameters` of the robot."""
+        return fitting_parameters(self.robot, leg=self._build.leg, rise=self._build.rise)
 
     @property
     def max_speed(self) -> float:

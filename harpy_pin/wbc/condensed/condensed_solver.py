@@ -137,7 +137,8 @@ class CondensedSolver(KeepsViews):
 
     Args:
         robot: with a limb of its own for each foot.
-        weights: of the tasks; the posture's is not used: limbs have no free posture.
+        weights: of the tasks, by default those that fit the robot; the posture's is not used: limbs have no free
+            posture.
         limits: of the constraints.
         record: where everything is kept, a part of a larger record, made by :func:`condensed_record`.
 
@@ -165,7 +166,7 @@ class CondensedSolver(KeepsViews):
         record: Record | None = None,
     ) -> None:
         self.robot = robot
-        self.weights = weights if weights is not None else WholeBodyWeights()
+        self.weights = weights if weights is not None else WholeBodyWeights.for_robot(robot)
         self.limits = limits if limits is not None else WholeBodyLimits()
         own = condensed_record(robot, self.weights, self.limits)
         self.record = own if record is None else same_layout(record, own)
