@@ -16,8 +16,6 @@ from harpy_pin.view.scene.ground import LINES, ground_nodes
 from harpy_pin.view.scene.nodes import Motion, Motions
 from harpy_pin.view.scene.scene import MIDDLE, RobotScene, picture_size
 
-FRAME_RATE = 30.0
-"""Frames per second, at most."""
 FOLLOW_TIME = 0.25
 """Time constant with which the middle of the picture follows the body, s."""
 LEASH = 0.5
@@ -48,22 +46,24 @@ class LoopScene:
         self.cones = frames.ground is not None
         self.size, height = picture_size(frames), float(first["q"][0, 2])
         self._drawn = RobotScene(
-            robot,
-            height,
-            cones=self.cones,
-            per_axis=frames.contacts.per_axis,
-            references=("target", "applied"),
+            robot, height, cones=self.cones, per_axis=frames.contacts.per_axis, references=("target", "applied")
         )
         self.scales = self._drawn.scales
         around = REACH * np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]])
         self.nodes = [*ground_nodes(around, frames.ground), *self._drawn.nodes]
         self._middle = self._below(frames)
 
-    def motions(self, moment: NDArray[Any]) -> Motions:
-        """Where everything is at a moment (1,), one frame after the last one; that of the world has the empty path."""
+    def motions(self, moment: NDArray[Any], passed: float = np.inf) -> Motions:
+        """Where everything is at a moment (1,); that of the world has the empty path.
+
+        Args:
+            moment: see :func:`harpy_pin.view.viewer.moments.moment_type`.
+            passed: time since the last one was drawn, s.
+        """
         frames = self._frames(moment)
-        self._follow(frames)
-        motions = {"": Motion(position=-(self._middle + (0.0, 0.0, MIDDLE * self.size))[None])}
+        self._follow(frames, passed)
+        x, y, z = self._middle
+        motions = {"": Motion(position=-np.array([[x, y, z + MIDDLE * self.size]]))}
         if frames.surface is None:  # the lines of level ground go along, by whole cells
             step = LINES[-1][1]
             cell = np.append(step * np.round(self._middle[:2] / step), 0.0)
@@ -81,8 +81,9 @@ class LoopScene:
         place[2] = max(ground, place[2] - LEASH * self.size)
         return np.asarray(place)
 
-    def _follow(self, frames: Frames) -> None:
+    def _follow(self, frames: Frames, passed: float) -> None:
         """Move the middle of the picture after the body."""
         gap = self._below(frames) - self._middle
-        left = min(np.exp(-1.0 / (FRAME_RATE * FOLLOW_TIME)), LEASH * self.size / max(np.linalg.norm(gap), 1e-9))
-        self._middle = self._middle + (1.0 - left) * gap
+        distance = max(float(np.linalg.norm(gap)), 1e-9)
+        remaining = min(float(np.exp(-passed / FOLLOW_TIME)), LEASH * self.size / distance)
+        self._middle = self._middle + (1.0 - remaining) * gap

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import Vector
 
 COUNTER = 8
 """Bytes before the numbers."""
@@ -46,19 +47,20 @@ class Slot:
         memory = mmap.mmap(file, self.size(kind))
         self._count = np.frombuffer(memory, np.int64, 1)
         self._moment = np.frombuffer(memory, kind, 1, COUNTER)
-        self._numbers = count()
+        self._all = self._moment.view(np.float64)
+        self._writes = count(1)
 
     @staticmethod
     def size(kind: np.dtype[np.void]) -> int:
         """Bytes of a slot."""
         return COUNTER + kind.itemsize
 
-    def write(self, moment: NDArray[Any]) -> None:
-        """Replace the moment by another, (1,)."""
-        number = next(self._numbers)
-        self._count[0] = 2 * number + 1
-        self._moment[:] = moment
-        self._count[0] = 2 * number + 2
+    def write(self, numbers: Vector) -> None:
+        """Replace the moment by another: all its numbers, one after the other."""
+        number = 2 * next(self._writes)
+        self._count[0] = number - 1
+        self._all[:] = numbers
+        self._count[0] = number
 
     def read(self, since: int) -> tuple[NDArray[Any], int] | None:
         """A copy of the moment (1,) and its number; None where it is the one of number ``since``, or half written."""

@@ -14,11 +14,12 @@ from collections.abc import Iterable
 from contextlib import suppress
 from html import escape
 from importlib.resources import files
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 import umsgpack
-from meshcat.servers.tree import find_node
+from meshcat.servers.tree import find_node, walk
 from meshcat.servers.zmqserver import VIEWER_ROOT, StaticFileHandlerNoCache, WebSocketHandler, ZMQWebSocketBridge
 from tornado.httpserver import HTTPServer
 from tornado.ioloop import PeriodicCallback
@@ -27,11 +28,15 @@ from tornado.websocket import WebSocketClosedError
 
 from harpy_pin.view.palette import APPLIED, BODY, CONTACT, FRICTION, SLIDING, TARGET, THRUST
 from harpy_pin.view.scene.meshcat_backend import move_commands, node_commands, stage_commands
-from harpy_pin.view.viewer.loop_scene import FRAME_RATE, LoopScene
+from harpy_pin.view.viewer.loop_scene import LoopScene
 from harpy_pin.view.viewer.moments import Slot
 
 LOCAL = r"(localhost|127\.0\.0\.1|\[::1\])"
 """Names of this machine: a page of elsewhere whose name was made to lead here reads nothing."""
+FRAME_RATE = 30.0
+"""Frames per second, at most."""
+ON_THE_WAY = 1 << 16
+"""Bytes that are on their way to a browser: some frames. A slow one would otherwise see what was seconds ago."""
 PATIENCE = 10
 """Lower priority of this process: the loop comes first."""
 
@@ -44,8 +49,10 @@ class Socket(WebSocketHandler):  # type: ignore[misc]
 
     def open(self) -> None:
         """Send the scene as it is."""
+        nodes = walk(self.bridge.tree)
+        parts = [part for node in nodes for part in (node.object, *node.properties, node.transform, node.animation)]
+        self.write_commands(part for part in parts if part is not None)
         self.bridge.websocket_pool.add(self)
-        self.bridge.send_scene(self)
 
     def on_close(self) -> None:
         """Forget the browser."""
@@ -92,6 +99,7 @@ class Page(ZMQWebSocketBridge):  # type: ignore[misc]
     def __init__(self, listener: socket.socket, scene: LoopScene, slot: Slot) -> None:
         self._scene, self._slot = scene, slot
         self._number = 0  # of the moment that is drawn
+        self._drawn = -np.inf  # when it was, s
         self._moves: dict[tuple[str, str], bytes] = {}  # what is drawn, by path and kind of the command
         self._late: set[Socket] = set()  # browsers that missed a frame
         super().__init__("tcp://127.0.0.1:*", port=listener.getsockname()[1])
@@ -129,12 +137,13 @@ class Page(ZMQWebSocketBridge):  # type: ignore[misc]
             self.draw()
 
     def draw(self) -> None:
-        """Draw the newest moment, and send what has changed; a browser that is slow misses frames, and no other does."""
+        """Draw the newest moment, and send what has changed; a slow browser misses frames, and no other does."""
         changed: list[bytes] = []
         read = self._slot.read(self._number)
         if read is not None:
             moment, self._number = read
-            for command in move_commands(self._scene.motions(moment)):
+            passed, self._drawn = perf_counter() - self._drawn, perf_counter()
+            for command in move_commands(self._scene.motions(moment, passed)):
                 key, data = (command["path"], command["type"]), umsgpack.packb(command)
                 if self._moves.get(key) != data:
                     self._moves[key] = data
@@ -182,6 +191,7 @@ def serve(slot_file: int, listener_file: int) -> None:
     slot = Slot(slot_file, first.dtype)
     listener = socket.socket(fileno=listener_file)
     listener.setblocking(False)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, ON_THE_WAY)
     page = Page(listener, scene, slot)
     page.ioloop.add_handler(sys.stdin.fileno(), lambda *_: page.ioloop.stop(), page.ioloop.READ)
     PeriodicCallback(page.draw_if_seen, 1e3 / FRAME_RATE).start()

@@ -14,7 +14,8 @@ import subprocess
 import sys
 import tempfile
 import webbrowser
-from contextlib import AbstractContextManager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, suppress
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import HarpyError, InputError, RunFileError, shown
 from harpy_pin.files import check_writable, replacing
+from harpy_pin.gaits.gait import own_target
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.entry import as_array, as_state
 from harpy_pin.model.robot import Robot
@@ -86,15 +88,17 @@ class Viewer(AbstractContextManager["Viewer"]):
         checks.whole("port", port, high=65535)
         self.robot, kind = robot, moment_type(robot)
         self._moment = np.zeros(1, kind)
+        self._views = {name: self._moment[name][0] for name in kind.names or () if name != "t"}
         self._numbers = self._moment.view(np.float64)
         self._measured = self._numbers[: kind.fields["x_r"][1] // 8]  # type: ignore[index]
-        self._views = {name: self._moment[name][0] for name in kind.names or () if name != "t"}
+        self._quaternion = self._views["q"][3:7]
+        self._followed: Any = None  # a gait of the clock alone, which controllers and the viewer follow by copies
         self._set_configuration(_standing(robot) if q is None else q)
         with _listen(port) as listener, tempfile.TemporaryFile() as file:
             self.url = f"http://127.0.0.1:{listener.getsockname()[1]}/static/"
             file.truncate(Slot.size(kind))
             self._slot = Slot(file.fileno(), kind)
-            self._slot.write(self._moment)
+            self._slot.write(self._numbers)
             self._process = _start(file.fileno(), listener.fileno())
         try:
             described = {} if ground is None else ground.to_dict()
@@ -123,25 +127,26 @@ class Viewer(AbstractContextManager["Viewer"]):
             InputError: another size, not finite, or no unit quaternion.
         """
         self._set_configuration(q)
-        self._slot.write(self._moment)
+        self._slot.write(self._numbers)
 
     def show(self, state: State, command: Command | None = None, reference: Any = None) -> None:
         """Draw a state with the ground's forces on the feet, the thrusts of a command, and references.
 
+        What it costs is a row of ``python -m comparison rates``.
+
         Args:
             state: that was measured.
             command: of the controller at that state, whose thrusts are drawn.
-            reference: whose target is drawn: the controller of this library that gave the command, with its applied
-                reference where it has one; or an object with a ``target``, or a
-                :class:`~harpy_pin.gaits.gait.GaitTarget` itself. A controller follows a copy of a library's gait.
+            reference: whose target is drawn: a controller of this library, with its applied reference where it has one;
+                a gait; or any object with a :class:`~harpy_pin.gaits.gait.GaitTarget` as ``target``.
 
         Raises:
             InputError: of another robot, not finite, no unit quaternion, or a reference without a target.
         """
         state, views = as_state(state, self.robot), self._views
         thrust = getattr(command, "thrust", None)
-        target, applied = _places(reference)
-        self._moment["t"] = state.t
+        target, applied = self._places(reference, state.t)
+        self._numbers[0] = state.t
         views["q"][:] = state.q
         views["foot_position"][:] = state.foot_position
         views["foot_velocity"][:] = state.foot_velocity
@@ -150,7 +155,7 @@ class Viewer(AbstractContextManager["Viewer"]):
         views["x_r"][:] = target
         views["x_w"][:] = applied
         self._require_possible()
-        self._slot.write(self._moment)
+        self._slot.write(self._numbers)
 
     def static_html(self) -> str:
         """The present scene as HTML text that needs nothing else.
@@ -162,18 +167,23 @@ class Viewer(AbstractContextManager["Viewer"]):
 
         if self._process.poll() is not None:
             raise HarpyError("the viewer's page is closed: there is no scene")
-        with zmq.Context.instance().socket(zmq.REQ) as client:
+        client: Any = zmq.Context.instance().socket(zmq.REQ)
+        with client:
             client.linger, client.rcvtimeo = 0, int(1e3 * PATIENCE)
             client.connect(self._address)
             client.send(b"get_scene")
             try:
-                return client.recv().decode()
+                text: str = client.recv().decode()
             except zmq.Again:
                 raise HarpyError("the viewer's page does not answer") from None
+        return text
 
     @checked
     def save(self, path: str | Path) -> Path:
-        """Write :meth:`static_html` as one file, which is returned.
+        """Write :meth:`static_html` as one file.
+
+        Args:
+            path: the file, which is returned.
 
         Raises:
             RunFileError: the file cannot be written.
@@ -196,7 +206,8 @@ class Viewer(AbstractContextManager["Viewer"]):
     def close(self) -> None:
         """End the page; what is shown later is not drawn."""
         process = self._process
-        process.stdin.close()  # the process ends at that
+        with suppress(OSError):
+            process.stdin.close()  # the process ends at that
         process.stdout.close()
         try:
             process.wait(END)
@@ -220,30 +231,38 @@ class Viewer(AbstractContextManager["Viewer"]):
             self._views[name][:] = np.nan
         self._require_possible()
 
+    def _places(self, reference: Any, t: float) -> tuple[Vector | float, Vector | float]:
+        """Where the body should be, and the applied reference, (3,) each; NaN for none."""
+        if reference is None:
+            return np.nan, np.nan
+        signals: Mapping[str, Any] = getattr(reference, "telemetry", dict)()
+        if "x_r" in signals:
+            applied = signals.get("x_w")
+            return _place("x_r", signals["x_r"]), np.nan if applied is None else _place("x_w", applied)
+        if vars(type(reference)).get("constant", False):
+            if self._followed is not reference:
+                self._followed, self._gait = reference, own_target(reference)
+            return self._gait.update(t).body[:3], np.nan
+        target = getattr(reference, "target", reference)
+        return _place("target", getattr(target, "body", None)), np.nan
+
     def _require_possible(self) -> None:
         """Refuse numbers that cannot be drawn."""
-        q = self._views["q"]
-        if not np.abs(self._measured).max() < LARGEST:
-            wrong = [n for n in ("t", *self._views) if not np.all(np.abs(self._moment[n]) < LARGEST)]
-            named = wrong[0] if wrong[0] != "thrust" else "command.thrust"
-            raise InputError(f"{named} must be finite, got {shown(self._moment[wrong[0]][0].tolist())}", name=named)
-        if not UNIT[0] <= q[3:7] @ q[3:7] <= UNIT[1]:
-            raise InputError(f"q must have a unit quaternion, got {shown(q[3:7].tolist())}", name="q", value=q.copy())
+        if not self._measured @ self._measured < LARGEST**2:
+            possible = {name: np.abs(self._moment[name]) < LARGEST for name in ("t", *self._views)[:-2]}
+            name = next((name for name, each in possible.items() if not each.all()), "t")
+            raise InputError(f"{name} must be finite, got {shown(self._moment[name][0].tolist())}", name=name)
+        unit = self._quaternion
+        if not UNIT[0] <= unit @ unit <= UNIT[1]:
+            raise InputError(f"q must have a unit quaternion, got {shown(unit.tolist())}", name="q", value=unit.copy())
 
 
-def _places(reference: Any) -> tuple[Vector | float, Vector | float]:
-    """Where the body should be, and the applied reference, (3,) each; NaN for none."""
-    if reference is None:
-        return np.nan, np.nan
-    signals = getattr(reference, "telemetry", dict)()
-    if "x_r" in signals:
-        applied = signals.get("x_w")
-        return signals["x_r"][:3], np.nan if applied is None else applied[:3]
-    body = getattr(getattr(reference, "target", reference), "body", None)
-    if not isinstance(body, np.ndarray) or body.shape != (9,) or not body.any():
-        message = f"reference has no target, got {shown(reference)}"
-        raise InputError(f"{message}: give the controller, which follows a copy of its gait", name="reference")
-    return body[:3], np.nan
+def _place(of: str, value: Any) -> Vector:
+    """The first three numbers of a reference, m."""
+    if not isinstance(value, np.ndarray) or value.dtype != np.float64 or value.ndim != 1 or len(value) < 3:
+        message = f"the reference's {of} must be an array of three numbers or more, got {shown(value)}"
+        raise InputError(message, name="reference", value=value)
+    return value[:3]
 
 
 def _standing(robot: Robot) -> Vector:
