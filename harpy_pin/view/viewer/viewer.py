@@ -29,6 +29,7 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import HarpyError, InputError, RunFileError, shown
 from harpy_pin.files import check_writable, replacing
 from harpy_pin.gaits.gait import own_target
+from harpy_pin.gaits.standing import Standing
 from harpy_pin.ground.ground import Ground
 from harpy_pin.model.entry import as_array, as_state
 from harpy_pin.model.robot import Robot
@@ -60,8 +61,7 @@ class Viewer(AbstractContextManager["Viewer"]):
         robot: that is drawn.
         ground: as far as it is known: its friction gives the cones, its terrain is drawn within some metres of the
             origin. Level ground without cones by default.
-        q: (nq,) configuration that is shown first, from which sizes are taken; by default it stands with straight
-            legs, or in the robot's posture where one is known.
+        q: (nq,) configuration that is shown first, from which sizes are taken; by default the robot stands.
         open: open the page in the default browser.
         port: to serve the page on, on this machine; any free one by default.
 
@@ -266,14 +266,13 @@ def _place(of: str, value: Any) -> Vector:
 
 
 def _standing(robot: Robot) -> Vector:
-    """(nq,) a configuration in which the lowest foot (or joint) is at height zero."""
+    """(nq,) the robot as it stands; one that cannot has straight joints, and the lowest at height zero."""
+    with suppress(HarpyError):
+        return Standing(robot).initial_state()[0]
     model, data = robot.model, robot.model.createData()
     q = pin.neutral(model)
-    if robot.posture is not None:
-        q[7:] = robot.posture
-    pin.framesForwardKinematics(model, data, q)
-    feet = [data.oMf[robot.frame_id(name)].translation[2] for name in robot.feet]
-    q[2] -= min(feet or [data.oMi[joint].translation[2] for joint in range(1, model.njoints)])
+    pin.forwardKinematics(model, data, q)
+    q[2] -= min(data.oMi[joint].translation[2] for joint in range(1, model.njoints))
     return np.asarray(q)
 
 
