@@ -204,6 +204,7 @@ NOT_CALLED = {
     "ground.Terrain": "is the base of the kinds of terrain",
     "view.show": "serves until it is closed",
     "view.ReplayServer": "serves until it is closed",
+    "view.Viewer": "serves until it is closed",
 }
 """Functions left out, and why."""
 METHODS_NOT_CALLED = (*("wait", "calls", "compile_loop", "log", "close", "close_extras"),)
