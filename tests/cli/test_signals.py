@@ -44,6 +44,7 @@ class Case(NamedTuple):
     lasts: float  # until which moment it is signalled, s
     cold: bool = False  # whether nothing was compiled before
     codes: tuple[int, ...] = (0,)  # with which it may end by itself before the signal
+    needs: tuple[str, ...] = ()  # programs
 
 
 CASES = {
@@ -53,7 +54,7 @@ CASES = {
     "compile": Case("harpy_pin compile", 15.0, cold=True),
     "view": Case("harpy_pin view RUN", 3.0),
     "view --html": Case("harpy_pin view RUN --html OUT/page.html", 2.0),
-    "view --gif": Case("harpy_pin view RUN --gif OUT/film.gif --size 160x100", 6.0),
+    "view --gif": Case("harpy_pin view RUN --gif OUT/film.gif --size 160x100", 6.0, needs=("chromium",)),
     "live": Case("harpy_pin live --no-browser --save OUT/run.npz --json OUT/numbers.json --speed 0.2", 6.0),
     "live, compiling": Case("harpy_pin live --no-browser --save OUT/run.npz", 12.0, cold=True),
     "gait": Case("reproduction gait --search paper --budget 500 --out OUT/gait.toml", 5.0),
@@ -161,7 +162,7 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
     shutil.rmtree(temporary, ignore_errors=True)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.needs(*CASES[name].needs)) for name in CASES])
 def test_signals_at_random_moments(name: str, log: Path, tmp_path: Path, fuzz: int) -> None:
     rng = random.Random(name)
     case = CASES[name]

@@ -10,11 +10,10 @@ import sys
 
 import numpy as np
 import pytest
-from needs import needs_mujoco, needs_robots
+from needs import needs_compiler, needs_mujoco, needs_robots
 from walks import scenario
 
 import harpy_pin as hp
-from harpy_pin.compiled import BACKEND
 
 SCRIPT = """
 import json, sys, numpy as np, harpy_pin as hp
@@ -32,7 +31,7 @@ SLIPPERY = {"mu_s": 0.1, "pushes": (PUSH,), "start_velocity": (0.3, 0.2, 0.0, 0.
 
 
 @pytest.mark.long
-@pytest.mark.skipif(BACKEND != "c", reason="compares with C")
+@needs_compiler
 @pytest.mark.parametrize(
     "settings",
     [

@@ -8,9 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from harpy_pin.compiled.kernels import BACKEND
+from needs import needs_compiler
 
 TESTS = Path(__file__).parents[1]
 CASES = {
@@ -43,7 +41,7 @@ for name, (kind, options) in json.loads(sys.argv[2]).items():
 """Runs the script for each of the cases, in a process of its own that begins with what the script imports."""
 
 
-@pytest.mark.skipif(BACKEND != "c", reason="only C is compiled")
+@needs_compiler
 def test_nothing_is_compiled_after_the_first_tick() -> None:
     command = [sys.executable, "-c", EACH, str(TESTS / "support" / "late_kernels.py"), json.dumps(CASES)]
     paths = os.pathsep.join([str(TESTS / "support"), *sys.path])

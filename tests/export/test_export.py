@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from long import long_but
-from needs import needs_robots
+from needs import needs_compiler, needs_robots
 
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
@@ -29,8 +29,7 @@ WARNINGS = (
 SANITIZERS = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-g")
 TWO = ("atan2", "hypot")
 INPUTS = ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque")
-needs_compiler = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
-needs_board = pytest.mark.skipif(missing_tools() is not None, reason=str(missing_tools()))
+needs_board = pytest.mark.needs("arm-none-eabi-gcc", "qemu-system-arm")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -94,13 +93,11 @@ def test_no_undefined_behaviour(folders, controller, precision):
     assert "all equal" in done.stdout
 
 
+@needs_robots
 @needs_compiler
 @pytest.mark.long
 @pytest.mark.parametrize("robot", ["solo12", "iris"])
 def test_other_robots(folders, robot):
-    pytest.importorskip("pinocchio")
-    if hp.model.catalogue.installed_data() is None:
-        pytest.skip("needs example-robot-data")
     assert compile_and_run(folders(robot, "condensed", "float"), "-O2").returncode == 0
 
 

@@ -140,7 +140,7 @@ def test_an_export_into_a_project_is_refused(tmp_path, monkeypatch, capsys):
     assert after == before
 
 
-@pytest.mark.skipif(shutil.which("cmake") is None, reason="needs cmake")
+@pytest.mark.needs("cmake")
 def test_printed_commands_work_in_a_folder_with_a_space(tmp_path, monkeypatch, capfd):
     """Exported twice into the same folder, beside a user's own file; then what is printed is run as it is."""
     monkeypatch.chdir(tmp_path)
