@@ -29,7 +29,7 @@ class CondensedController(TaskController):
 
     Args:
         gait: where body and feet should be.
-        parameters: gains, weights and limits; ``formulation``, ``solver`` and ``reuse`` are not used.
+        parameters: gains, weights and limits; ``formulation`` and ``solver`` are not used.
 
     Attributes:
         solver: the program of the last tick, with its forces and status.
