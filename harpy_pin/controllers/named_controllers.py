@@ -26,7 +26,7 @@ from harpy_pin.wbc import WholeBodyLimits
 Parameters = TypeVar("Parameters")
 
 CONTROLLERS = ("governed", "wbc", "condensed")
-"""The paper's controller with a governor, the whole-body QP (by ProxQP unless said otherwise), and the condensed one."""
+"""The paper's controller with a governor, the whole-body QP (by ProxQP by default), and the condensed controller."""
 GOVERNORS = ("none", "paper", "filter")
 """Governors of the walk: ``paper`` changes the body's reference; ``filter``, the contact-force filter, the command."""
 
