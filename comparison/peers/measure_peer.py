@@ -155,7 +155,9 @@ def the_peers_program(robot: Robot, friction: float) -> tuple[Gait, WholeBodyPar
 def peers_parameters(friction: float, weights: WholeBodyWeights = _DEFAULT) -> WholeBodyParameters:
     """That program's settings of ours."""
     limits = WholeBodyLimits(mu=friction, faces=FACES)
-    return WholeBodyParameters(min_normal_force=0.0, max_normal_force=1e4, limits=limits, weights=weights)
+    return WholeBodyParameters(
+        min_normal_force=0.0, max_normal_force=1e4, solver="active_set", limits=limits, weights=weights
+    )
 
 
 class Ours:
