@@ -332,9 +332,9 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
     return Finding(
         CLAIMS["Q8"],
         judge(ratio <= 0.1, ratio <= 0.5),
-        f"a governor update takes {update / proxqp:.2f} of the program's solve by ProxQP and {ratio:.2f} of that by our "
-        f"own search: medians {update:.2f}, {proxqp:.1f} and {solve:.1f} µs over {len(run)} states, {failed} solves "
-        "failed",
+        f"a governor update takes {update / proxqp:.2f} of the program's solve by ProxQP and {ratio:.2f} of that by "
+        f"our own search: medians {update:.2f}, {proxqp:.1f} and {solve:.1f} µs over {len(run)} states, "
+        f"{failed} solves failed",
         "python -m comparison",
         {"ratio": ratio, "update_us": update, "own_search_us": solve, "proxqp_us": proxqp},
     )

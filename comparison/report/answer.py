@@ -84,12 +84,12 @@ def answer_of(document: Mapping[str, Any]) -> Answer:
     # Both solvers of the QP find one optimum: its walks are those of either.
     spreads = {name: entry["slip_mm_per_step"] for name, entry in whole.items() if name != OWN}
     own_timer = ticks["wbc"].get("own_timer", {}).get("p50_us")
-    cost = " ".join(filter(None, (_cost(values["p50_us"], own_timer), _ratios(values["p50_us"]))))
+    cost = _cost(values["p50_us"], own_timer)
     if passed(document):
         trust = f"{cost} Every timed command equals an untimed one.".lstrip()
     else:
         trust = f"DO NOT USE THESE TIMES: a timed command was not what it should be. {cost}".rstrip()
-    sentences = (_slip(spreads), _paper(spreads), _falls(whole), trust)
+    sentences = (_slip(spreads), _paper(spreads), trust)
     return Answer(tuple(s for s in sentences if s), marked, note)
 
 
@@ -133,38 +133,23 @@ def _paper(slips: Mapping[str, Any]) -> str:
     return f"The paper's governor makes {'less' if paper['value'] < none['value'] else 'more'} slip: {sizes}."
 
 
-def _falls(whole: Mapping[str, Any]) -> str:
-    known = [(round(e["falls"]["value"] * e["walks"]), e["walks"], name) for name, e in whole.items() if e["walks"]]
-    parts = [f"{spoken(name)} {falls} of {walks}" for falls, walks, name in sorted(known) if name in COLUMNS]
-    return f"Walks that ended in a fall: {', '.join(parts)}." if parts else ""
-
-
 def spoken(name: str) -> str:
     """A contender's name within a sentence."""
     return label(name).replace("QP, ", "QP by ")
 
 
 def _cost(ticks: Mapping[str, float | None], own_timer: float | None) -> str:
-    known = sorted((value, name) for name, value in ticks.items() if value is not None)
-    if len(known) < 2:
+    """What a tick costs against the governor's and against each other, each time with whose solver."""
+    governor, condensed, own, proxqp = (ticks[name] for name in ("governed/paper", "condensed", OWN, "wbc"))
+    if not (governor and condensed and own and proxqp):
         return ""
-    parts = [f"{spoken(name)} {number_text(value)}" for value, name in known]
-    share = "" if own_timer is None else f" (ProxQP's own timer says {number_text(own_timer)} of it)"
-    texts = [part + share if name == "wbc" else part for part, (_, name) in zip(parts, known, strict=True)]
-    return f"A complete tick costs, in µs: {', '.join(texts)}."
-
-
-def _ratios(ticks: Mapping[str, float | None]) -> str:
-    """The three ratios to the governor's tick, and what the condensed WBC takes of the QP's, each with its solver."""
-    governor, condensed, proxqp, own = (ticks[name] for name in ("governed/paper", "condensed", "wbc", OWN))
-    if not (governor and condensed and proxqp and own):
-        return ""
-    times = [number_text(tick / governor) for tick in (proxqp, own, condensed)]
-    shares = [number_text(condensed / tick) for tick in (proxqp, own)]
+    times = [number_text(tick / governor) for tick in (condensed, own, proxqp)]
+    share = "" if own_timer is None else f", of which {number_text(own_timer)} by ProxQP's own timer"
     return (
-        f"In ticks of the paper's governor that is {times[0]} for the whole-body QP by ProxQP, {times[1]} for it by "
-        f"own search, and {times[2]} for the condensed WBC, which takes {shares[0]} of the QP's time by ProxQP and "
-        f"{shares[1]} of its time by own search."
+        f"A tick of the paper's governor takes {number_text(governor)} µs; that of the condensed WBC {times[0]} times "
+        f"as long, of the whole-body QP {times[1]} times by own search and {times[2]} times by ProxQP "
+        f"({number_text(proxqp)} µs{share}). The condensed WBC takes {number_text(condensed / own)} of the QP's time "
+        f"by own search, and {number_text(condensed / proxqp)} by ProxQP."
     )
 
 

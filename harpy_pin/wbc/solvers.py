@@ -57,21 +57,28 @@ class PackageSolver(QPSolver):
         return OUTCOMES.get(str(outcome).rpartition(".")[2], QPStatus.INFEASIBLE)
 
 
-class UpperRowsRecord(RecordOf):
-    """The rows of a program with one-sided ones as upper bounds, l ≤ C z ≤ u."""
+class ScaledProgramRecord(RecordOf):
+    """A program as ProxQP gets it: a larger objective with the same optimum, and one-sided rows as upper bounds."""
 
+    hessian: Vector = sized("size", "size")  # H times the scale
+    gradient: Vector = sized("size")  # g times the scale
     inequality: Vector = sized("rows", "size")  # C
     lower: Vector = sized("rows")  # l
     upper: Vector = sized("rows")  # u
 
 
 @kernel
-def write_upper_rows(qp: ProgramRecord, w: UpperRowsRecord) -> None:
-    """Copy the rows of a program; those with a lower bound alone become −C z ≤ −l."""
+def write_scaled(qp: ProgramRecord, scale: float, w: ScaledProgramRecord) -> None:
+    """Fill in a program; rows with a lower bound alone become −C z ≤ −l."""
+    n = qp.gradient.shape[0]
+    for r in range(n):
+        w.gradient[r] = scale * qp.gradient[r]
+        for c in range(n):
+            w.hessian[r, c] = scale * qp.hessian[r, c]
     for r in range(qp.lower.shape[0]):
         turn = qp.upper[r] >= UNBOUNDED and qp.lower[r] > -UNBOUNDED
         sign = -1.0 if turn else 1.0
-        for c in range(qp.gradient.shape[0]):
+        for c in range(n):
             w.inequality[r, c] = sign * qp.inequality[r, c]
         w.lower[r] = -UNBOUNDED if turn else qp.lower[r]
         w.upper[r] = -qp.lower[r] if turn else qp.upper[r]
@@ -83,33 +90,40 @@ class ProxQPSolver(PackageSolver):
 
     A warm start that fails is tried again cold, and never outlives its tick.
 
-    What follows was tried with ProxQP 0.8.0 on the 18,000 programs of pushed walks at friction 0.15 to 0.6 in each
-    formulation, against an exact active-set method. Taken is what was fastest with every torque within 1 mN·m:
+    What follows was tried with ProxQP 0.8.0 on 18,000 programs of pushed walks of Harpy in each formulation, at
+    friction 0.15 to 0.6, on walks with motors at their limits, and on G1, Talos, Go2 and Solo12 as they stand and are
+    pushed; against exact active-set methods. Taken is what was fastest with torques within 1 mN·m of the optimum.
 
-    - **Gap and tolerance.** The objective is flat in some directions: residuals of 1e-8 leave 0.8 N·m in rare ticks
-      with a gap of 1e-7 or 1e-8, and less than 0.1 mN·m with 1e-9. That costs 0.1 of 3 iterations. Without a gap
-      ProxQP calls points solved whose multipliers do not belong to the active constraints.
-    - **No Ruiz scaling.** Without it (``compute_preconditioner``) a solve takes 0.85 of the time, and ends nearer to
-      the optimum. With it made anew for every program (``update_preconditioner``) it takes 3.5 times as long.
-    - **Rows as upper bounds.** Programs with lower ones are solved as fast, but the worst take six times as many
-      iterations, and ProxQP never sees that they are infeasible.
-    - **Backend.** ``PrimalDualLDLT`` is what ``Automatic`` chooses for 12 unknowns and more. For six it is twice as
-      fast as what is chosen there.
+    - **Scale of the objective.** ProxQP adds its proximal term, ``rho`` = 1e-6, to a Hessian whose smallest eigenvalue
+      is 3e-4 for Harpy and 2e-8 for Talos. There it does not end: all of Talos's and G1's programs went to the dual
+      method. With the objective times 1,000 none did, and Harpy's solves take as long or less. A smaller ``rho``
+      instead leaves errors of 0.01 to 0.1 N·m.
+    - **Gap and tolerance.** The objective is flat in some directions: without a gap, or with residuals ten times as
+      large, rare ticks are 0.005 to 1 N·m away from the optimum. Without a gap ProxQP calls points solved whose
+      multipliers do not belong to the active constraints.
+    - **No Ruiz scaling** (``compute_preconditioner``). Without it a solve takes 0.85 of the time and ends nearer to the
+      optimum. With it made anew for every program (``update_preconditioner``) it takes 3.5 times as long.
+    - **Rows as upper bounds.** With lower ones the worst programs take six times as many iterations, and ProxQP never
+      sees that they are infeasible.
+    - **Backend.** ``PrimalDualLDLT`` is what ``Automatic`` chooses for 12 unknowns and more. For six, those of
+      ``contact_force``, it takes half of the time of what is chosen there.
     - **No box interface.** Bounds as rows take 2 µs less than as ``box_constraints``.
     - **Warm start.** With the last penalties a solve takes as long as with the initial ones
-      (``COLD_START_WITH_PREVIOUS_RESULT``), and fewer iterations. Without a guess it takes two to three times as long.
-    - **Left at their defaults:** ``mu_in``, ``mu_eq`` and ``rho`` (of 0.1 to 100 times their values the faster ones end
-      newtons away from the optimum), BCL's updates, and the merit function (``PDAL`` is 1.1 times as slow).
+      (``COLD_START_WITH_PREVIOUS_RESULT``), in fewer iterations. Without a guess it takes two to three times as long.
+    - **Left at their defaults:** ``mu_in``, ``mu_eq`` (of a tenth to a thousandth the faster ones end newtons away from
+      the optimum), the updates of the penalties, and the merit function (``PDAL`` takes 1.1 times as long).
+    - **Formulation.** ``input_space`` takes 0.65 of the time of ``full``, which has the same optimum.
 
-    ``solve_in_parallel`` and ``solve_no_gil`` serve batches. A tick has one program, and programs that Python gets out
-    of a ``BatchQP`` or ``VectorQP`` are their own copies.
+    ``solve_in_parallel`` and ``solve_no_gil`` serve batches. A tick has one program.
 
     Args:
         program: gives the sizes.
-        tolerance: absolute residual of constraints and stationarity at which a solve ends.
-        gap: absolute duality gap at which a solve ends; None does not ask for any.
+        scale: factor on the objective.
+        tolerance: absolute residual of the constraints, in their units, and of the stationarity of the scaled program,
+            at which a solve ends.
+        gap: absolute duality gap of the scaled program at which a solve ends; None does not ask for any.
         max_iterations: of the outer loop; an infeasible program may never end by itself.
-        inner_iterations: of each inner loop. Feasible programs of walks need less than 120 steps of both together.
+        inner_iterations: of each inner loop. Feasible programs of walks need less than 100 steps of both together.
 
     Attributes:
         qp: ProxQP's object, with its settings and results.
@@ -117,20 +131,23 @@ class ProxQPSolver(PackageSolver):
 
     name: ClassVar[str] = "proxqp"
     package: ClassVar[str] = "proxsuite"
-    _record_: Records[UpperRowsRecord]
+    _record_: Records[ScaledProgramRecord]
 
     def __init__(
         self,
         program: QuadraticProgram,
         *,
+        scale: float = 1e3,
         tolerance: float = 1e-8,
-        gap: float | None = 1e-9,
+        gap: float | None = 1e-6,
         max_iterations: int = 20,
         inner_iterations: int = 20,
     ) -> None:
         super().__init__(program)
         n, equalities, rows = program.shape
-        self.record = make_record(UpperRowsRecord, {"size": n, "rows": rows})
+        self.scale = scale
+        self.record = make_record(ScaledProgramRecord, {"size": n, "rows": rows})
+        self._objective = tuple(field(self._record_, name) for name in ("hessian", "gradient"))
         self._rows = tuple(field(self._record_, name) for name in ("inequality", "lower", "upper"))
         proxqp, dense = self.library.proxqp, self.library.proxqp.dense
         self.qp = dense.QP(n, equalities, rows, dense_backend=dense.DenseBackend.PrimalDualLDLT)
@@ -145,17 +162,17 @@ class ProxQPSolver(PackageSolver):
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         super().prepare(program)
-        write_upper_rows.prepare(program._record_, self._record_)
+        write_scaled.prepare(program._record_, self.scale, self._record_)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        write_upper_rows(program._record_, self._record_)
+        write_scaled(program._record_, self.scale, self._record_)
         warm = self.solution.status is QPStatus.SOLVED
         status = self._attempt(program, warm=warm)
         return self._attempt(program, warm=False) if warm and status is not QPStatus.SOLVED else status
 
     def _attempt(self, program: QuadraticProgram, *, warm: bool) -> QPStatus:
-        qp, proxqp, p = self.qp, self.library.proxqp, program
-        arguments = (p._hessian_, p._gradient_, p._equality_, p._equality_value_, *self._rows)
+        qp, proxqp = self.qp, self.library.proxqp
+        arguments = (*self._objective, program._equality_, program._equality_value_, *self._rows)
         if warm:
             qp.update(*arguments)
         else:
