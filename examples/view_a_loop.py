@@ -1,4 +1,4 @@
-"""A MuJoCo loop of one's own, seen in Meshcat while it runs. It needs the extras robots, mujoco and view."""
+"""A MuJoCo loop of one's own, seen in Meshcat while it runs: needs the extras robots, mujoco, view."""
 
 import sys
 import time
@@ -10,11 +10,12 @@ from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.view import Viewer
 
 robot, ground = hp.load_robot("go2"), hp.Ground(mu_s=0.6)
-model = MujocoPlant(robot, ground).model  # or one of yours: mujoco.MjModel.from_xml_path("scene.xml")
+plant = MujocoPlant(robot, ground)
+model = plant.model  # or one of yours: mujoco.MjModel.from_xml_path("scene.xml")
 data = mujoco.MjData(model)
 bridge = hp.MujocoBridge(model, robot)
 gait = hp.WalkingGait(robot, velocity=(0.4, 0.0, 0.0))
-controller = hp.make_controller("condensed", gait, mu=0.6, period=model.opt.timestep)
+controller = hp.make_controller("condensed", gait, mu=0.6, bridge=bridge)
 bridge.place(gait.initial_state(), data)
 controller.step(bridge.read(data))  # compiles
 

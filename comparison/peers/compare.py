@@ -39,7 +39,7 @@ from harpy_pin.gaits import Gait, Standing
 from harpy_pin.model.robot import load_harpy, load_robot
 from harpy_pin.wbc import WholeBodyWeights
 
-RECORDED = ("governed", "wbc")
+RECORDED = ("governed", "own search")
 """Whose walks give the states."""
 
 
@@ -72,7 +72,7 @@ def compare_peers(
     most, repetitions = 2 * max(timing.programs, timing.warm_up), min(timing.repetitions, 5)
     problem = make_problem(robot, sequences, friction=friction, warm_up=timing.warm_up, most=most)
     makers: dict[str, Callable[[], WholeBody]] = {
-        OURS: lambda: make_contender("wbc", robot, friction),
+        OURS: lambda: make_contender("own search", robot, friction),
         f"{OURS}, the peers' program, WBC QP": lambda: WholeBodyController(*the_peers_program(robot, friction)),
         f"{OURS}, the peers' program, condensed WBC": lambda: CondensedController(*the_peers_program(robot, friction)),
     }

@@ -153,7 +153,12 @@ def the_peers_program(robot: Robot, friction: float) -> tuple[Gait, WholeBodyPar
 
 def peers_parameters(gait: Gait, friction: float, weights: WholeBodyWeights | None = None) -> WholeBodyParameters:
     """That program's settings of ours; those of the gait but for what is said here."""
-    how = {"min_normal_force": 0.0, "max_normal_force": 1e4, "limits": WholeBodyLimits(mu=friction, faces=FACES)}
+    how = {
+        "solver": "active_set",
+        "min_normal_force": 0.0,
+        "max_normal_force": 1e4,
+        "limits": WholeBodyLimits(mu=friction, faces=FACES),
+    }
     return WholeBodyParameters.for_gait(gait, weights=weights, **how)
 
 

@@ -109,7 +109,7 @@ def make_problem(
     program, n_thrust = problem.program, problem.n_thrust
     normal = program.bounded + np.arange(1, problem.feet + 1) * problem.foot_rows - 1  # rows of f_z
     box = program.lower[:n_thrust].copy(), program.upper[:n_thrust].copy()
-    solvers = {name: make_solver("proxqp", program, reuse=True) for name in ("complete", *VARIANTS)}
+    solvers = {name: make_solver("active_set", program) for name in ("complete", *VARIANTS)}
     rows: list[tuple[Vector, ...]] = []
     solutions: dict[str, list[tuple[Any, ...]]] = {name: [] for name in VARIANTS}
     inputs = np.zeros(n_thrust + problem.joints)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from harpy_pin.scenario import Scenario
 
 SLIPPERY, SHOWN = 0.15, 4.0  # friction of the demo, and how long each of its walks is, s
-NAME_WIDTH = 20  # columns of a controller's name
+NAME_WIDTH = 22  # columns of a controller's name
 
 
 def walk(

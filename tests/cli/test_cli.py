@@ -212,7 +212,7 @@ def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, m
     page = tmp_path / "demo.html"
     code, out, _ = command("demo", "--html", page)
     assert code == 0
-    names = ["Paper's governor", "Condensed controller", "Whole-body QP"]
+    names = ["Paper's governor", "Condensed controller", "Whole-body QP, ProxQP"]
     assert all(line.startswith(name) for line, name in zip(out.splitlines(), names, strict=False))
     assert all("mm per step" in line and len(line) <= 80 for line in out.splitlines()[:3])
     assert opened == [page.as_uri()]

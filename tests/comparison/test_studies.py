@@ -13,6 +13,7 @@ from PIL import Image
 
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
+from comparison.contenders import OWN
 from comparison.measure.walking import Rows
 from comparison.studies import contacts, grounds, ice, limits, steering, thrusters, walking
 from comparison.studies.crossings import CROSSINGS
@@ -210,7 +211,8 @@ def test_thrusters_and_those_who_know_them_get_what_the_job_says():
     more = {"lags": (0.0, 0.1), "bandwidths": (None, 50.0), "plants": ("ours", "MuJoCo")}
     for job in STUDIES["thrusters"].jobs(STUDIES["thrusters"].settings(quick=True, **more)):
         scenario = thrusters.scenario(job)
-        actuators, known = scenario.disturbances.actuators, scenario.controller.parameters
+        actuators, known = scenario.disturbances.actuators, dict(scenario.controller.parameters)
+        assert known.pop("solver", None) == ("active_set" if "QP" in job["walker"] else None)
         assert actuators.bandwidth == job["bandwidth"]
         assert (actuators.thrusters.lag, actuators.thrusters.turning_lag) == (job["lag"], job["turning_lag"])
         assert (actuators.thrusters.failing or (0, 0, None))[2] == job["failing"]
@@ -228,7 +230,7 @@ def steered(**changes: Any) -> hp.Scenario:
 
 def test_steering_of_one_number_has_one_command_friction_and_push():
     scenario = steered()
-    for same in (steered(controller="wbc"), steered(plant="mujoco")):
+    for same in (steered(controller=OWN), steered(plant="mujoco")):
         for name in ("gait", "ground", "disturbances"):
             assert getattr(same, name) == getattr(scenario, name)
     assert np.linalg.norm(scenario.disturbances.pushes[0].impulse) == pytest.approx(10.0)
@@ -272,7 +274,7 @@ def test_jumps_are_measured():
 @pytest.mark.parametrize("name", list(FLIGHTS))
 def test_every_flight_is_as_its_row_says(name):
     one = FLIGHTS[name]
-    scenario = one.scenario("wbc", "mujoco", 7)
+    scenario = one.scenario("QP", "mujoco", 7)
     fans = scenario.disturbances.actuators.thrusters
     lag = next((k for k in (30, 100, 300) if f"{k} ms" in name), 0)
     assert fans.lag == one.lag == pytest.approx(1e-3 * lag)
@@ -290,7 +292,7 @@ def test_robots_stand_or_say_why_they_do_not():
     standing, times = tables_of("robots").values()
     assert standing.number("solo12", "mass") == pytest.approx(2.5, abs=0.01)
     assert "point foot must have 3 joints" in str(standing.get("solo8", "stands, condensed").value)
-    assert times.rows[:2] == ["solo12, QP", "solo12, condensed"]
+    assert times.rows[:2] == ["solo12, QP, own search", "solo12, condensed"]
 
 
 @needs_robots
@@ -313,7 +315,7 @@ def walked(**changes: Any) -> hp.Scenario:
 @needs_robots
 def test_walks_of_one_number_have_one_command_and_friction_and_pushes_come_from_every_side():
     scenario = walked(number=5)
-    for same in (walked(number=5, controller="wbc"), walked(number=5, plant="mujoco")):
+    for same in (walked(number=5, controller=OWN), walked(number=5, plant="mujoco")):
         for name in ("gait", "ground", "disturbances"):
             assert getattr(same, name) == getattr(scenario, name)
     assert walking.DRAWN[0] <= scenario.ground.mu_s <= walking.DRAWN[1]

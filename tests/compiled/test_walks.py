@@ -24,7 +24,7 @@ PUSH = hp.Push(time=0.002, impulse=(0.5, 2.0, 0.0), duration=0.01)
 COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.005, 0.1, 0.05, 0.4))
 CONTROLLERS = (
     *(hp.Condensed(), hp.Condensed(parameters={"estimate_friction": True})),
-    *(hp.WholeBody(parameters={"formulation": name}) for name in hp.wbc.FORMULATIONS),
+    *(hp.WholeBody(parameters={"formulation": name, "solver": "active_set"}) for name in hp.wbc.FORMULATIONS),
     *(hp.Governed(governor=name) for name in hp.controllers.GOVERNORS),
 )
 SLIPPERY = {"mu_s": 0.1, "pushes": (PUSH,), "start_velocity": (0.3, 0.2, 0.0, 0.0, 0.0, 0.5), "duration": 0.012}

@@ -16,10 +16,12 @@ CASES = {
     "filter": ("governed", {"governor": "filter", "limits": True}),
     "condensed": ("condensed", {"estimate_friction": True}),
     "condensed, lag": ("condensed", {"thrust_lag": 0.1}),
-    "input_space": ("wbc", {}),
-    "input_space, lag": ("wbc", {"thrust_lag": 0.1}),
+    "input_space": ("wbc", {"solver": "active_set"}),
+    "input_space, ProxQP": ("wbc", {}),
+    "input_space, lag": ("wbc", {"solver": "active_set", "thrust_lag": 0.1}),
+    "full": ("wbc", {"formulation": "full", "solver": "active_set"}),
     "full, daqp": ("wbc", {"formulation": "full", "solver": "daqp"}),
-    "contact_force": ("wbc", {"formulation": "contact_force"}),
+    "contact_force": ("wbc", {"formulation": "contact_force", "solver": "active_set"}),
     "added": ("wbc", {}),
 }
 

@@ -327,6 +327,7 @@ def test_what_is_not_exported_is_refused():
     for name, given, message in (
         ("condensed", {"thrust_lag": 0.1}, "a thrust_lag"),
         ("wbc", {"thrust_turning_lag": 0.1}, "a thrust_turning_lag"),
+        ("wbc", {}, "a whole-body QP by another solver than 'active_set'"),
         ("governed", {"legs": "feedforward"}, "leg control law 'feedforward'"),
         ("governed", {"governor": "none"}, "governors"),
     ):

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from needs import needs_robots
-from walks import started
+from walks import own_search, started
 
 import harpy_pin as hp
 from harpy_pin.simulation.mujoco import MujocoPlant
@@ -27,7 +27,7 @@ def moving(robot, seed=0):
 
 def controller(name, robot, **more):
     gait = hp.Standing(robot)
-    return hp.make_controller(name, gait, mu=0.6, **more)
+    return hp.make_controller(name, gait, mu=0.6, **own_search(name), **more)
 
 
 @needs_robots
@@ -91,7 +91,9 @@ def test_a_walk_with_known_joints_slips_less(name):
     for believed in (robot.with_joints(**KNOWN), robot):
         gait = hp.WalkingGait(believed, velocity=[(0.0, 0.4, 0.0, 0.2)])
         plant = started(MujocoPlant(robot.with_joints(**KNOWN), hp.Ground(mu_s=0.5)), gait)
-        slip.append(hp.measure(plant.run(hp.make_controller(name, gait, mu=0.45), 2.0)).slip_mm_per_step)
+        slip.append(
+            hp.measure(plant.run(hp.make_controller(name, gait, mu=0.45, **own_search(name)), 2.0)).slip_mm_per_step
+        )
     assert slip[0] < 0.5
     assert slip[1] > 4.0 * slip[0]
 

@@ -136,7 +136,9 @@ def test_every_part_is_written_down(data):
         EVERYTHING,
         hp.Scenario(duration=0.3),
         hp.Scenario(controller=hp.Governed(governor="none"), duration=0.3),
-        scenario(controller=hp.WholeBody(parameters={"solver": "daqp"}), duration=0.3, noise=hp.Noise.typical(0.5)),
+        scenario(
+            controller=hp.WholeBody(parameters={"solver": "active_set"}), duration=0.3, noise=hp.Noise.typical(0.5)
+        ),
         *(hp.Scenario(plant=plant, duration=0.05) for plant in PLANTS),
         replace(EVERYTHING, plant=hp.Mujoco("stiff"), ground=hp.Ground(mu_s=0.6)),
     ],
@@ -156,7 +158,7 @@ def test_a_run_is_walked_again_from_its_file(given, tmp_path):
 def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
     gait = hp.make_gait(robot, speed=0.2)
     # ProxQP's last digits depend on where its memory lies.
-    parameters = {"governed": {"limits": True}, "wbc": {"solver": "daqp"}}.get(name, {})
+    parameters = {"governed": {"limits": True}, "wbc": {"solver": "active_set"}}.get(name, {})
     governor = "paper" if name == "governed" else "none"
     controller = hp.make_controller(name, gait, mu=0.3, governor=governor, **parameters)
     part = {"name": name, "mu": 0.3}

@@ -24,7 +24,7 @@ WALKS = {
     "filter": scenario(controller=hp.Governed(governor="filter"), mu_s=0.15),
     "no governor": scenario(controller=hp.Governed(governor="none")),
     "motors": scenario(controller=hp.Condensed(parameters=MOTORS), pushes=PUSH),
-    "motors of the QP": scenario(controller=hp.WholeBody(parameters=MOTORS), pushes=PUSH),
+    "motors of the QP": scenario(controller=hp.WholeBody(parameters=MOTORS | {"solver": "active_set"}), pushes=PUSH),
     "clipped": scenario(pushes=(hp.Push(time=0.3, impulse=(0.0, 12.0, 0.0)),)),
     "fell": scenario(pushes=(hp.Push(time=0.2, impulse=(0.0, 30.0, 0.0)),)),
     "slope": scenario(slope=0.2, mu_s=0.6),

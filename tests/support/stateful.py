@@ -127,7 +127,7 @@ def _walker(name: str, **more: Any) -> Case:
 CASES: dict[str, Case] = {
     "Simulator": (lambda: _started(hp.Simulator(ROBOT)), _simulate),
     "CondensedController": _walker("condensed"),
-    "WholeBodyController": _walker("wbc", solver="daqp"),
+    "WholeBodyController": _walker("wbc", solver="active_set"),
     "WholeBodyController, ProxQP": _walker("wbc"),
     "estimating": _walker("condensed", estimate_friction=True, estimate_joint_friction=True),
     **{f"{name}, lag": _walker(name, thrust_lag=0.1) for name in ("condensed", "wbc")},
