@@ -1,4 +1,4 @@
-"""A MuJoCo loop of one's own, seen in Meshcat while it runs: needs the extras robots, mujoco, view."""
+"""A MuJoCo loop of one's own, seen in Meshcat while it runs. Needs robots, mujoco and view."""
 
 import sys
 import time
