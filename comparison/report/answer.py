@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from comparison.contenders import BEST, OWN, label
-from comparison.tables import number_text
+from comparison.tables import NOT_KNOWN, Cell, Table, number_text
 
 _HEADINGS = {
     "governed/none": ("no", "governor"),
@@ -55,6 +55,16 @@ class Answer:
             lines.append(f"{heading:<{first}}" + "".join(f"{text:>8}{'* '[not best]}" for text, best in cells).rstrip())
         lines.append(wrap.fill(self.note))
         return "\n".join([*lines, *([f"Everything else: {report}"] if report else [])])
+
+    def table(self) -> Table:
+        """The table with a row for each controller, as pages show it."""
+        shown = [(heading, zip(COLUMNS.values(), cells, strict=True)) for heading, cells in self.rows]
+        cells = (
+            Cell(name, heading, None if text == NOT_KNOWN else float(text))
+            for heading, row in shown
+            for name, (text, _) in row
+        )
+        return Table("answer", "The answer", tuple(cells), self.note)
 
 
 def answer_of(document: Mapping[str, Any]) -> Answer:
@@ -106,7 +116,7 @@ def _value(entry: Any) -> float | None:
 def _marked(value: float | None, row: Mapping[str, float | None], scale: float) -> tuple[str, bool]:
     """A cell's text, and whether it is the least of its row to the digits shown."""
     if value is None:
-        return "–", False
+        return NOT_KNOWN, False
     text = number_text(scale * value)
     return text, text == number_text(scale * min(v for v in row.values() if v is not None))
 
