@@ -141,15 +141,18 @@ README_ROWS = {
 }
 """Rows of README's table: the table and column that they come from, and what one unit of it is in README."""
 
+PROXQP, OWN = "whole-body QP, ProxQP", "whole-body QP, own search"
+"""README's columns of the QP by its solvers; a column without one is the own search."""
 NAMES = {
-    "wide/variants": {"paper's governor": PRINTED, "whole-body QP": QP},
+    **{f"comparison/campaign{more}": {"whole-body QP": OWN} for more in ("", "_friction_slip_mm_per_step")},
+    "wide/variants": {"paper's governor": PRINTED, "whole-body QP": QP, OWN: QP, PROXQP: "WBC QP, ProxQP"},
     "comparison/ticks": {
         **{"paper's governor": PRINTED, BEST: "paper's governor, best variant"},
-        "whole-body QP": ACTIVE,
+        **{"whole-body QP": ACTIVE, OWN: ACTIVE, PROXQP: "WBC QP, ProxQP"},
     },
     "embedded/embedded": {
         **{"paper's governor": "Harpy, paper's governor", "contact-force filter": "Harpy, contact-force filter"},
-        **{LAW: "Harpy, condensed WBC", "whole-body QP": "Harpy, WBC QP, own search"},
+        **{LAW: "Harpy, condensed WBC", **dict.fromkeys(("whole-body QP", OWN), "Harpy, WBC QP, own search")},
     },
 }
 """Rows of tables that are called otherwise than in README."""
