@@ -100,12 +100,12 @@ class TimedProxQP(ProxQPSolver):
 
     def __init__(self, program: QuadraticProgram) -> None:
         super().__init__(program)
-        self.qp.settings.compute_timings = True
+        self._qp.settings.compute_timings = True
         self.spent = 0.0
 
     def _attempt(self, program: QuadraticProgram, *, warm: bool) -> QPStatus:
         status = super()._attempt(program, warm=warm)
-        info = self.qp.results.info
+        info = self._qp.results.info
         self.spent += info.setup_time + info.solve_time
         return status
 

@@ -124,11 +124,9 @@ class ProxQPSolver(PackageSolver):
         gap: absolute duality gap of the scaled program at which a solve ends; None does not ask for any.
         max_iterations: of the outer loop; an infeasible program may never end by itself.
         inner_iterations: of each inner loop. Feasible programs of walks need less than 100 steps of both together.
-
-    Attributes:
-        qp: ProxQP's object, with its settings and results.
     """
 
+    _made_anew = ("_qp",)
     name: ClassVar[str] = "proxqp"
     package: ClassVar[str] = "proxsuite"
     _record_: Records[ScaledProgramRecord]
@@ -143,21 +141,27 @@ class ProxQPSolver(PackageSolver):
         max_iterations: int = 20,
         inner_iterations: int = 20,
     ) -> None:
+        self._shape = n, _, rows = program.shape
+        self._settings = tolerance, gap, max_iterations, inner_iterations
         super().__init__(program)
-        n, equalities, rows = program.shape
         self.scale = scale
         self.record = make_record(ScaledProgramRecord, {"size": n, "rows": rows})
         self._objective = tuple(field(self._record_, name) for name in ("hessian", "gradient"))
         self._rows = tuple(field(self._record_, name) for name in ("inequality", "lower", "upper"))
+
+    def _make_anew(self) -> None:
+        """A new object, which starts cold: a copy of ProxQP's own lacks its work space, and crashes."""
+        super()._make_anew()
         proxqp, dense = self.library.proxqp, self.library.proxqp.dense
-        self.qp = dense.QP(n, equalities, rows, dense_backend=dense.DenseBackend.PrimalDualLDLT)
-        settings = self.qp.settings
+        self._qp = dense.QP(*self._shape, dense_backend=dense.DenseBackend.PrimalDualLDLT)
+        settings, (tolerance, gap, *most) = self._qp.settings, self._settings
         settings.eps_abs, settings.eps_rel = tolerance, 0.0
         settings.check_duality_gap = gap is not None
         if gap is not None:
             settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = gap, 0.0
-        settings.max_iter, settings.max_iter_in = max_iterations, inner_iterations
+        settings.max_iter, settings.max_iter_in = most
         settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
+        self._started = False
 
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
@@ -166,12 +170,13 @@ class ProxQPSolver(PackageSolver):
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
         write_scaled(program._record_, self.scale, self._record_)
-        warm = self.solution.status is QPStatus.SOLVED
+        warm = self._started and self.solution.status is QPStatus.SOLVED
+        self._started = True
         status = self._attempt(program, warm=warm)
         return self._attempt(program, warm=False) if warm and status is not QPStatus.SOLVED else status
 
     def _attempt(self, program: QuadraticProgram, *, warm: bool) -> QPStatus:
-        qp, proxqp = self.qp, self.library.proxqp
+        qp, proxqp = self._qp, self.library.proxqp
         arguments = (*self._objective, program._equality_, program._equality_value_, *self._rows)
         if warm:
             qp.update(*arguments)

@@ -199,7 +199,7 @@ def test_what_is_not_a_number_never_outlives_its_tick(where: str) -> None:
     np.testing.assert_allclose(solver.solution.z, good, rtol=0, atol=1e-7)
 
 
-@pytest.mark.parametrize(("motors", "added"), list(itertools.product((False, True), repeat=2)))
+@pytest.mark.parametrize(("motors", "added"), [*itertools.product((False, True), repeat=2)])
 def test_bad_samples_are_answered_as_by_the_own_search(motors: bool, added: bool) -> None:
     """Nothing is solved and nothing remembered, with joint targets and with added tasks, too."""
     settings = {"joint_stiffness": 1.0, "joint_damping": 0.3} if motors else {}
