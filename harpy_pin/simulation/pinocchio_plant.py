@@ -18,7 +18,8 @@ robot needs where it begins. The method is of first order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -98,12 +99,13 @@ class PinocchioPlant(SteppedPlant):
         self._drag = np.zeros(len(self._thrusters))
         self._drag[len(self._thrusters) - len(self.robot.rotors) :] = [r.drag for r in self.robot.rotors]
         self._coulomb = self.actuators.coulomb(self.robot)
+        self._dry = bool(self._coulomb.any())
         self._level = bool(self._terrain["level"][0])
         self._strips = bool(self.ground.friction_strips or self.ground.stiffness_strips)
         self._planes = np.zeros((len(self._feet), 7))
         numbers = [float(self._ground[name][0]) for name in ("stiffness", "damping", "mu_s", "mu_c")]
         self._spring = numbers[:2]
-        self._contact = np.tile(numbers, (len(self._feet), 1))
+        self._contact = [numbers] * len(self._feet)
 
     def describe(self) -> Mapping[str, Any]:
         """Version, and how it steps."""
@@ -135,8 +137,8 @@ class PinocchioPlant(SteppedPlant):
         self.substeps = max(int(np.ceil(phase / PHASE)), 1)
         self.stages = max(int(np.ceil(np.sqrt(0.25 + self.dt * rate / self.substeps) - 0.5)), 2)
         if self.substeps * self.stages > MAX_EVALUATIONS:
-            needed = f"{self.substeps * self.stages} evaluations of ABA in a physics step"
-            message = f"the ground is too stiff for explicit steps: {needed}, at most {MAX_EVALUATIONS}"
+            needed = f"{self.substeps * self.stages:,} evaluations in a physics step of {self.dt:g} s"
+            message = f"feet are too light, or the ground too stiff, for explicit steps: {needed}"
             raise InputError(message, name="ground", value=g)
 
     def _feet_at(self, q: Vector) -> tuple[Vector, Vector]:
@@ -157,26 +159,29 @@ class PinocchioPlant(SteppedPlant):
         if self._strips:
             for k, x in enumerate(position[:, 0].tolist()):
                 stiffer = local_stiffness(x, self._ground)
-                self._contact[k, :2] = stiffer * self._spring[0], np.sqrt(stiffer) * self._spring[1]
-                self._contact[k, 2:] = local_friction(x, self._ground)
+                spring = stiffer * self._spring[0], math.sqrt(stiffer) * self._spring[1]
+                self._contact[k] = [*spring, *local_friction(x, self._ground)]
 
     def _foot_forces(self, position: Vector, velocity: Vector) -> Vector:
         """(feet, 3) forces on the feet, world axes, N, from positions, m, and velocities, m/s, (feet, 3)."""
-        how = self._contact, self.ground, self.stiction_tolerance
-        if self._level:
-            return contact_force(position[:, 2], velocity, *how)
-        frame = self._record_["frame"][0]
-        height = np.einsum("kc,kc->k", position - self._planes[:, :3], frame[:, :, 2])
-        force = contact_force(height, np.einsum("kci,kc->ki", frame, velocity), *how)
-        turned: Vector = np.einsum("kci,ki->kc", frame, force)
-        return turned
+        height, frame = position[:, 2], self._record_["frame"][0]
+        if not self._level:
+            height = np.einsum("kc,kc->k", position - self._planes[:, :3], frame[:, :, 2])
+            velocity = np.einsum("kci,kc->ki", frame, velocity)
+        feet = zip(height.tolist(), velocity.tolist(), self._contact, strict=True)
+        force = np.array([contact_force(*foot, self.ground, self.stiction_tolerance) for foot in feet])
+        force.shape = (-1, 3)
+        if not self._level:
+            force = np.einsum("kci,ki->kc", frame, force)
+        return force
 
     def _acceleration(self, q: Vector, v: Vector, given: Vector) -> tuple[Vector, Vector]:
         """(nv,) acceleration under given generalised forces (nv,), and forces on the feet (feet, 3), N."""
         jacobian, position = self._feet_at(q)
         force = self._foot_forces(position, (jacobian @ v).reshape(-1, 3))
         tau = given - self.model.damping * v + force.ravel() @ jacobian
-        tau[6:] -= self._coulomb * v[6:] / np.hypot(v[6:], JOINT_TOLERANCE)
+        if self._dry:
+            tau[6:] -= self._coulomb * v[6:] / np.hypot(v[6:], JOINT_TOLERANCE)
         return pin.aba(self.model, self.data, q, v, tau), force
 
     def _given(self, push: Vector | None) -> Vector:
@@ -219,32 +224,38 @@ def checked_tolerance(value: float) -> float:
 
 
 def contact_force(
-    height: Vector, velocity: Vector, contact: Vector, ground: Ground, stiction_tolerance: float
-) -> Vector:
-    """Forces of the ground on points: E1 along the normal, E2 in the tangent plane, smooth at rest.
+    height: float, velocity: Sequence[float], contact: Sequence[float], ground: Ground, stiction_tolerance: float
+) -> tuple[float, float, float]:
+    """Force of the ground on a point: E1 along the normal, E2 in the tangent plane, smooth at rest.
 
     Args:
-        height: (n,) above the ground, m.
-        velocity: (n, 3) in the frames of the contacts, whose third axis is the normal, m/s.
-        contact: (n, 4) of the ground below: stiffness, N/m, damping, N·s/m, static and sliding friction coefficient.
+        height: above the ground, m.
+        velocity: (3,) in the frame of the contact, whose third axis is the normal, m/s.
+        contact: stiffness, N/m, damping, N·s/m, static and sliding friction coefficient of the ground there.
         ground: whose viscous friction, Stribeck velocity and cone these are.
         stiction_tolerance: speed at which friction is 0.71 of E2, m/s.
 
     Returns:
-        (n, 3) forces in the frames of the contacts, N.
+        (3,) force in the frame of the contact, N.
     """
-    stiffness, damping, mu_s, mu_c = contact.T
-    normal = -stiffness * height - damping * np.minimum(velocity[:, 2], 0.0)
-    touching = height <= 0.0
-    normal = np.where(touching, normal, 0.0)
-    slide = velocity[:, :2]
-    speed = np.abs(slide)  # of each axis apart, the paper's form
-    if ground.cone == "circular":
-        speed = np.hypot(slide[:, :1], slide[:, 1:])
-    mu_s, mu_c = mu_s[:, None], mu_c[:, None]
-    mu = mu_c + (mu_s - mu_c) * np.exp(-((speed / ground.stribeck_velocity) ** 2))
-    most = mu * normal[:, None] + ground.mu_v * speed * touching[:, None]
-    return np.column_stack((-most * slide / np.hypot(speed, stiction_tolerance), normal))
+    stiffness, damping, mu_s, mu_c = contact
+    x, y, up = velocity
+    if height > 0.0:
+        return 0.0, 0.0, 0.0
+    normal = -stiffness * height - damping * min(up, 0.0)
+    if normal == 0.0:
+        return 0.0, 0.0, 0.0
+
+    def gain(speed: float) -> float:
+        """Friction over speed, N·s/m."""
+        bell = math.exp(-((speed / ground.stribeck_velocity) ** 2))
+        friction = (mu_c + (mu_s - mu_c) * bell) * normal + ground.mu_v * speed
+        return friction / math.hypot(speed, stiction_tolerance)
+
+    if ground.cone == "per_axis":  # the paper's form
+        return -gain(abs(x)) * x, -gain(abs(y)) * y, normal
+    against = -gain(math.hypot(x, y))
+    return against * x, against * y, normal
 
 
 def legendre_step(rate: Callable[[Vector], Vector], start: Vector, step: float, stages: int) -> Vector:

@@ -7,5 +7,5 @@ from harpy_pin.simulation.mujoco import installed_version
 
 needs_robots = pytest.mark.skipif(installed_data() is None, reason="the robots are the extra robots")
 needs_mujoco = pytest.mark.skipif(installed_version() is None, reason="MuJoCo is the extra mujoco")
-PLANTS = ("compliant", pytest.param("mujoco", marks=needs_mujoco))
-"""Plants by name, for tests of both."""
+PLANTS = ("compliant", "pinocchio", pytest.param("mujoco", marks=needs_mujoco))
+"""Plants by name, for tests of all."""
