@@ -309,6 +309,22 @@ def test_robots_drop_as_in_the_compliant_plant(name):
     assert plant.state.foot_force[:, 2].sum() == pytest.approx(weight, rel=0.01)
 
 
+@pytest.mark.long
+@needs_robots
+def test_undamped_rebound_fells_go2_where_implicit_steps_damp_it():
+    """On stiff ground at 2 m/s. What decides is the damping of the compliant plant's steps, not the plant."""
+    gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(2.0, 0.0, 0.0), max_speed=2.0)
+    ends = []
+    for plant, dt in (("compliant", 5e-4), ("compliant", 2e-5), ("pinocchio", 5e-4)):
+        stiffness = gait.robot.mass * G / 2e-3
+        run = walked(gait, mu_s=0.8, stiffness=stiffness, duration=4.0, plant=plant, dt=dt)
+        ends.append((run.ending, run.metadata["end_time"]))
+    assert ends[0][0] == "completed"
+    for ending, time in ends[1:]:
+        assert ending == "fell"
+        assert time == pytest.approx(3.1, abs=0.3)
+
+
 @needs_robots
 def test_a_foot_without_mass_is_refused():
     """A link of iCub has no inertia of its own: no explicit step is short enough."""
