@@ -1,9 +1,9 @@
 """Walk every controller in all three plants, and time their steps.
 
-The library's own plant, Pinocchio's ABA with the paper's ground as written, and MuJoCo. The first two also walk with
-shorter steps and with less creep, so that what differs between plants can be told from what differs within one. Steps
-are timed standing, with motors that hold the posture. MuJoCo is left out where it is not installed. This takes some
-minutes.
+The library's own plant, Pinocchio's ABA with the paper's ground as written, and MuJoCo. The first
+two also walk with shorter steps and with less creep, so that what differs between plants can be
+told from what differs within one. Steps are timed standing, with motors that hold the posture.
+MuJoCo is left out where it is not installed. This takes some minutes.
 """
 
 from __future__ import annotations

@@ -2,18 +2,20 @@
 
     a = ABA(q, v, S τ − B v + J_tᵀ u_t + J_fᵀ f)
 
-The forces f on the feet are E1 and E2 of docs/equations.md at q and v: a spring, a damper while the foot goes down, and
-Stribeck friction against the motion (:func:`contact_force`). Nothing is solved for.
+The forces f on the feet are E1 and E2 of docs/equations.md at q and v: a spring, a damper while the
+foot goes down, and Stribeck friction against the motion (:func:`contact_force`). Nothing is solved
+for.
 
-**Friction at rest** needs a motion here. E2 is discontinuous at rest, so it is made smooth: below a speed ε, the
-*stiction tolerance*, friction falls to zero with the speed. A foot that holds the share r of its largest friction
-therefore creeps at ε r / √(1 − r²). It holds at most 0.96 of μ_s for ε = 1 mm/s, as the Stribeck curve has begun to
-fall where the friction is whole.
+**Friction at rest** needs a motion here. E2 is discontinuous at rest, so it is made smooth: below a
+speed ε, the *stiction tolerance*, friction falls to zero with the speed. A foot that holds the
+share r of its largest friction therefore creeps at ε r / √(1 − r²). It holds at most 0.96 of μ_s
+for ε = 1 mm/s, as the Stribeck curve has begun to fall where the friction is whole.
 
-**Steps.** This friction is stiff: near rest it is a damper of μ f_z / ε, some 30,000 N·s/m under Harpy, on a foot of
-0.1 kg. A Runge–Kutta–Legendre step of s stages is stable for decay rates up to s (s + 1) / Δt, where s steps of Euler
-reach 2 s / Δt, and the classical Runge–Kutta method with as many evaluations 0.7 s / Δt. Stages are as many as the
-robot needs where it begins. The method is of first order.
+**Steps.** This friction is stiff: near rest it is a damper of μ f_z / ε, some 30,000 N·s/m under
+Harpy, on a foot of 0.1 kg. A Runge–Kutta–Legendre step of s stages is stable for decay rates up to
+s (s + 1) / Δt, where s steps of Euler reach 2 s / Δt, and the classical Runge–Kutta method with as
+many evaluations 0.7 s / Δt. Stages are as many as the robot needs where it begins. The method is of
+first order.
 """
 
 from __future__ import annotations
@@ -43,27 +45,29 @@ JOINT_TOLERANCE = 1e-2
 LOAD = 2.0
 """Weights of the robot on one foot, at touchdown, for which stages are chosen."""
 PHASE = 0.2
-"""Most of a foot's oscillation on the ground's spring in a step of the method, rad: its energy grows by 1 %."""
+"""Most of a foot's oscillation on the ground's spring in a step of the method, rad.
+
+Where nothing damps it, it grows by 1 % in such a step."""
 MAX_EVALUATIONS = 2000
 """Most evaluations of ABA in a physics step."""
 WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
 
 class PinocchioPlant(SteppedPlant):
-    """A robot on compliant ground by Pinocchio's ABA. Feet are points; soles are the points at their corners.
+    """A robot on compliant ground by Pinocchio's ABA.
 
-    A physics step has constant torques and thrusts. Its contact forces are the means over the step. A foot feels the
-    tangent plane and the strip below it at the beginning of the step.
+    Feet are points, soles the points at their corners. A physics step has constant torques and thrusts. Its contact forces are the means over the step.
+    A foot feels the tangent plane and the strip below it at the beginning of the step.
 
     Args:
         robot: what to simulate.
         ground: contact parameters.
         dt: physics step, s.
         gravity: (3,) gravity vector, m/s².
-        actuators: motors, joint friction and thrusters; those of the model by default. A joint creeps under its Coulomb
-            friction, as a foot does.
-        stiction_tolerance: speed below which friction falls to zero, m/s. Halving it halves the creep, and takes 1.4
-            times as long.
+        actuators: motors, joint friction and thrusters; those of the model by default. A joint
+            creeps under its Coulomb friction, as a foot does.
+        stiction_tolerance: speed below which friction falls to zero, m/s. Halving it halves the
+            creep, and takes 1.4 times as long.
 
     Attributes:
         model: ``pinocchio.Model`` with this gravity.
@@ -72,8 +76,8 @@ class PinocchioPlant(SteppedPlant):
         stages: of each.
 
     Raises:
-        InputError: as :class:`harpy_pin.simulation.plant.Plant`; from :meth:`reset`, the ground is so stiff that a
-            physics step takes more than 2000 evaluations.
+        InputError: as :class:`harpy_pin.simulation.plant.Plant`; from :meth:`reset`, the ground is
+            so stiff that a physics step takes more than 2000 evaluations.
     """
 
     name = "pinocchio"
@@ -97,13 +101,15 @@ class PinocchioPlant(SteppedPlant):
         self._feet = [self.robot.frame_id(name) for name in self.robot.feet]
         self._thrusters = [self.robot.frame_id(name) for name in self.robot.thrusters]
         self._drag = np.zeros(len(self._thrusters))
-        self._drag[len(self._thrusters) - len(self.robot.rotors) :] = [r.drag for r in self.robot.rotors]
+        free = len(self._thrusters) - len(self.robot.rotors)
+        self._drag[free:] = [rotor.drag for rotor in self.robot.rotors]
         self._coulomb = self.actuators.coulomb(self.robot)
         self._dry = bool(self._coulomb.any())
         self._level = bool(self._terrain["level"][0])
         self._strips = bool(self.ground.friction_strips or self.ground.stiffness_strips)
         self._planes = np.zeros((len(self._feet), 7))
-        numbers = [float(self._ground[name][0]) for name in ("stiffness", "damping", "mu_s", "mu_c")]
+        names = ("stiffness", "damping", "mu_s", "mu_c")
+        numbers = [float(self._ground[name][0]) for name in names]
         self._spring = numbers[:2]
         self._contact = [numbers] * len(self._feet)
 
@@ -119,30 +125,33 @@ class PinocchioPlant(SteppedPlant):
         self._choose_stages()
 
     def _choose_stages(self) -> None:
-        """Stages and substeps that are stable: from the fastest decay and the fastest oscillation of a foot."""
-        g, (stiffness, damping) = self.ground, self._spring
+        """Stages and substeps that are stable, by the fastest decay and oscillation of a foot."""
+        ground, (stiffness, damping) = self.ground, self._spring
         inverse, jacobian = np.linalg.inv(self.dynamics.mass_matrix), self.dynamics.foot_jacobian
         mobility = jacobian @ inverse @ jacobian.T  # of the feet, 1/kg
-        together = float(np.linalg.norm(mobility, 2)) if self._feet else 0.0
-        blocks = (mobility[i : i + 3, i : i + 3] for i in range(0, len(mobility), 3))
-        alone = max((float(np.linalg.norm(block, 2)) for block in blocks), default=0.0)
-        stiffer = max([1.0, *(strip[2] / g.stiffness for strip in g.stiffness_strips)])
-        mu = max([g.mu_s, *(strip[2] for strip in g.friction_strips)])
+        feet = [mobility[i : i + 3, i : i + 3] for i in range(0, len(mobility), 3)]
+        together = float(np.linalg.norm(mobility, 2)) if feet else 0.0
+        alone = max((float(np.linalg.norm(foot, 2)) for foot in feet), default=0.0)
+        mu = max([ground.mu_s, *(strip[2] for strip in ground.friction_strips)])
+        stiffest = max([stiffness, *(strip[2] for strip in ground.stiffness_strips)])
+        # Friction, however the feet share the load; the ground's dampers; friction of the joints.
         weight = self.robot.mass * float(np.linalg.norm(self.gravity))
+        rate = alone * (LOAD * mu * weight / self.stiction_tolerance + ground.mu_v)
+        rate += together * damping * math.sqrt(stiffest / stiffness)
         joints = np.sqrt(self.model.damping[6:] + self._coulomb / JOINT_TOLERANCE)
-        rate = alone * (LOAD * mu * weight / self.stiction_tolerance + g.mu_v)
-        rate += together * damping * np.sqrt(stiffer)
-        rate += float(np.linalg.norm(np.outer(joints, joints) * inverse[6:, 6:])) if len(joints) else 0.0
-        phase = self.dt * np.sqrt(together * stiffness * stiffer)
-        self.substeps = max(int(np.ceil(phase / PHASE)), 1)
-        self.stages = max(int(np.ceil(np.sqrt(0.25 + self.dt * rate / self.substeps) - 0.5)), 2)
+        rate += float(np.linalg.norm(np.outer(joints, joints) * inverse[6:, 6:]))
+        phase = self.dt * math.sqrt(together * stiffest)
+        self.substeps = max(math.ceil(phase / PHASE), 1)
+        decay = self.dt / self.substeps * rate  # at most stages (stages + 1)
+        self.stages = max(math.ceil(math.sqrt(0.25 + decay) - 0.5), 2)
         if self.substeps * self.stages > MAX_EVALUATIONS:
             needed = f"{self.substeps * self.stages:,} evaluations in a physics step of {self.dt:g} s"
             message = f"feet are too light, or the ground too stiff, for explicit steps: {needed}"
-            raise InputError(message, name="ground", value=g)
+            raise InputError(message, name="ground", value=ground)
 
     def _feet_at(self, q: Vector) -> tuple[Vector, Vector]:
-        """Jacobian (3 feet, nv) and positions (feet, 3) of the feet at a configuration, world axes."""
+        """Jacobian (3 feet, nv) and positions (feet, 3) of the feet at a configuration, world
+        axes."""
         jacobian = np.empty((3 * len(self._feet), self.model.nv))
         position = np.empty((len(self._feet), 3))
         for k, frame in enumerate(self._feet):
@@ -163,20 +172,22 @@ class PinocchioPlant(SteppedPlant):
                 self._contact[k] = [*spring, *local_friction(x, self._ground)]
 
     def _foot_forces(self, position: Vector, velocity: Vector) -> Vector:
-        """(feet, 3) forces on the feet, world axes, N, from positions, m, and velocities, m/s, (feet, 3)."""
+        """(feet, 3) forces on the feet, world axes, N, from positions, m, and velocities, m/s,
+        (feet, 3)."""
         height, frame = position[:, 2], self._record_["frame"][0]
         if not self._level:
             height = np.einsum("kc,kc->k", position - self._planes[:, :3], frame[:, :, 2])
             velocity = np.einsum("kci,kc->ki", frame, velocity)
         feet = zip(height.tolist(), velocity.tolist(), self._contact, strict=True)
-        force = np.array([contact_force(*foot, self.ground, self.stiction_tolerance) for foot in feet])
-        force.shape = (-1, 3)
+        how = self.ground, self.stiction_tolerance
+        force = np.array([contact_force(*foot, *how) for foot in feet]).reshape(-1, 3)
         if not self._level:
             force = np.einsum("kci,ki->kc", frame, force)
         return force
 
     def _acceleration(self, q: Vector, v: Vector, given: Vector) -> tuple[Vector, Vector]:
-        """(nv,) acceleration under given generalised forces (nv,), and forces on the feet (feet, 3), N."""
+        """(nv,) acceleration under given generalised forces (nv,), and forces on the feet (feet,
+        3), N."""
         jacobian, position = self._feet_at(q)
         force = self._foot_forces(position, (jacobian @ v).reshape(-1, 3))
         tau = given - self.model.damping * v + force.ravel() @ jacobian
@@ -191,7 +202,7 @@ class PinocchioPlant(SteppedPlant):
         if push is not None:
             given[:3] = push @ self.dynamics._rotation_
         for frame, force, drag in zip(self._thrusters, self._forces, self._drag, strict=True):
-            jacobian = pin.computeFrameJacobian(self.model, self.data, self.q, frame, WORLD_AXES)
+            jacobian = pin.computeFrameJacobian(self.model, self.data, self._q_, frame, WORLD_AXES)
             given += np.concatenate((force, drag * force)) @ jacobian
         return given
 
@@ -203,13 +214,16 @@ class PinocchioPlant(SteppedPlant):
         for _ in range(self.substeps):
             start = self._q_.copy()
 
+            # Of the displacement from there, the velocity, and the impulses of the feet. The
+            # displacement's rate is the velocity, but for terms of the second order in the step.
             def rate(z: Vector, start: Vector = start) -> Vector:
                 v = z[nv : 2 * nv]
-                acceleration, force = self._acceleration(pin.integrate(self.model, start, z[:nv]), v, given)
+                q = pin.integrate(self.model, start, z[:nv])
+                acceleration, force = self._acceleration(q, v, given)
                 return np.concatenate((v, acceleration, force.ravel()))
 
             z = np.concatenate((np.zeros(nv), self._v_, np.zeros(impulse.size)))
-            z = legendre_step(rate, z, h, self.stages)  # displacement, velocity, impulses of the feet
+            z = legendre_step(rate, z, h, self.stages)
             self._q_[:] = pin.integrate(self.model, start, z[:nv])
             self._v_[:] = z[nv : 2 * nv]
             impulse += z[2 * nv :].reshape(-1, 3)
@@ -231,7 +245,8 @@ def contact_force(
     Args:
         height: above the ground, m.
         velocity: (3,) in the frame of the contact, whose third axis is the normal, m/s.
-        contact: stiffness, N/m, damping, N·s/m, static and sliding friction coefficient of the ground there.
+        contact: stiffness, N/m, damping, N·s/m, static and sliding friction coefficient of the
+            ground there.
         ground: whose viscous friction, Stribeck velocity and cone these are.
         stiction_tolerance: speed at which friction is 0.71 of E2, m/s.
 
@@ -248,8 +263,9 @@ def contact_force(
 
     def gain(speed: float) -> float:
         """Friction over speed, N·s/m."""
-        bell = math.exp(-((speed / ground.stribeck_velocity) ** 2))
-        friction = (mu_c + (mu_s - mu_c) * bell) * normal + ground.mu_v * speed
+        ratio = speed / ground.stribeck_velocity
+        mu = mu_c + (mu_s - mu_c) * math.exp(-ratio * ratio)
+        friction = mu * normal + ground.mu_v * speed
         return friction / math.hypot(speed, stiction_tolerance)
 
     if ground.cone == "per_axis":  # the paper's form
@@ -259,7 +275,8 @@ def contact_force(
 
 
 def legendre_step(rate: Callable[[Vector], Vector], start: Vector, step: float, stages: int) -> Vector:
-    """One explicit Runge–Kutta–Legendre step of first order: RKL1 of Meyer, Balsara and Aslam, J. Comput. Phys. 2014.
+    """One explicit Runge–Kutta–Legendre step of first order: RKL1 of Meyer, Balsara and Aslam, J.
+    Comput. Phys. 2014.
 
     Stable for decay rates up to stages (stages + 1) / step.
 

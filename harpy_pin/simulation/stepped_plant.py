@@ -1,4 +1,7 @@
-"""Plants whose physics steps are made in Python: motors, thrusters, terrain and slip of each step, as kernels."""
+"""Plants whose physics steps are made in Python.
+
+Motors, thrusters, terrain and slip of each step are kernels.
+"""
 
 from __future__ import annotations
 
@@ -51,17 +54,17 @@ class SteppedPlant(Plant):
 
     @abstractmethod
     def _step(self, torque: Vector, push: Vector | None) -> bool:
-        """A physics step under a command and a push (3,), N; returns whether it makes sense to go on.
+        """A physics step; returns whether it makes sense to go on.
 
-        It calls :meth:`_drive` at its beginning, and :meth:`_note` at its end.
+        It is under a command (joints,), N·m, and a push (3,), N, on the body's origin. It calls :meth:`_drive` at its beginning, and :meth:`_note` at its end.
         """
 
     def _drive(self, torque: Vector) -> None:
-        """Torques, and thrusts ``_forces`` (thrusters, 3) in world axes, N, of a step under a command."""
+        """Torques of a step, and thrusts ``_forces`` (thrusters, 3), world axes, N."""
         drive_actuators(self.dynamics._record_, self._record_, torque, self._q_, self._v_, self.dt, self._forces)
 
     def _note(self, position: Vector) -> bool:
-        """Note the slip of feet, now at positions (feet, 3), m; whether all speeds are within reason."""
+        """Note the slip of feet, now at (feet, 3), m; whether all speeds are within reason."""
         goes_on = bool(note_step(self._record_, self._terrain, position, self._v_, self.dt))
         for part in self.attached:
             part.after_step(self)
@@ -72,7 +75,10 @@ class SteppedPlant(Plant):
 def drive_actuators(
     d: DynamicsRecord, s: PlantRecord, torque: Vector, q: Vector, v: Vector, dt: float, forces: Vector
 ) -> None:
-    """Torques and thrusts of a step under a constant command; the latter as forces (thrusters, 3) in world axes, N."""
+    """Torques and thrusts of a step under a constant command.
+
+    Thrusts are written to ``forces`` (thrusters, 3), world axes, N.
+    """
     drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
     write_thrusts(d, s.thrusters.mean_thrust, forces)
     drive_motors(s.motors, torque, q, v, dt)
@@ -90,7 +96,9 @@ def note_step(s: PlantRecord, terrain: TerrainRecord, position: Vector, v: Vecto
 
 @kernel
 def tangent_planes(s: PlantRecord, terrain: TerrainRecord, position: Vector, below: float, out: Vector) -> None:
-    """Frames of the contacts, into ``s``, and the ground's tangent planes ``below`` the feet's positions (feet, 3), m.
+    """Frames of the contacts, into ``s``, and the ground's tangent planes at the feet.
+
+    The planes lie ``below`` the ground, m; positions (feet, 3) of the feet in m.
 
     ``out`` (feet, 7) is a point of each plane, m, and its quaternion w, x, y, z.
     """

@@ -418,3 +418,9 @@ def test_a_run_that_goes_nowhere_ends(sled):
     assert plant.verdict(0.0) == "diverged"
     plant.advance(NOTHING, (hp.Push(0.0, (1e6, 0.0, 0.0), 1e-3),), steps=10)
     assert plant.t == pytest.approx(5e-3)
+
+
+@given(*[st.floats(-1e300, 1e300)] * 4)
+def test_no_number_is_too_large_for_the_force(height, along, across, up):
+    """So that a run that diverges ends as one that did."""
+    force(height, (along, across, up), Ground(), 1e-3)
