@@ -56,8 +56,9 @@ WORLD_AXES = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 class PinocchioPlant(SteppedPlant):
     """A robot on compliant ground by Pinocchio's ABA.
 
-    Feet are points, soles the points at their corners. A physics step has constant torques and thrusts. Its contact forces are the means over the step.
-    A foot feels the tangent plane and the strip below it at the beginning of the step.
+    Feet are points, soles the points at their corners. A physics step has constant torques and
+    thrusts. Its contact forces are the means over the step. A foot feels the tangent plane and the
+    strip below it at the beginning of the step.
 
     Args:
         robot: what to simulate.
@@ -150,8 +151,7 @@ class PinocchioPlant(SteppedPlant):
             raise InputError(message, name="ground", value=ground)
 
     def _feet_at(self, q: Vector) -> tuple[Vector, Vector]:
-        """Jacobian (3 feet, nv) and positions (feet, 3) of the feet at a configuration, world
-        axes."""
+        """Jacobian (3 feet, nv) and positions (feet, 3) of the feet, world axes."""
         jacobian = np.empty((3 * len(self._feet), self.model.nv))
         position = np.empty((len(self._feet), 3))
         for k, frame in enumerate(self._feet):
@@ -172,8 +172,7 @@ class PinocchioPlant(SteppedPlant):
                 self._contact[k] = [*spring, *local_friction(x, self._ground)]
 
     def _foot_forces(self, position: Vector, velocity: Vector) -> Vector:
-        """(feet, 3) forces on the feet, world axes, N, from positions, m, and velocities, m/s,
-        (feet, 3)."""
+        """Forces on feet at positions, m, with velocities, m/s, (feet, 3), world axes, N."""
         height, frame = position[:, 2], self._record_["frame"][0]
         if not self._level:
             height = np.einsum("kc,kc->k", position - self._planes[:, :3], frame[:, :, 2])
@@ -186,8 +185,7 @@ class PinocchioPlant(SteppedPlant):
         return force
 
     def _acceleration(self, q: Vector, v: Vector, given: Vector) -> tuple[Vector, Vector]:
-        """(nv,) acceleration under given generalised forces (nv,), and forces on the feet (feet,
-        3), N."""
+        """Acceleration (nv,) under generalised forces (nv,), and forces on the feet, N."""
         jacobian, position = self._feet_at(q)
         force = self._foot_forces(position, (jacobian @ v).reshape(-1, 3))
         tau = given - self.model.damping * v + force.ravel() @ jacobian
@@ -275,10 +273,9 @@ def contact_force(
 
 
 def legendre_step(rate: Callable[[Vector], Vector], start: Vector, step: float, stages: int) -> Vector:
-    """One explicit Runge–Kutta–Legendre step of first order: RKL1 of Meyer, Balsara and Aslam, J.
-    Comput. Phys. 2014.
+    """One explicit Runge–Kutta–Legendre step of first order.
 
-    Stable for decay rates up to stages (stages + 1) / step.
+    RKL1 of Meyer, Balsara and Aslam (J. Comput. Phys. 257, 2014). Stable for decay rates up to stages (stages + 1) / step.
 
     Args:
         rate: of change of a state, 1/s.

@@ -56,7 +56,8 @@ class SteppedPlant(Plant):
     def _step(self, torque: Vector, push: Vector | None) -> bool:
         """A physics step; returns whether it makes sense to go on.
 
-        It is under a command (joints,), N·m, and a push (3,), N, on the body's origin. It calls :meth:`_drive` at its beginning, and :meth:`_note` at its end.
+        It is under a command (joints,), N·m, and a push (3,), N, on the body's origin. It calls
+        :meth:`_drive` at its beginning, and :meth:`_note` at its end.
         """
 
     def _drive(self, torque: Vector) -> None:
