@@ -160,11 +160,11 @@ STUDY = Study(
     example="--out plants.jsonl",
     defaults={
         **STARTS,
-        **{"starts": 3, "seed": 630},
+        "seed": 630,
         **{"plants": tuple(PLANTS), "walkers": CONTENDERS, "frictions": (0.8, 0.25)},
         **{"robots": ("harpy", "solo12", "go2", "g1"), "repetitions": 10, "laps": 50},
     },
-    quick={"starts": 1, "duration": 0.75, "robots": ("harpy",), "repetitions": 3, "laps": 20},
+    quick={"duration": 0.75, "robots": ("harpy",), "repetitions": 3, "laps": 20},
     jobs=_jobs,
     timed=_timed,
     measure=_measured,
@@ -176,7 +176,7 @@ STUDY = Study(
                 row=lambda row: short_name(row["walker"]),
                 across="{plant}",
                 columns=partial(_slip, f"{name}_mm"),
-                note="Median of the walks, both feet; or how many fell. Beside each of the first two plants the same "
+                note="Both feet; or how many of the walks fell. Beside each of the first two plants the same "
                 "one with a physics step of 0.1 ms, and with a stiction tolerance of 0.25 mm/s.",
                 only=lambda row: "walker" in row,
             )

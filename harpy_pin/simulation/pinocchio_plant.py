@@ -275,7 +275,8 @@ def contact_force(
 def legendre_step(rate: Callable[[Vector], Vector], start: Vector, step: float, stages: int) -> Vector:
     """One explicit Runge–Kutta–Legendre step of first order.
 
-    RKL1 of Meyer, Balsara and Aslam (J. Comput. Phys. 257, 2014). Stable for decay rates up to stages (stages + 1) / step.
+    RKL1 of Meyer, Balsara and Aslam (J. Comput. Phys. 257, 2014). Stable for decay rates up to
+    stages (stages + 1) / step.
 
     Args:
         rate: of change of a state, 1/s.
