@@ -50,6 +50,7 @@ def walk(
     harpy walk --set controller.governor=paper --friction 0.25 --save a.npz
     harpy walk --push 2.0:0,5,0 --set disturbances.noise=0.5 --set disturbances.delay=0.001
     harpy walk --robot go2 --set gait.velocity="0.5 0 0; 3s 0 0 0.5" --set plant.preset=stiff
+    harpy walk --set plant=pinocchio --friction 0.8
     harpy walk --robot my.urdf --feet lf_foot,rf_foot,lh_foot,rh_foot
     harpy walk --again a.npz
     """

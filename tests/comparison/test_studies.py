@@ -15,7 +15,7 @@ import harpy_pin as hp
 from comparison.cli.studies import STUDIES
 from comparison.contenders import OWN
 from comparison.measure.walking import Rows
-from comparison.studies import contacts, grounds, ice, limits, steering, thrusters, walking
+from comparison.studies import contacts, grounds, ice, limits, plants, steering, thrusters, walking
 from comparison.studies.crossings import CROSSINGS
 from comparison.studies.flights import FLIGHTS
 from comparison.studies.slopes import static_bound, what_happens
@@ -31,6 +31,7 @@ TINY: dict[str, dict[str, Any]] = {
     "flights": {"names": ("walk", "jump 0.4 m")},
     "ice": {"duration": 2.5},
     "limits": {"torque": (0.5,), "damping": (50.0,), "bandwidth": (), "viscous": (), "duration": 0.2},
+    "plants": {"walkers": ("governed/none", "condensed"), "duration": 0.1, "repetitions": 1, "laps": 4},
     "pushes": {"plants": ("compliant",)},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
     "slopes": {"degrees": (0.0, 30.0), "frictions": (0.1, 0.8), "walkers": ("no_thrust", "go2"), "duration": 0.2},
@@ -84,11 +85,26 @@ def test_grounds_show_slip_or_when_a_walk_fell():
 
 
 def test_engines_that_are_not_installed_are_left_out(monkeypatch):
-    for study in (contacts, grounds, thrusters):
+    for study in (contacts, grounds, plants, thrusters):
         monkeypatch.setattr(study, "installed_version", lambda: None)
-    jobs = {name: list(STUDIES[name].jobs(STUDIES[name].settings())) for name in ("contacts", "grounds", "thrusters")}
+    names = ("contacts", "grounds", "plants", "thrusters")
+    jobs = {name: list(STUDIES[name].jobs(STUDIES[name].settings())) for name in names}
+    assert {job["plant"] for job in jobs["plants"]} == {"compliant", "0.1 ms", "pinocchio", "0.25 mm/s"}
     assert not any("MuJoCo" in str(job) for job in (*jobs["grounds"], *jobs["thrusters"]))
     assert {job["contact"] for job in jobs["contacts"]} == {"ours"}
+
+
+def test_plants_show_slip_or_how_many_fell():
+    rows = [dict(row) for row in rows_of("plants")]
+    walks = [row for row in rows if row.get("plant") == "pinocchio" and row["walker"] == "condensed"]
+    assert {row["friction"] for row in walks} == {0.8, 0.25}
+    (slick,) = (row for row in walks if row["friction"] == 0.25)
+    tables = tables_of("plants", rows)
+    assert tables["plants_0.25_path"].get("condensed", "pinocchio").value == f"{slick['path_mm']:.2f}"
+    slick["ending"] = "fell"
+    assert tables_of("plants", rows)["plants_0.25_net"].get("condensed", "pinocchio").value == "fell 1/1"
+    (times,) = (row for row in rows if row.get("robot") == "harpy")
+    assert tables["plants_times"].number("harpy", "pin.aba") == times["aba"]["p50"] > 0.0
 
 
 def on(contact: str, walker: str) -> Rows:

@@ -37,6 +37,7 @@ SLIPPERY = {"mu_s": 0.1, "pushes": (PUSH,), "start_velocity": (0.3, 0.2, 0.0, 0.
     [
         *({"controller": controller} for controller in CONTROLLERS),
         {"gait": hp.Commanded(velocity=COMMAND)},
+        {"plant": "pinocchio"},
         pytest.param({"plant": "mujoco"}, marks=needs_mujoco),
         *(pytest.param({"robot": name, "duration": 0.003}, marks=needs_robots) for name in ("g1", "iris")),
     ],

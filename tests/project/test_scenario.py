@@ -40,7 +40,7 @@ EVERYTHING = hp.Scenario(
 )
 """A walk with something of everything."""
 WAVES = HeightField(heights=((0.0, 0.1), (0.0, -0.1), (0.2, 0.0)), resolution=0.2, corner=(-0.3, 0.4))
-PLANTS = (hp.Mujoco("default"), hp.Mujoco("menagerie", foot_radius=0.02))
+PLANTS = (hp.Pinocchio(stiction_tolerance=2e-3), hp.Mujoco("default"), hp.Mujoco("menagerie", foot_radius=0.02))
 
 positive = st.floats(1e-3, 1e3)
 small = st.floats(0.0, 2.0)
@@ -98,7 +98,7 @@ def scenarios(draw):
     return hp.Scenario(
         gait=draw(gaits(turning=controller.name != "governed")),
         controller=controller,
-        plant=draw(st.sampled_from(("compliant", "mujoco", hp.Mujoco("stiff")))),
+        plant=draw(st.sampled_from(("compliant", "pinocchio", "mujoco", hp.Mujoco("stiff")))),
         ground=hp.Ground(
             mu_s=mu, mu_c=draw(st.floats(0.0, mu)), stiffness=draw(positive), terrain=draw(terrains), **strips
         ),
@@ -281,7 +281,7 @@ def test_a_run_without_a_scenario(robot):
         ({"gait": {"speed": 0.3, "velocity": (0, 0, 0)}}, "'velocity'.* of the gait 'commanded'"),
         ({"gait": "commanded", "controller": "governed"}, "cannot turn"),
         ({"gait": {"name": "hand", "speed": "fast"}}, "speed must be a number"),
-        ({"plant": "bullet"}, "valid names: compliant, mujoco"),
+        ({"plant": "bullet"}, "valid names: compliant, mujoco, pinocchio"),
         ({"plant": "mujoco", "ground": hp.Ground(cone="per_axis")}, "MuJoCo's friction cone is circular"),
         ({"ground": 0.8}, "ground must be a Ground"),
         ({"ground": {"mu": 0.3}}, "unknown entry of the ground 'mu'; valid names: cone"),
@@ -372,6 +372,7 @@ def test_a_part_is_given_as_itself_its_name_or_its_mapping():
         ({"controller": {"legs": "feedforward"}}, hp.Governed(parameters={"legs": "feedforward"})),
         ({"controller": {"weights": {"swing": 1.0}}}, hp.Condensed(parameters={"weights": {"swing": 1.0}})),
         ({"plant": {"preset": "stiff"}}, hp.Mujoco("stiff")),
+        ({"plant": {"stiction_tolerance": 0.002}}, hp.Pinocchio(stiction_tolerance=0.002)),
     ],
 )
 def test_a_part_without_a_name_is_the_first_that_has_the_settings(settings, part):

@@ -60,8 +60,10 @@ needs_chromium = pytest.mark.needs("chromium")
 needs_compiler = pytest.mark.needs("compiler")
 needs_robots = pytest.mark.needs("robots")
 needs_mujoco = pytest.mark.needs("mujoco")
-PLANTS = ("compliant", pytest.param("mujoco", marks=needs_mujoco))
-"""Plants by name, for tests of both."""
+QUICK_PLANTS = ("compliant", pytest.param("mujoco", marks=needs_mujoco))
+"""Plants by name that walk for seconds within a second, for tests of both."""
+PLANTS = (*QUICK_PLANTS, "pinocchio")
+"""Plants by name, for tests of all."""
 
 
 def missing(names: Iterable[str]) -> list[str]:
