@@ -16,12 +16,12 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 import typer
+from processes import living, needs_proc
 
 import harpy_pin as hp
 from harpy_pin.cli.ending import stopping
@@ -34,7 +34,7 @@ PATIENCE = 600.0
 SOON = 3.0
 """Until which moment commands are signalled without ``--fuzz``, s."""
 
-pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks for processes in /proc")
+pytestmark = needs_proc
 
 
 class Case(NamedTuple):
@@ -77,16 +77,6 @@ def is_ready(process: subprocess.Popen[str]) -> bool:
     lines = Path(f"/proc/{process.pid}/status").read_text().splitlines()
     caught = next((int(line.split()[1], 16) for line in lines if line.startswith("SigCgt")), 0)
     return bool(caught >> (signal.SIGTERM - 1) & 1) or process.poll() is not None
-
-
-def living(mark: str) -> Iterator[str]:
-    """Command lines of the processes that have a mark in their environment."""
-    for folder in Path("/proc").iterdir():
-        try:
-            if folder.name.isdecimal() and f"{MARK}={mark}".encode() in (folder / "environ").read_bytes():
-                yield (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-        except OSError:
-            continue
 
 
 def shown_by_shells(code: int) -> int:
@@ -153,7 +143,7 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
     code = shown_by_shells(process.returncode)
     assert code in (case.codes if ended else (128 + number, *case.codes)), (code, told)
     deadline = time.monotonic() + PATIENCE
-    while (left := list(living(mark))) and time.monotonic() < deadline:
+    while (left := list(living(f"{MARK}={mark}", file="environ"))) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not left, (left, told)
     check_whole(folder / "out")

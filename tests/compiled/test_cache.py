@@ -196,7 +196,7 @@ def test_the_kind_of_kernels_can_be_chosen(tmp_path, kind):
 
 def test_what_the_compiler_says_is_told(monkeypatch, tmp_path):
     monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
-    monkeypatch.setattr(compiler, "FLAGS", ("-Dreal=nonsense+",))
+    monkeypatch.setattr(compiler, "FLAGS", ("-O2", "-Dreal=nonsense+"))
 
     @kernel
     def triple(x: float):
