@@ -46,8 +46,9 @@ def compare_peers(
     machine, repetitions = describe_machine(), min(timing.repetitions, 6)
     made = cases(friction=friction, duration=duration, warm_up=timing.warm_up)
     chosen = {name: make for name, make in made.items() if only is None or name in only}
-    step, found = stage(progress, "peers", len(chosen)), {}
+    found = {}
     for name, make in chosen.items():
+        step = stage(progress, name, 1)
         with TemporaryDirectory() as scratch:
             case = make()
             problem = make_problem(case, Path(scratch) / "robot.urdf")
