@@ -18,11 +18,14 @@ class Springs:
 
 robot = hp.load_robot("solo12")
 
-# MuJoCo takes whatever load_robot takes. These lines are all that it needs, and the log is the usual one.
+# MuJoCo takes whatever load_robot takes. It needs only these lines, and the log is the usual one.
 plant = MujocoPlant(robot, hp.Ground(mu_s=0.6))
 plant.reset(*hp.Standing(robot).initial_state(penetration=plant.static_penetration))
 run = plant.run(Springs(robot), 2.0, pushes=[hp.Push(1.0, (0.0, 0.5, 0.0))])
 
 moved = 1e3 * np.ptp(run["q"][:, :3], axis=0)
 slip = 1e3 * run["slip_path"][-1].max()
-print(f"{run.ending} in {run.metadata['plant']['name']}: body moved by {moved.round(1)} mm, feet slipped {slip:.2f} mm")
+print(
+    f"{run.ending} in {run.metadata['plant']['name']}: body moved by {moved.round(1)} mm, "
+    f"feet slipped {slip:.2f} mm"
+)

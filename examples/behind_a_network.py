@@ -1,4 +1,4 @@
-"""A shield behind a neural policy: a small network stands on slippery ground, is pushed, and must not slip."""
+"""A shield behind a neural network that stands on slippery ground, is pushed, and must not slip."""
 
 from time import perf_counter
 
@@ -11,20 +11,19 @@ MU, HEIGHT, N = 0.2, 0.6, 1000
 robot, random = hp.load_harpy(), np.random.default_rng(0)
 legs = [hp.model.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
 feet = ((0.0, 0.125, -HEIGHT), (0.0, -0.125, -HEIGHT))
-posture = np.concatenate([hp.model.leg_inverse_kinematics(leg, foot) for leg, foot in zip(legs, feet, strict=True)])
-REST = np.concatenate(([0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0], posture, np.zeros(12)))
+posture = map(hp.model.leg_inverse_kinematics, legs, feet)
+REST = np.concatenate(([0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0], *posture, np.zeros(12)))
 
 
 def teach(x: np.ndarray) -> np.ndarray:
-    """What the network learns, (n, 12) torques and thrusts: springs on joints and body; x (n, 24) is off ``REST``."""
+    """Springs, which the network learns: deviations x (n, 24) to torques and thrusts (n, 12)."""
     spring = -(150.0 * x[:, :3] + 20.0 * x[:, 12:15])
     return np.hstack((-400.0 * x[:, 6:12] - 3.0 * x[:, 18:24], spring, spring))
 
 
 samples = random.normal(size=(5000, 24)) * np.repeat((0.1, 1.0), 12)
 inner = random.normal(size=(24, 64)) * np.repeat((0.5, 0.05), 12)[:, None]  # a random hidden layer
-hidden = np.tanh(samples @ inner)  # and ridge regression
-outer = np.linalg.solve(hidden.T @ hidden + 1e-6 * np.eye(64), hidden.T @ teach(samples))
+outer = np.linalg.lstsq(np.tanh(samples @ inner), teach(samples))[0]
 
 
 class Network:
@@ -46,13 +45,14 @@ class Network:
         return command
 
 
-PUSHED = hp.Disturbances(pushes=(hp.Push(0.6, (3.5, 0.0, 0.0)),))
-SCENARIO = hp.Scenario(ground=hp.Ground(mu_s=MU), gait=hp.Straight(speed=0.0), duration=2.0, disturbances=PUSHED)
+STAND = hp.Straight(speed=0.0)
+PUSH = hp.Disturbances(pushes=(hp.Push(0.6, (3.5, 0.0, 0.0)),))
+SCENARIO = hp.Scenario(ground=hp.Ground(mu_s=MU), gait=STAND, duration=2.0, disturbances=PUSH)
 for policy in (Network(None), Network(MU)):
     run = hp.walk(SCENARIO, controller=policy.of)
-    print(f"{run.ending}: slip {1e3 * run['slip_path'][-1].sum():.1f} mm, {policy.changed} commands changed")
-ticks = random.integers(len(run), size=N)
-arrays = [run[name][ticks] for name in ("q", "v", "foot_force", "torque", "thrust")]
+    slip = 1e3 * run["slip_path"][-1].sum()
+    print(f"{run.ending}: slip {slip:.1f} mm, {policy.changed} commands changed")
+arrays = [run[name][:N] for name in ("q", "v", "foot_force", "torque", "thrust")]
 batch = ShieldBatch(robot, N, mu=MU)
 batch(*arrays)
 begin = perf_counter()

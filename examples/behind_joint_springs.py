@@ -1,4 +1,4 @@
-"""A shield behind a loop of inverse kinematics and joint PD, as one has with Pink or mink: the feet hold on ice."""
+"""A shield behind inverse kinematics and joint PD, as with Pink or mink: the feet hold on ice."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ MU = 0.15
 
 
 class Loop:
-    """Inverse kinematics for the pose that is desired, joint PD to get there, thrusters that keep the body in place."""
+    """Joint PD to the angles of inverse kinematics; the thrusters keep the body in place."""
 
     def __init__(self, gait: hp.Gait) -> None:
         self.legs = [hp.model.LegGeometry.from_robot(gait.robot, foot) for foot in gait.robot.feet]
@@ -16,7 +16,10 @@ class Loop:
     def step(self, state: hp.State) -> hp.Command:
         lean = 0.03 * np.sin(2.0 * np.pi * state.t)
         feet = [(-lean, 0.15, -0.55), (-lean, -0.15, -0.55)]
-        angles = [hp.model.leg_inverse_kinematics(leg, foot) for leg, foot in zip(self.legs, feet, strict=True)]
+        angles = [
+            hp.model.leg_inverse_kinematics(leg, foot)
+            for leg, foot in zip(self.legs, feet, strict=True)
+        ]
         torque = 400.0 * (np.concatenate(angles) - state.q[7:]) - 3.0 * state.v[6:]
         spring = 200.0 * (np.array([lean, 0.0, 0.55]) - state.q[:3]) - 20.0 * state.v[:3]
         return hp.Command(torque, np.array([0.5 * spring, 0.5 * spring]))

@@ -1,4 +1,4 @@
-"""Walk where a script says: ahead, round a corner, sideways, back, and stop. Then print how well the path was kept."""
+"""Walk a course: ahead, round a corner, sideways, back, stop; print how far off it the walk was."""
 
 import numpy as np
 
@@ -13,13 +13,16 @@ COURSE = (
 )
 for controller in ("condensed", "wbc"):
     scenario = hp.Scenario(
-        controller=controller, gait=hp.Commanded(velocity=COURSE), ground=hp.Ground(mu_s=0.4), duration=20.0
+        controller=controller,
+        gait=hp.Commanded(velocity=COURSE),
+        ground=hp.Ground(mu_s=0.4),
+        duration=20.0,
     )
     run = hp.walk(scenario)
     error = np.linalg.norm(run["q"][:, :2] - run["x_r"][:, :2], axis=1)
+    rms, slip = 1e3 * np.sqrt(np.mean(error**2)), hp.measure(run).slip_mm_per_step
     print(
-        f"{controller:8s} {run.ending}: {1e3 * np.sqrt(np.mean(error**2)):.1f} mm rms off the path, "
-        f"slip {hp.measure(run).slip_mm_per_step:.3f} mm per step"
+        f"{controller:9} {run.ending}: {rms:.1f} mm rms off the path, slip {slip:.3f} mm per step"
     )
 
 # The same live: the command may change at any tick.
@@ -32,4 +35,5 @@ def steer(state: hp.State) -> None:
 
 
 run = hp.walk(hp.Scenario(controller="condensed", duration=5.0), gait=gait, on_tick=steer)
-print(f"live     {run.ending}: x = {run['q'][-1, 0]:.2f} m, turned to {run['heading'][-1, 0]:.2f} rad")
+x, heading = run["q"][-1, 0], run["heading"][-1, 0]
+print(f"live      {run.ending}: x = {x:.2f} m, turned to {heading:.2f} rad")

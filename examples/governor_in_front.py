@@ -1,4 +1,4 @@
-"""A governor in front of somebody else's controller, with one's own constraint rows beside the paper's force rows."""
+"""A governor in front of any controller, with a constraint of one's own beside the paper's."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ robot = hp.load_harpy()
 rows = hp.governors.StackedRows([hp.governors.ForceRows(mass=robot.mass, mu=0.4), SpeedRow(0.4)])
 governor = hp.ExplicitReferenceGovernor(rows)
 
-# Any controller that tracks [c; ċ] can stand behind it; here a point mass with a spring and a damper.
+# Any controller that tracks [c; ċ] can stand behind it; here a spring and a damper on a point mass.
 position, velocity, foot = np.array([0.0, 0.0, 0.6]), np.zeros(3), np.zeros(3)
 governor.reset(np.concatenate((position, velocity)))
 dt, fastest = 1e-3, 0.0
@@ -35,4 +35,5 @@ for k in range(2000):
     velocity += dt * (100.0 * (applied[:3] - position) + 20.0 * (applied[3:] - velocity))
     position += dt * velocity
     fastest = max(fastest, applied[3])
-print(f"asked for 0.80 m/s, applied at most {fastest:.3f} m/s; violated by the target: {governor.status.active}")
+print(f"asked for 0.80 m/s, applied at most {fastest:.3f} m/s")
+print(f"violated by the target: {governor.status.active}")

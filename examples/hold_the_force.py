@@ -1,4 +1,4 @@
-"""The contact-force filter behind a controller of your own: a walk on slippery ground without it and with it."""
+"""The contact-force filter behind any controller: a walk on slippery ground without and with it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ class Held:
 
     def __init__(self, inner: hp.Controller, robot: hp.Robot, mu: float) -> None:
         self.inner = inner
-        self.governor = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters.robust(mu=mu), period=self.period)
+        self.governor = hp.ContactForceFilter(
+            robot, hp.ContactForceFilterParameters.robust(mu=mu), period=self.period
+        )
 
     def step(self, state: hp.State) -> hp.Command:
         return self.governor.update(state, self.inner.step(state))

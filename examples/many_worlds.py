@@ -1,4 +1,4 @@
-"""Many worlds in one compiled loop: a policy explores, without and with the shield. It needs the extra gym."""
+"""Many worlds in one compiled loop: a policy explores, without and with the shield (extra gym)."""
 
 from time import perf_counter
 
@@ -11,13 +11,15 @@ WORLDS, STEPS, NOISE = 128, 300, 0.3
 
 
 def policy(observation: np.ndarray) -> np.ndarray:
-    """Stands: the joints hold their posture, and the thrusters push against tilt and velocity. (n, 39) to (n, 12)."""
+    """Stands, (n, 39) to (n, 12): joints hold their posture, thrusters oppose tilt and velocity."""
     thrust = 3.0 * observation[:, 1:4] - 0.5 * observation[:, 6:9]
     thrust[:, 2] = -0.5 * observation[:, 0] - 0.5 * observation[:, 8]
     return np.hstack((np.zeros((len(observation), 6)), thrust, thrust))
 
 
-scenario = hp.Scenario(ground=hp.Ground(mu_s=0.3), gait=hp.Straight(speed=0.0), duration=10.0, period=5e-3, dt=1e-3)
+scenario = hp.Scenario(
+    ground=hp.Ground(mu_s=0.3), gait=hp.Straight(speed=0.0), duration=10.0, period=5e-3, dt=1e-3
+)
 for shield in (False, True):
     env = gymnasium.make_vec(
         "harpy_pin.contrib.gym:Harpy-v0",
@@ -35,5 +37,6 @@ for shield in (False, True):
         falls, total = falls + fallen.sum(), total + reward.sum()
     rate = WORLDS * STEPS / (perf_counter() - begin)
     name = "with a shield" if shield else "without"
-    print(f"{name:13s} {falls} falls, mean reward {total / (WORLDS * STEPS):.3f}, {rate:,.0f} steps per second")
+    mean = total / (WORLDS * STEPS)
+    print(f"{name:13s} {falls} falls, mean reward {mean:.3f}, {rate:,.0f} steps per second")
     env.close()

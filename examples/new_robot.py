@@ -1,4 +1,4 @@
-"""A robot of one's own under the whole-body QP: its URDF, feet, and a posture. It needs the extra robots."""
+"""A robot of one's own under the whole-body QP: its URDF, feet and a posture (extra robots)."""
 
 import numpy as np
 

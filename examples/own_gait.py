@@ -1,10 +1,11 @@
-"""A gait of one's own, under every controller: squats on both feet. A gait needs robot, update(t) and initial_state."""
+"""A gait of one's own under every controller: it needs ``robot``, ``update``, ``initial_state``."""
 
 import numpy as np
 
 import harpy_pin as hp
 
-LOW, HIGH, PRESS = 0.52, 0.6, 0.005  # heights of the body, and how much deeper than the ground the feet aim, m
+LOW, HIGH = 0.52, 0.6  # heights of the body, m
+PRESS = 0.005  # how deep into the ground the feet aim, m
 FEET = np.array([(0.0, 0.125, 0.0), (0.0, -0.125, 0.0)])
 RATE = 2.0 * np.pi / 1.5  # rad/s: one squat in 1.5 s
 
@@ -30,14 +31,19 @@ class Squats:
     def initial_state(self, *, penetration: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         legs = [hp.model.LegGeometry.from_robot(self.robot, foot) for foot in self.robot.feet]
         angles = [
-            hp.model.leg_inverse_kinematics(leg, foot - (0.0, 0.0, HIGH)) for leg, foot in zip(legs, FEET, strict=True)
+            hp.model.leg_inverse_kinematics(leg, foot - (0.0, 0.0, HIGH))
+            for leg, foot in zip(legs, FEET, strict=True)
         ]
-        return np.concatenate(([0.0, 0.0, HIGH - penetration, 0.0, 0.0, 0.0, 1.0], *angles)), np.zeros(
-            self.robot.model.nv
-        )
+        q = np.concatenate(([0.0, 0.0, HIGH - penetration, 0.0, 0.0, 0.0, 1.0], *angles))
+        return q, np.zeros(self.robot.model.nv)
 
 
-for controller in (hp.Governed(governor="paper"), hp.Governed(governor="filter"), hp.WholeBody(), hp.Condensed()):
+for controller in (
+    hp.Governed(governor="paper"),
+    hp.Governed(governor="filter"),
+    hp.WholeBody(),
+    hp.Condensed(),
+):
     scenario = hp.Scenario(controller=controller, ground=hp.Ground(mu_s=0.4), duration=3.0)
     run = hp.walk(scenario, gait=Squats(hp.load_harpy()))
     height = run["q"][:, 2]

@@ -1,15 +1,15 @@
-"""A loop at 1 kHz: absolute deadlines, no garbage collection, a log that never blocks; jitter and misses printed."""
+"""A loop at 1 kHz with absolute deadlines and a log that never blocks; prints jitter and misses."""
 
 import gc
 import queue
-import threading
 import time
+from threading import Thread
 
 import numpy as np
 
 import harpy_pin as hp
 
-PERIOD, SECONDS, SPIN = 1_000_000, 4.0, 150_000  # ns; s; ns before a deadline in which the loop spins
+PERIOD, SECONDS, SPIN = 1_000_000, 4.0, 150_000  # ns; s; ns before a deadline in which it spins
 Row = tuple[float, np.ndarray]
 
 gait = hp.make_gait(hp.load_harpy())
@@ -18,12 +18,12 @@ controller = hp.make_controller("condensed", gait, mu=0.25)
 
 
 class Log:
-    """Rows go to a thread through a bounded queue; where it is full they are dropped, and counted."""
+    """Rows go to a thread through a bounded queue; when it is full they are dropped and counted."""
 
     def __init__(self, size: int = 1024) -> None:
         self.rows: list[Row] = []
         self.dropped, self._queue = 0, queue.Queue[Row | None](size)
-        self._thread = threading.Thread(target=lambda: self.rows.extend(iter(self._queue.get, None)))
+        self._thread = Thread(target=self.rows.extend, args=(iter(self._queue.get, None),))
         self._thread.start()  # it may write to a file, a socket, a topic
 
     def put(self, row: Row) -> None:

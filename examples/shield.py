@@ -1,4 +1,4 @@
-"""A shield behind a policy that knows nothing of friction: the same walk on slippery ground, without it and with it."""
+"""A shield behind a policy that ignores friction: a walk on slippery ground without and with it."""
 
 from collections import Counter
 
@@ -11,7 +11,7 @@ reasons: Counter[str] = Counter()
 
 
 class Policy:
-    """Stands for any source of commands: joint PIDs and thrusters without a governor, with noise on the torques."""
+    """Any source of commands; here joint PIDs and thrusters, with noise on the torques."""
 
     def __init__(self, gait: hp.Gait) -> None:
         self.inner = hp.make_controller("governed", gait, mu=MU, governor="none")
@@ -19,7 +19,8 @@ class Policy:
 
     def step(self, state: hp.State) -> hp.Command:
         command = self.inner.step(state)
-        return hp.Command(command.torque + self.random.normal(0.0, 0.5, command.torque.shape), command.thrust)
+        noise = self.random.normal(0.0, 0.5, command.torque.shape)
+        return hp.Command(command.torque + noise, command.thrust)
 
 
 class Shielded:
@@ -38,4 +39,5 @@ for controller in (Policy, Shielded):
     run = hp.walk(hp.Scenario(ground=hp.Ground(mu_s=MU), duration=4.0), controller=controller)
     slip = hp.measure(run, step_duration=0.75).slip_mm_per_step
     print(f"{controller.__name__:9s} {run.ending}: slip {slip:.2f} mm per step")
-print("ticks in which the shield acted:", ", ".join(f"{reason} {count}" for reason, count in reasons.most_common()))
+acted = ", ".join(f"{reason} {count}" for reason, count in reasons.most_common())
+print("ticks in which the shield acted:", acted)

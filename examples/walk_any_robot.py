@@ -1,4 +1,4 @@
-"""Robots of the catalogue walk: python examples/walk_any_robot.py go2 bolt g1 (the extra ``robots``)."""
+"""Robots of the catalogue walk (extra robots): python examples/walk_any_robot.py go2 bolt g1."""
 
 import sys
 from typing import Any
@@ -7,8 +7,8 @@ import numpy as np
 
 import harpy_pin as hp
 
-QUARTER = np.pi / 2 / 0.6  # s
-COURSE = ((0.5, 1.0, 0, 0), (3.0, 0.5, 0, 0.6), (3.0 + QUARTER, 0, 0.5, 0), (8.0, -0.5, 0, 0), (10.0, 0, 0, 0))
+TURN = np.pi / 2 / 0.6  # s: a quarter turn at 0.6 rad/s
+COURSE = ((0.5, 1, 0, 0), (3, 0.5, 0, 0.6), (3 + TURN, 0, 0.5, 0), (8, -0.5, 0, 0), (10, 0, 0, 0))
 
 
 def walk(
@@ -36,7 +36,8 @@ def walk(
     slip = 1e3 * run["slip_path"][-1].sum() / max(run["steps"][-1], 1)
     error = 1e3 * np.sqrt(np.mean(np.sum((run["centre"][:, :2] - run["path"][:, :2]) ** 2, axis=1)))
     tilt = hp.measure(run).tilt_max_rad
-    return f"{run.ending:10} slip {slip:5.2f} mm per step, path {error:4.0f} mm off, tilt {tilt:.3f} rad"
+    kept = f"slip {slip:5.2f} mm per step, path {error:4.0f} mm off, tilt {tilt:.3f} rad"
+    return f"{run.ending:10} {kept}"
 
 
 for name in sys.argv[1:] or ["go2"]:
@@ -49,6 +50,9 @@ for name in sys.argv[1:] or ["go2"]:
         "2 ms of delay": {"delay": 2e-3},
     }
     if len(robot.corners) == 4:
-        walks |= {schedule: {"schedule": schedule, "velocity": (0.2, 0, 0)} for schedule in ("crawl", "pace", "bound")}
+        walks |= {
+            schedule: {"schedule": schedule, "velocity": (0.2, 0, 0)}
+            for schedule in ("crawl", "pace", "bound")
+        }
     for what, settings in walks.items():
         print(f"{name:9} {what:14} {walk(robot, **settings)}", flush=True)

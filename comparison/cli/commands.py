@@ -23,7 +23,7 @@ from comparison.tuning.tune import TuneSettings, tuning_tables
 from comparison.tuning.tune import tune as search_settings
 from harpy_pin import checks
 from harpy_pin.cli.output import Force
-from harpy_pin.files import OwnFolder, check_writable, write_json
+from harpy_pin.files import OwnFolder, check_writable, replacing
 
 
 def whole(
@@ -35,7 +35,7 @@ def whole(
     force: Force = False,
     json: NumbersFile = None,
     figures: Annotated[
-        str | None, typer.Option("--figures", metavar="DIR", help="Also save the figures there (pareto.png, ...).")
+        Path | None, typer.Option("--figures", metavar="DIR", help="Also save pareto.png and growth.png there.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the pushes and of the order in which controllers are timed.")] = 0,
     friction: Annotated[float, typer.Option(help="Friction coefficient of the walks whose states are timed.")] = 0.25,
@@ -55,21 +55,19 @@ def whole(
     """
     if context.invoked_subcommand is not None:
         return
-    if json is not None:
-        check_writable(json)
     given: dict[str, Any] = {"friction": friction, "seed": seed}
     given |= {} if duration is None else {"duration": duration}
     settings = Settings.quick(**given) if quick else Settings(**given)
     folder = OwnFolder(out, force=force)
-    plates = None if figures is None else OwnFolder(figures, force=force)
-    with stages() as progress:
-        document = compare(settings, progress, rows=folder.place("campaign.jsonl"))
-    if json is not None:
-        write_json(json, document)
+    if figures is not None:
+        check_writable(figures / "pareto.png")
+    with writing(json) as document, stages() as progress:
+        document |= compare(settings, progress, rows=folder.place("campaign.jsonl"))
     write_report(folder, document)
-    if plates is not None:
-        drawn = figures_of({table.name: table for table in tables_of(document)})
-        plates.write({f"{name}.png": picture_of(figure) for name, figure in drawn.items()})
+    if figures is not None:
+        for name, figure in figures_of({table.name: table for table in tables_of(document)}).items():
+            with replacing(figures / f"{name}.png") as file:
+                file.write(picture_of(figure))
     typer.echo(answer_of(document).to_string(folder.path / "report.html") + (f"\n{NO_EVIDENCE}" if quick else ""))
     if not passed(document):
         typer.echo("error: a timed command was not what it should be; do not use these times", err=True)

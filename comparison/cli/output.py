@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 
+from comparison.report.record import origin
 from comparison.tables import Table
 from harpy_pin.files import check_writable, write_json
 
@@ -32,6 +33,8 @@ def print_tables(tables: Iterable[Table], *, quick: bool = False) -> None:
 def writing(path: Path | None) -> Iterator[dict[str, Any]]:
     """A document that is written as JSON at the end of the block, if there is a path; that it can be is checked before.
 
+    Its origin is written with it.
+
     Raises:
         RunFileError: the file cannot be written.
     """
@@ -40,7 +43,7 @@ def writing(path: Path | None) -> Iterator[dict[str, Any]]:
     document: dict[str, Any] = {}
     yield document
     if path is not None:
-        write_json(path, document)
+        write_json(path, {**origin(), **document})
 
 
 @contextmanager

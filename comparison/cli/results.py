@@ -1,24 +1,11 @@
-"""The command that makes the tables of a page; each stands below a comment that says which one it is.
-
-The comment is TOML::
-
-    <!-- figures
-    table = "wide/variants"
-    columns = {"fell" = "fell", "slip, median" = "slip, mm"}
-    -->
-
-``rows`` and ``columns`` choose, order and rename; without them all are shown. ``turned = true`` exchanges the two. The
-table that follows the comment is replaced.
-"""
+"""The command that measures what README and docs show, records it, and fills their tables."""
 
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
-import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -28,172 +15,115 @@ import typer
 from comparison.campaign.summary import summary_tables, variants_table
 from comparison.campaign.walks import exceptions_table
 from comparison.cli.studies import STUDIES
+from comparison.peers.compare import peer_tables
 from comparison.report.html import tables_of
-from comparison.tables import Table, cell_text
+from comparison.report.pages import filled
+from comparison.report.record import FOLDER, ROOT, Record
+from comparison.tables import Table
 from harpy_pin import checks
-from harpy_pin.errors import HarpyError, InputError, RunFileError
-from harpy_pin.files import check_writable, replacing
+from harpy_pin.errors import HarpyError, RunFileError
+from harpy_pin.files import replacing
 
-_BLOCK = re.compile(r"(<!-- figures\n(.*?)\n-->\n)((?:\|[^\n]*\n)*)", re.DOTALL)
-_SETTINGS = ("table", "rows", "columns", "turned")
+PAGES = ("README.md", "docs/*.md")
+"""Pages whose tables are filled."""
 
-
-def sources_of(page: str) -> list[str]:
-    """Names of the sources that a page's tables come from, each once."""
-    return list(dict.fromkeys(_settings(match[2])["table"].partition("/")[0] for match in _BLOCK.finditer(page)))
-
-
-def rewritten(page: str, table_of: Callable[[str, str], Table | None]) -> str:
-    """The page with every table made again.
-
-    Args:
-        page: its text.
-        table_of: gives the table of a source, by the two names; None leaves what is there.
-    """
-
-    def block(match: re.Match[str]) -> str:
-        settings = _settings(match[2])
-        source, _, name = settings.pop("table").partition("/")
-        table = table_of(source, name)
-        return match[0] if table is None else match[1] + markdown(table, **settings)
-
-    return _BLOCK.sub(block, page)
-
-
-def markdown(
-    table: Table,
-    *,
-    rows: Mapping[str, str] | list[str] | None = None,
-    columns: Mapping[str, str] | list[str] | None = None,
-    turned: bool = False,
-) -> str:
-    """A table in Markdown.
-
-    Args:
-        table: which.
-        rows: those to show, in this order, with their new names or without.
-        columns: the same of the columns; one without a new name keeps its unit.
-        turned: whether rows become columns.
-    """
-    units = {cell.column: f"{cell.column}, {cell.unit}" if cell.unit else cell.column for cell in table.cells}
-    down = _chosen(table, "row", rows, {row: row for row in table.rows})
-    across = _chosen(table, "column", columns, units)
-    text = [[cell_text(table.get(row, column)) for column in across] for row in down]
-    names, heads = list(down.values()), list(across.values())
-    if turned:
-        names, heads, text = heads, names, [list(line) for line in zip(*text, strict=True)]
-    lines = [["", *heads], ["---", *("---:" for _ in heads)]]
-    lines += [[name, *cells] for name, cells in zip(names, text, strict=True)]
-    return "".join(f"| {' | '.join(line)} |\n".replace("|  |", "| |") for line in lines)
-
-
-def read_blocks(page: str) -> dict[str, dict[tuple[str, str], str]]:
-    """The figures that stand in a page: for each table the text of its cells by row and column, as they are shown."""
-    found: dict[str, dict[tuple[str, str], str]] = {}
-    for match in _BLOCK.finditer(page):
-        lines = [[part.strip() for part in line.strip("|").split("|")] for line in match[3].splitlines()]
-        found[_settings(match[2])["table"]] = {
-            (name, column): cell for name, *cells in lines[2:] for column, cell in zip(lines[0][1:], cells, strict=True)
-        }
-    return found
-
-
-def _settings(comment: str) -> dict[str, Any]:
-    """What a comment says."""
-    try:
-        settings = tomllib.loads(comment)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"a comment above a table is not TOML: {error}", name="page") from error
-    for name in settings:
-        checks.one_of("setting of a table", name, _SETTINGS)
-    if "/" not in settings.get("table", ""):
-        raise InputError("a comment above a table lacks its table, 'source/name'", name="page")
-    return settings
-
-
-def _chosen(
-    table: Table, what: str, names: Mapping[str, str] | list[str] | None, all_names: Mapping[str, str]
-) -> Mapping[str, str]:
-    """The rows or columns to show, with the names that they are to have."""
-    if names is None:
-        return all_names
-    for name in names:
-        if name not in all_names:
-            known = ", ".join(f"'{known}'" for known in all_names)
-            raise InputError(f"the table '{table.name}' has no {what} '{name}'; it has {known}", name="page")
-    return names if isinstance(names, Mapping) else {name: all_names[name] for name in names}
-
+CAMPAIGNS: Mapping[str, str] = {
+    **{kind: f"campaign {kind}" for kind in ("wide", "variants", "harsh")},
+    "damped": "campaign variants --walks 960 --joint-damping 5",
+}
+DRAWN: Mapping[str, str] = {
+    "assumption": "assumption",
+    "causes": "causes",
+    "pushes": "pushes",
+    "slip": "governors",
+    "slopes": "slopes",
+    "worlds": "falls",
+}
+"""Figures of docs/images, by the study that draws them."""
 
 SOURCES: Mapping[str, str] = {
-    "comparison": "--out {folder}/comparison",
-    **{kind: f"campaign {kind} --out {{folder}}/{kind}.jsonl" for kind in ("wide", "variants", "harsh")},
-    "damped": "campaign variants --walks 960 --joint-damping 5 --out {folder}/damped.jsonl",
-    **{name: f"{name} --out {{folder}}/{name}.jsonl" for name in STUDIES},
+    "comparison": "--figures docs/images",
+    "peers": "peers",
+    **CAMPAIGNS,
+    **{name: f"{name} --figure docs/images/{DRAWN[name]}.png" if name in DRAWN else name for name in STUDIES},
 }
-"""For each source of a page the command that measures it, without ``--json``."""
+"""For each source the words of its command after ``python -m comparison``."""
 
 
-def tables_from(source: str, document: dict[str, Any]) -> list[Table]:
+def tables_from(source: str, document: Mapping[str, Any]) -> list[Table]:
     """The tables of what the command of a source writes."""
     if source in STUDIES:
         return STUDIES[source].tables(document["walks"])
     if source == "comparison":
         return tables_of(document)
+    if source == "peers":
+        return peer_tables(document["peers"])
     return [variants_table(document), exceptions_table(document), *summary_tables(document)]
 
 
 def results(
-    page: Annotated[Path, typer.Argument(metavar="PAGE", help="The Markdown page.")] = Path("docs/results.md"),
+    sources: Annotated[
+        list[str] | None, typer.Argument(metavar="SOURCE", help=f"Measure this one first; any of {', '.join(SOURCES)}.")
+    ] = None,
     data: Annotated[
-        Path, typer.Option("--data", metavar="DIR", help="Folder of the measurements; what it has is not repeated.")
+        Path, typer.Option("--data", metavar="DIR", help="Folder of all measurements; what it has is not repeated.")
     ] = Path("out/results"),
 ) -> None:
-    """Make the tables of a page anew.
+    """Fill the tables of README and docs from docs/results.
 
-    Above each table of the page a comment says from which command it comes, and which rows and columns it shows. The
-    commands whose JSON file is not in the folder are run first; the tables of one that fails stay as they are. Those of
-    docs/results.md take an hour, and need the extras compare and robots, and what "embedded" needs.
+    Above each table a comment says from which command it comes, and which rows and columns it shows. A source that is
+    named is measured, and its tables are recorded in docs/results. Without one, pages are filled from what is recorded.
+    All together take some hours; "embedded", "peers" and "worlds" need what their own help says.
     """
-    try:
-        text = page.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RunFileError(f"cannot read '{page}': {error}", path=page) from error
-    check_writable(page)
-    sources = sources_of(text)
-    for source in sources:
-        checks.one_of("source of a table", source, SOURCES)
-    try:
-        data.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RunFileError(f"cannot make the folder '{data}': {error.strerror}", path=data) from error
-    failed = [source for source in sources if not _measured(source, data)]
-
-    @cache
-    def tables(source: str) -> dict[str, Table]:
-        document = json.loads((data / f"{source}.json").read_text(encoding="utf-8"))
-        return {table.name: table for table in tables_from(source, document)}
-
-    def table_of(source: str, name: str) -> Table | None:
-        if source in failed:
-            return None
-        checks.one_of(f"table of '{source}'", name, tables(source))
-        return tables(source)[name]
-
-    new = rewritten(text, table_of)
-    with replacing(page) as file:
-        file.write(new.encode())
+    for source in sources or ():
+        checks.one_of("source", source, SOURCES)
+    failed = [source for source in sources or () if not measured(source, data)]
+    fill_pages(ROOT, FOLDER)
     if failed:
         raise HarpyError(f"these commands failed, and their tables are as before: {', '.join(failed)}")
 
 
-def _measured(source: str, folder: Path) -> bool:
-    """Whether the document of a source is there, now that its command has been run if need be."""
-    path = folder / f"{source}.json"
-    if path.exists():
-        return True
-    words = SOURCES[source].format(folder=folder).split()
-    typer.echo(f"python -m comparison {' '.join(words)}", err=True)
-    ended = subprocess.run(
-        [sys.executable, "-m", "comparison", *words, "--json", str(path)], stdout=subprocess.DEVNULL, check=False
-    )
-    return ended.returncode == 0
+def fill_pages(root: Path, folder: Path) -> None:
+    """Fill the tables of every page below a folder from the records."""
+    for path, text in pages(root).items():
+        new = filled(text, recorded(folder))
+        if new != text:
+            with replacing(path) as file:
+                file.write(new.encode())
+
+
+def pages(root: Path) -> dict[Path, str]:
+    """Texts of the pages."""
+    paths: Sequence[Path] = [path for pattern in PAGES for path in sorted(root.glob(pattern))]
+    return {path: path.read_text(encoding="utf-8") for path in paths}
+
+
+def recorded(folder: Path) -> Any:
+    """What gives the table of a source by the two names, from the records in a folder."""
+    record = cache(lambda source: Record.load(source, folder))
+
+    def table_of(source: str, name: str) -> Table:
+        tables = record(source).tables
+        checks.one_of(f"table of '{source}'", name, tables)
+        return tables[name]
+
+    return table_of
+
+
+def measured(source: str, data: Path, folder: Path = FOLDER) -> bool:
+    """Run the command of a source, unless the folder of data has what it writes, and record its tables."""
+    try:
+        data.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunFileError(f"cannot make the folder '{data}': {error.strerror}", path=data) from error
+    path, words = data.resolve() / f"{source}.json", SOURCES[source].split()
+    if not path.exists():
+        kept = [] if source == "peers" else ["--out", str(path.with_suffix("" if source == "comparison" else ".jsonl"))]
+        typer.echo(f"python -m comparison {' '.join(words)}", err=True)
+        how = [sys.executable, "-m", "comparison", *words, *kept, "--json", str(path)]
+        if subprocess.run(how, stdout=subprocess.DEVNULL, cwd=ROOT, check=False).returncode != 0:
+            return False
+    document = json.loads(path.read_text(encoding="utf-8"))
+    command = f"python -m comparison {' '.join(words)}".rstrip()
+    Record.of(command, document, tables_from(source, document)).save(source, folder)
+    return True

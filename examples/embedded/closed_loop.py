@@ -1,9 +1,10 @@
-"""A whole walk as one C program: gait and plant in double precision, the law in single or in double.
+"""A whole walk as one C program: gait and plant in double precision, the law in single or double.
 
     python examples/embedded/closed_loop.py
 
-It writes the exported law and ``loop.c`` to a temporary folder, compiles them with this machine's compiler and walks
-Harpy for 20 s at a friction of 0.15. Slip is the path of both feet along the ground in a step.
+It writes the exported law and ``loop.c`` to a temporary folder, compiles them with this machine's
+compiler, and walks Harpy for 20 s at a friction of 0.15. Slip is the path of both feet along the
+ground in a step.
 """
 
 import subprocess
@@ -40,6 +41,7 @@ int main(void)
     static struct harpy_condensed_state law;
     struct world *const state = &world;
     struct harpy_condensed_target target;
+    const int numbers = (int)(sizeof target / sizeof(number));
     number q[13], v[12], foot_force[6], command[12];
     real torque[6], thrust[6], push[6] = {0};
     double before = 0.0;
@@ -52,7 +54,7 @@ int main(void)
             before = path;
         }
         WALK(n * 1e-3, &state->gait, &state->target);
-        convert((number *)&target, (const real *)&state->target, (int)(sizeof target / sizeof(number)));
+        convert((number *)&target, (const real *)&state->target, numbers);
         convert(q, state->q, 13);
         convert(v, state->v, 12);
         convert(foot_force, state->step.force, 6);
@@ -61,7 +63,8 @@ int main(void)
             torque[i] = (real)command[i];
             thrust[i] = (real)command[6 + i];
         }
-        (void)PHYSICS(&state->dynamics, &state->ground, &state->step, state->q, state->v, torque, thrust, push);
+        (void)PHYSICS(&state->dynamics, &state->ground, &state->step, state->q, state->v, torque,
+                      thrust, push);
     }
     printf("\\n%.6f %.6f\\n", state->q[0], state->q[2]);
     return 0;
@@ -70,7 +73,7 @@ int main(void)
 
 
 def program(duration: float, *, single: bool) -> dict[str, str]:
-    """The files of the walk in C: the exported law, and the loop with gait and plant, which are in double precision."""
+    """The files of the walk in C: the exported law, and the loop with gait and plant."""
     motion = ready(hp.load_harpy(), "condensed", duration=duration, friction=FRICTION)
     plant, what = motion.simulator, exportable(motion.controller)
     code = controller_code(what, "harpy_condensed", single=single)
@@ -92,10 +95,11 @@ def program(duration: float, *, single: bool) -> dict[str, str]:
     physics = unit.function_for(physics_steps, (*records, q, v, joints, feet, feet))
     unit.struct(Struct(world.dtype, "world"))
     table, statements = initial_values(unit, world)
-    main = MAIN.replace("STATEMENTS", "\n    ".join(statements)).replace("TICKS", str(round(1e3 * duration)))
+    main = MAIN.replace("STATEMENTS", "\n    ".join(statements))
+    main = main.replace("TICKS", str(round(1e3 * duration)))
     main = main.replace("WALK", walk.name).replace("PHYSICS", physics.name)
-    begin = [unit.header(), f'#include <stdio.h>\n\n#include "harpy_condensed.h"\n\ntypedef {code.real} number;']
-    loop = "\n\n".join([*begin, unit.types(), unit.code(), table, main])
+    begin = f'#include <stdio.h>\n\n#include "harpy_condensed.h"\n\ntypedef {code.real} number;'
+    loop = "\n\n".join([unit.header(), begin, unit.types(), unit.code(), table, main])
     return {"harpy_condensed.h": code.header, "harpy_condensed.c": code.source, "loop.c": loop}
 
 
@@ -129,6 +133,6 @@ if __name__ == "__main__":
     for name, is_single in (("float", True), ("double", False)):
         slip, end = run(length, single=is_single)
         print(
-            f"{name:6}: {len(slip)} steps, slip {slip.mean():.2f} mm in a step, largest {slip.max():.2f} mm; ", end=""
+            f"{name:6}: {len(slip)} steps, slip {slip.mean():.2f} mm in a step, "
+            f"largest {slip.max():.2f} mm; ends at x = {end[0]:.3f} m, height {end[1]:.3f} m"
         )
-        print(f"ends at x = {end[0]:.3f} m, height {end[1]:.3f} m")

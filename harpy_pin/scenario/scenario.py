@@ -32,8 +32,8 @@ class Scenario:
     Without a name that is the first of its kind that has these settings::
 
         Scenario(controller="wbc", ground=Ground(mu_s=0.25))
-        Scenario(gait=Commanded(velocity=(0.3, 0.0, 0.2)), controller=Condensed(mu=0.5), plant=Mujoco("stiff"))
-        Scenario(robot="go2", disturbances=Disturbances(pushes=(Push(1.0, (0, 3, 0)),), noise=Noise.typical()))
+        Scenario(gait=Commanded(velocity=(0.3, 0.0, 0.2)), controller=Condensed(mu=0.5), plant="mujoco")
+        Scenario(robot="go2", disturbances=Disturbances(delay=2e-3, noise=Noise.typical()))
 
     Attributes:
         robot: ``harpy``, the name of a robot of the catalogue (:data:`harpy_pin.model.CATALOGUE`), or a robot of one's

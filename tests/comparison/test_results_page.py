@@ -6,13 +6,13 @@ import pytest
 import typer
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
 import comparison.cli.results as command
 from comparison.cli import app
-from comparison.cli.results import markdown, read_blocks, rewritten, sources_of
+from comparison.report.pages import filled, markdown, read_blocks, sources_of
+from comparison.report.record import Record
 from comparison.tables import Cell, Table, cell_text
-from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.errors import HarpyError, InputError, RunFileError
 
 TABLE = Table(
     "walks",
@@ -50,12 +50,12 @@ def test_what_a_comment_chooses_replaces_what_was_there():
         asked.append((source, name))
         return TABLE
 
-    new = rewritten(PAGE, table_of)
+    new = filled(PAGE, table_of)
     assert asked == [("study", "walks")]
     assert "| | slip, mm |\n| --- | ---: |\n| wbc | 0.25 (0.2–0.31) |\n| none | 12.3 |\n\nText after it." in new
     assert "gone" not in new
     assert new.endswith("| stays | 2 |\n")
-    assert rewritten(new, table_of) == new
+    assert filled(new, table_of) == new
 
 
 def test_all_rows_and_columns_are_shown_with_their_units_and_turned():
@@ -71,13 +71,24 @@ def test_all_rows_and_columns_are_shown_with_their_units_and_turned():
     ]
 
 
+def test_the_least_of_each_column_is_bold_also_where_it_is_turned():
+    assert markdown(TABLE, bold="least").splitlines()[2:] == [
+        "| none | 3 | 12.3 |",
+        "| wbc | **0** | **0.25 (0.2–0.31)** |",
+    ]
+    same = Table("t", "t", (Cell("a", "x", 0.50001), Cell("b", "x", 0.5), Cell("c", "x", None), Cell("d", "x", 0.6)))
+    assert markdown(same, bold="least", turned=True).splitlines()[2] == "| x | **0.5** | **0.5** | – | 0.6 |"
+    nothing = Table("t", "t", (Cell("a", "x", None), Cell("a", "y", "fell")))
+    assert markdown(nothing, bold="least").splitlines()[2] == "| a | – | fell |"
+
+
 NAMES = st.text("abc, 123", min_size=1, max_size=6).map(str.strip).filter(bool)
 
 
 @given(st.dictionaries(st.tuples(NAMES, NAMES), st.floats(0.0, 1e6), min_size=1))
 def test_figures_are_read_as_they_were_written(values):
     table = Table("t", "t", tuple(Cell(row, column, value) for (row, column), value in values.items()))
-    page = rewritten('<!-- figures\ntable = "s/t"\n-->\n', lambda source, name: table)
+    page = filled('<!-- figures\ntable = "s/t"\n-->\n', lambda source, name: table)
     read = read_blocks(page)["s/t"]
     assert set(read) == {(row, column) for row in table.rows for column in table.columns}
     assert all(read[place] == cell_text(table.get(*place)) for place in read)
@@ -91,21 +102,39 @@ def test_figures_are_read_as_they_were_written(values):
         ('table = "study/walks"\nrow = ["wbc"]', "setting of a table"),
         ('table = "study/walks"\nrows = ["qp"]', "no row 'qp'; it has 'none', 'wbc'"),
         ('table = "study/walks"\ncolumns = ["mm"]', "no column 'mm'; it has 'fell', 'slip'"),
+        ('table = "study/walks"\nbold = "best"', "unknown bold 'best'"),
     ],
 )
 def test_comments_that_are_wrong(comment, message):
     with pytest.raises(InputError, match=message):
-        rewritten(f"<!-- figures\n{comment}\n-->\n", lambda source, name: TABLE)
+        filled(f"<!-- figures\n{comment}\n-->\n", lambda source, name: TABLE)
 
 
-def page_at(folder, table):
-    path = folder / "page.md"
-    path.write_text(f'<!-- figures\ntable = "{table}"\n-->\n', encoding="utf-8")
-    return path
+def test_a_record_is_read_as_it_was_written(tmp_path):
+    odd = Table("odd", "All sorts", (Cell("a [0]", "x, {y}", None), Cell('"b"', "µs", True, "", 1e-9, None)), "A note.")
+    document = {"commit": "0123abcd+", "code": "00", "machine": {"cpu": "one"}, "versions": {"numpy": "2"}, "walks": []}
+    Record.of("python -m comparison odd", document, [TABLE, odd]).save("odd", tmp_path)
+    read = Record.load("odd", tmp_path)
+    assert read.tables == {"walks": TABLE, "odd": odd}
+    assert (read.command, read.origin["commit"]) == ("python -m comparison odd", "0123abcd+")
+    lines = (tmp_path / "odd.json").read_text().splitlines()
+    assert sum('"mm", 0.2, 0.31]' in line for line in lines) == 1  # a cell is a line
 
 
-def test_only_what_the_folder_lacks_is_measured(tmp_path, monkeypatch):
-    """The command of a source is run once; its document then makes the table."""
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"command": "x", "tables": {"a": {}}}', "\xff"])
+def test_a_file_that_is_no_record_is_named(tmp_path, text):
+    (tmp_path / "x.json").write_text(text, encoding="latin-1")
+    with pytest.raises(RunFileError, match="is no record"):
+        Record.load("x", tmp_path)
+
+
+def test_what_was_never_measured_is_named_with_its_command(tmp_path):
+    with pytest.raises(RunFileError, match="nothing is recorded of 'wide': python -m comparison results wide"):
+        Record.load("wide", tmp_path)
+
+
+def test_only_what_the_folder_lacks_is_measured_and_pages_follow(tmp_path, monkeypatch):
+    """The command of a source is run once; its record then makes the table, and without it again."""
     run = []
 
     class Ended:
@@ -113,55 +142,45 @@ def test_only_what_the_folder_lacks_is_measured(tmp_path, monkeypatch):
 
     def measured(words, **_):
         run.append(words[1:-2])
-        row = {"ground": "8 kN/m", "friction": 0.25, "walker": "wbc", "dt_s": 5e-4, "ending": "completed"}
+        row = {"ground": "8 kN/m", "friction": 0.25, "walker": "condensed", "dt_s": 5e-4, "ending": "completed"}
         numbers = {"end_time_s": 6.0, "distance_m": 1.8, "normal_n": 60.0, "path_mm": 0.5, "net_mm": 0.25}
         with open(words[-1], "w") as file:
-            json.dump({"walks": [{**row, **numbers}]}, file)
+            json.dump({"commit": "abc", "walks": [{**row, **numbers}]}, file)
         return Ended()
 
+    records, data = tmp_path / "docs" / "results", tmp_path / "data"
+    records.mkdir(parents=True)
     monkeypatch.setattr(command.subprocess, "run", measured)
-    page = page_at(tmp_path, "grounds/grounds_0.25_net")
+    page = tmp_path / "docs" / "page.md"
+    page.write_text('<!-- figures\ntable = "grounds/grounds_0.25_net"\n-->\n', encoding="utf-8")
     for _ in range(2):
-        ended = CliRunner().invoke(app, ["results", str(page), "--data", str(tmp_path / "data")])
-        assert ended.exit_code == 0, ended.output
-    assert run == [["-m", "comparison", "grounds", "--out", str(tmp_path / "data" / "grounds.jsonl")]]
-    assert read_blocks(page.read_text())["grounds/grounds_0.25_net"] == {("whole-body QP", "8 kN/m"): "0.25"}
+        assert command.measured("grounds", data, records)
+        command.fill_pages(tmp_path, records)
+    assert run == [["-m", "comparison", "grounds", "--out", str(data / "grounds.jsonl")]]
+    assert read_blocks(page.read_text())["grounds/grounds_0.25_net"] == {("condensed WBC", "8 kN/m"): "0.25"}
+    assert Record.load("grounds", records).origin["commit"] == "abc"
 
 
-def test_a_command_that_fails_leaves_its_tables(tmp_path, monkeypatch):
-    """The tables of the others are made, and the error comes last."""
-    row = {"what": "course", "plant": "compliant", "controller": "wbc", "impulse": 0.0, "fell": False}
-    found = {"path_rms_mm": 0.75, "path_worst_mm": 2.0, "slip_mm_per_step": 0.5}
-    (tmp_path / "steering.json").write_text(json.dumps({"walks": [row | found]}))
-
+def test_a_command_that_fails_leaves_its_record(tmp_path, monkeypatch):
     class Ended:
         returncode = 3
 
     monkeypatch.setattr(command.subprocess, "run", lambda *_, **__: Ended())
-    page = tmp_path / "page.md"
-    old = '<!-- figures\ntable = "grounds/x"\n-->\n| | slip |\n|---|---:|\n| walk | 1 |\n\n'
-    page.write_text(old + '<!-- figures\ntable = "steering/steering_commands"\n-->\n')
-    with pytest.raises(HarpyError, match="failed, and their tables are as before: grounds"):
-        command.results(page, tmp_path)
-    assert page.read_text().startswith(old)
-    assert read_blocks(page.read_text())["steering/steering_commands"]["course, compliant, QP", "rms, mm"] == "0.75"
+    Record.of("old", {}, [TABLE]).save("grounds", tmp_path)
+    assert not command.measured("grounds", tmp_path / "data", tmp_path)
+    assert Record.load("grounds", tmp_path).command == "old"
 
 
-def test_pages_that_are_wrong_stay(tmp_path):
-    page = page_at(tmp_path, "moon/x")
-    before = page.read_text()
-    with pytest.raises(HarpyError, match="source of a table"):
-        command.results(page, tmp_path)
-    assert page.read_text() == before
-    with pytest.raises(HarpyError, match="cannot read"):
-        command.results(tmp_path / "none.md", tmp_path)
+def test_unknown_sources_are_refused_before_anything_is_measured(tmp_path):
+    with pytest.raises(HarpyError, match="unknown source 'moon'"):
+        command.results(["moon"], tmp_path)
 
 
 def test_every_source_is_a_command_of_ours(tmp_path):
     """Its words are understood, with the file that is asked for."""
     program = typer.main.get_command(app)
     for text in command.SOURCES.values():
-        words = [*text.format(folder=tmp_path).split(), "--json", str(tmp_path / "x.json")]
+        words = [*text.split(), "--json", str(tmp_path / "x.json")]
         of_its_own = not words[0].startswith("--")
         context = program.make_context("comparison", words[:1] if of_its_own else words)
         if of_its_own:

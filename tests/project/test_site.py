@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,14 @@ def test_indices_of_symbols_are_subscripts_and_names_are_kept(site: Path) -> Non
     for path in site.rglob("*.html"):
         for code in re.finditer(r"<(code|pre|math)\b.*?</\1>", path.read_text(), re.S):
             assert "<sub>" not in code[0], path
+
+
+def test_lines_of_code_fit_a_page_of_1280_pixels(site: Path) -> None:
+    """Also those of docstrings, examples and notebooks; commands take further lines there."""
+    for path in site.rglob("*.html"):
+        for block in re.finditer(r'<div class="([^"]*)"><pre>(.*?)</pre>', path.read_text(), re.S):
+            lines = unescape(re.sub(r"<[^>]*>", "", block[2])).splitlines()
+            assert "language-bash" in block[1] or not [line for line in lines if len(line) > 100], path
 
 
 def test_nothing_comes_from_the_network(site: Path) -> None:

@@ -1,4 +1,7 @@
-"""Code in README, docs and tutorials: every Python block runs, in the order of its page, and prints what is shown."""
+"""Code in README, docs and tutorials: every Python block runs, in the order of its page, and prints what is shown.
+
+No line of it is wider than a page of the site shows.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +20,10 @@ import harpy_pin as hp
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+SHOWN = [*PAGES[1:], ROOT / "CONTRIBUTING.md", ROOT / "examples" / "embedded" / "README.md"]
+"""Pages whose code is at most ``WIDTH`` wide; each of README's commands is one line, which the site wraps."""
+WIDTH = 100
+"""Columns of code that a page of the site shows at 1,280 pixels."""
 NEEDS = re.compile(r"<!-- needs (.+) -->")
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
@@ -44,6 +51,17 @@ def blocks(page: Path) -> list[Block]:
                 found.append(Block(begin + 1, lines[begin][3:].strip(), text, needs[1] if needs else None))
                 begin = None
     assert begin is None, f"{page}: a block is not closed"
+    return found
+
+
+def wide_lines(text: str) -> list[int]:
+    """Numbers of lines of code over ``WIDTH``: in fences, but those of formulas, or indented by four spaces."""
+    found, fence = [], ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("```"):
+            fence = "" if fence else line
+        elif len(line) > WIDTH and fence != "```math" and (fence or line.startswith("    ")):
+            found.append(number)
     return found
 
 
@@ -101,3 +119,15 @@ def test_what_a_tutorial_shows_follows_its_code(page: Path) -> None:
     for before, after in zip(["", *languages], languages, strict=False):
         assert after in ("python", "text", "bash")
         assert after != "text" or before == "python"
+
+
+@pytest.mark.parametrize("page", SHOWN, ids=lambda page: str(page.relative_to(ROOT)))
+def test_lines_of_code_are_as_wide_as_a_page_shows(page: Path) -> None:
+    wide = [f"{page.relative_to(ROOT)}:{number}" for number in wide_lines(page.read_text())]
+    assert not wide, f"more than {WIDTH} columns of code: {', '.join(wide)}"
+
+
+def test_what_is_wide() -> None:
+    full, wide = "x" * WIDTH, "x" * (WIDTH + 1)
+    assert wide_lines(f"{wide}\n```text\n{full}\n{wide}\n```\n{wide}\n    {full}\n    {full[4:]}") == [4, 7]
+    assert wide_lines(f"```math\n{wide}\n    {wide}\n```\n```\n{wide}\n```") == [6]
