@@ -19,7 +19,7 @@ from comparison.tables import Cell, Table, percentiles
 from harpy_pin.files import finite
 from harpy_pin.gaits.standing import GRAVITY
 
-RECORDING = 2.0
+RECORDING = 3.0
 """Length of a recording, s."""
 QUICK_RECORDING = 0.7
 QUICK_CASES = ("solo12, stands", "solo12, walks")

@@ -19,7 +19,7 @@ import numpy as np
 import comparison
 from comparison.measure.timing import Laps, summarise_repetitions
 from comparison.peers.environment import GIVEN_UP, PEERS, WorkerError, interpreter, last_line, run_worker
-from comparison.peers.our_worker import Timed, save
+from comparison.peers.our_replay import Timed, save
 from comparison.peers.peer_problem import Case, Expected, PeerProblem
 from harpy_pin.model.state import Vector
 
@@ -150,7 +150,7 @@ def measure_ours(case: Case, problem: PeerProblem, repetitions: int, processor: 
         save(asked, case, repetitions)
         home = str(Path(comparison.__file__).parents[1])
         found = os.environ | PROCESSORS[processor] | {"PYTHONPATH": os.pathsep.join([home, *filter(None, sys.path)])}
-        run = "import sys; from comparison.peers.our_worker import main; main(*sys.argv[1:])"
+        run = "import sys; from comparison.peers.our_replay import main; main(*sys.argv[1:])"
         command = [sys.executable, "-c", run, str(asked), str(result)]
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=GIVEN_UP, env=found)

@@ -20,7 +20,7 @@ import harpy_pin as hp
 from comparison.cli import app
 from comparison.cli import commands as comparison_commands
 from comparison.measure.walking import StateSequence
-from comparison.peers import compare, environment, measure_peer
+from comparison.peers import compare, environment, measure_peer, our_replay
 from comparison.peers.cases import cases, is_lifted
 from comparison.peers.compare import peer_tables, unanswered
 from comparison.peers.dense_program import DenseProgram, planar_options, planar_solutions, read_model
@@ -37,7 +37,7 @@ from comparison.peers.environment import (
 )
 from comparison.peers.measure_peer import TOLERANCE, Row, check, load_answer
 from comparison.peers.model_file import links_of, write_model
-from comparison.peers.our_worker import contenders
+from comparison.peers.our_replay import contenders
 from comparison.peers.peer_problem import ARRAYS, Case, PeerProblem, make_problem
 from harpy_pin.model.state import State
 
@@ -171,8 +171,8 @@ def test_states_are_those_of_a_robot_that_stands_or_walks(
         assert changes >= 2
 
 
-def test_braking_friction_and_damping_are_handed_over(tmp_path: Path) -> None:
-    """Joints that all terms act on: dry friction, damping, and an elbow that runs into its end."""
+def elbow_case() -> Case:
+    """G1 with dry friction and damping in its joints, thrown, with an elbow that runs into its end."""
     robot = hp.load_robot("g1").with_joints(friction=0.7, damping=0.3)
     gait = hp.Standing(robot)
     case = replace(CASES["g1 on soles, stands"](), gait=gait)
@@ -183,23 +183,33 @@ def test_braking_friction_and_damping_are_handed_over(tmp_path: Path) -> None:
         q[7 + elbow] = robot.joint_upper[elbow] - 0.05
         v[6:] = 0.2 * rng.standard_normal(len(robot.joints))
         v[6 + elbow] = 4.0
+        v[:6] = 0.6 * rng.standard_normal(6)  # more than the cones allow to catch: tasks compete
         dynamics.update(q, v)
         force = np.tile((0.0, 0.0, robot.mass * 9.81 / 8), (8, 1))
         states.append(State(0.001 * k, q, v, dynamics.foot_position.copy(), dynamics.foot_velocity.copy(), force))
-    case = replace(case, sequences=(StateSequence("elbow", tuple(states)),), first=0)
+    return replace(case, sequences=(StateSequence("elbow", tuple(states)),), first=0)
+
+
+def test_braking_friction_and_damping_are_handed_over(tmp_path: Path) -> None:
+    case = elbow_case()
+    robot, states = case.gait.robot, case.sequences[0].states
+    elbow = robot.joints.index("left_elbow_joint")
     problem = make_problem(case, tmp_path / "robot.urdf")
     assert (problem.brake[:, elbow] > 0.0).all()
     np.testing.assert_array_less(0.2, np.abs(problem.resistance[:, 6:]).max(axis=1))
     model, controllers = read_model(problem), {name: make() for name, make in contenders(case).items()}
+    idle = {"brake": 0.0, "resistance": 0.0}  # what a program without it differs by, N·m
     for i, state in enumerate(states):
         program = DenseProgram(problem, model, i)
         torque = program.torque(program.solve())
         for controller in controllers.values():
             np.testing.assert_allclose(controller.step(state).torque, torque, atol=1e-3)
-        for name in ("brake", "resistance"):  # neither of them is idle
+        for name in idle:
             less = replace(problem, **{name: np.zeros_like(getattr(problem, name))})
             other = DenseProgram(less, model, i)
-            assert np.abs(other.torque(other.solve()) - torque).max() > 0.01
+            idle[name] = max(idle[name], float(np.abs(other.torque(other.solve()) - torque).max()))
+    assert idle["brake"] > 0.01
+    assert idle["resistance"] > 0.1
 
 
 @pytest.mark.parametrize("name", ["harpy", "solo12", "g1", "talos", "icub"])
@@ -400,15 +410,30 @@ def test_the_command_fails_where_one_is_not_comparable(
     assert "condensed WBC" in told.out  # after all tables
 
 
+def test_our_replay_has_arrays_of_numpys_own_dtype(
+    made: Callable[[str], tuple[Case, PeerProblem]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Arrays that come out of pickle have another dtype object; a tick that converts them takes many times as long."""
+    case, _ = made("solo12, stands")
+    timed: list[Case] = []
+    monkeypatch.setattr(our_replay, "time_ours", lambda case, repetitions: timed.append(case))
+    our_replay.save(tmp_path / "case", case, 2)
+    our_replay.main(str(tmp_path / "case"), str(tmp_path / "result"))
+    for found, known in zip(timed[0].sequences[0].states, case.sequences[0].states, strict=True):
+        for name in ("q", "v", "foot_position", "foot_velocity", "foot_force"):
+            assert getattr(found, name).dtype is np.dtype(np.float64)
+            np.testing.assert_array_equal(getattr(found, name), getattr(known, name))
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("peer", PEERS)
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [*CASES, "elbow"])
 def test_installed_peers_find_our_solution(
-    made: Callable[[str], tuple[Case, PeerProblem]], name: str, peer: str
+    made: Callable[[str], tuple[Case, PeerProblem]], name: str, peer: str, tmp_path: Path
 ) -> None:
     if not interpreter(default_folder(), peer).exists():
         pytest.skip(f"{peer} is not installed")
-    _, problem = made(name)
+    problem = make_problem(elbow_case(), tmp_path / "robot.urdf") if name == "elbow" else made(name)[1]
     options = {"rewrite_equalities": True} if peer == "placo" else {}
     judge(measure_peer.measure_peer(Row(peer, options), problem, default_folder(), 1), len(problem))
 

@@ -16,10 +16,11 @@ import numpy as np
 from comparison.measure.inside_c import ReplayInsideC, overhead_inside_c
 from comparison.measure.replay import TickReplay, replay
 from comparison.measure.timing import Laps, timer_overhead, without_gc
+from comparison.measure.walking import StateSequence
 from comparison.peers.peer_problem import OWN_SEARCH, PROXQP, Case
 from harpy_pin.compiled import compiler
 from harpy_pin.controllers import CondensedController, WholeBodyController
-from harpy_pin.model.state import Vector
+from harpy_pin.model.state import State, Vector
 
 WholeBody = WholeBodyController | CondensedController
 
@@ -82,4 +83,18 @@ def save(path: Path, case: Case, repetitions: int) -> None:
 def main(case_file: str, result_file: str) -> None:
     """Time what :func:`save` wrote; the result is the pickle of a mapping from a contender to its :class:`Timed`."""
     case, repetitions = pickle.loads(Path(case_file).read_bytes())
+    case = replace(case, sequences=tuple(map(_as_measured, case.sequences)))
     Path(result_file).write_bytes(pickle.dumps(time_ours(case, repetitions)))
+
+
+def _as_measured(sequence: StateSequence) -> StateSequence:
+    """The states in arrays that are made here: those of pickle have a dtype object of their own, which is converted."""
+
+    def made(array: Vector) -> Vector:
+        own = np.zeros(array.shape)
+        own[...] = array
+        return own
+
+    names = ("q", "v", "foot_position", "foot_velocity", "foot_force")
+    states = (State(s.t, *(made(getattr(s, name)) for name in names)) for s in sequence.states)
+    return replace(sequence, states=tuple(states))
