@@ -361,16 +361,11 @@ OURS = {"condensed WBC", "whole-body QP, own search", "whole-body QP, ProxQP"}
 
 
 def command(folder: Path, monkeypatch: pytest.MonkeyPatch, *, reason: str = "") -> tuple[int, dict[str, Any]]:
-    """Exit code and numbers of the command on one short case without peers, where one of ours has this reason."""
+    """Exit code and numbers of the command on one short case without peers; with a reason, of ours that alone."""
     for name, value in {"QUICK_CASES": ("solo12, stands",), "QUICK_RECORDING": 0.2}.items():
         monkeypatch.setattr(comparison_commands, name, value)
     if reason:
-        whole = compare.measure_ours
-
-        def measured(*arguments: Any) -> dict[str, dict[str, Any]]:
-            return whole(*arguments) | {"whole-body QP, ProxQP": {"reason": reason}}
-
-        monkeypatch.setattr(compare, "measure_ours", measured)
+        monkeypatch.setattr(compare, "measure_ours", lambda *_: {"whole-body QP, ProxQP": {"reason": reason}})
     file = folder / "peers.json"
     with pytest.raises(SystemExit) as ended:
         app(["peers", "--quick", "--folder", str(folder), "--json", str(file)])
@@ -407,7 +402,7 @@ def test_the_command_fails_where_one_is_not_comparable(
     told = capsys.readouterr()
     assert code == 1
     assert "solo12, stands, whole-body QP, ProxQP: not comparable: 3 of 200" in told.err
-    assert "condensed WBC" in told.out  # after all tables
+    assert "what was posed" in told.out  # after all tables
 
 
 def test_our_replay_has_arrays_of_numpys_own_dtype(
