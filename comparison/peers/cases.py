@@ -18,7 +18,7 @@ import harpy_pin as hp
 from comparison.measure.walking import StateSequence, record_states, recorded_walk
 from comparison.peers.peer_problem import Case, common_program
 from harpy_pin.errors import HarpyError
-from harpy_pin.gaits.standing import GRAVITY
+from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.state import State
 

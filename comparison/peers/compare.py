@@ -17,7 +17,7 @@ from comparison.peers.measure_peer import PROCESSORS, TOLERANCE, Row, measure_ou
 from comparison.peers.peer_problem import Case, PeerProblem, make_problem
 from comparison.tables import Cell, Table, percentiles
 from harpy_pin.files import finite
-from harpy_pin.gaits.standing import GRAVITY
+from harpy_pin.gaits.fitting import GRAVITY
 
 RECORDING = 3.0
 """Length of a recording, s."""
