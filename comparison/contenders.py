@@ -287,10 +287,10 @@ def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
     controller, _, variant = contender.partition("/")
     if controller == "governed":
         return Governed(governor=variant, mu=mu)
-    parameters: dict[str, Any] = {}
+    chosen: dict[str, Any] = {}
     for word in variant.split("/") if variant else ():
         if word == "trusting":
-            parameters["estimate_friction"] = False
+            chosen["estimate_friction"] = False
         else:
-            parameters["solver" if word in SOLVERS else "formulation"] = word
-    return CONTROLLER_PARTS[controller](mu=mu, parameters=parameters)
+            chosen["solver" if word in SOLVERS else "formulation"] = word
+    return CONTROLLER_PARTS[controller](mu=mu, parameters=chosen)

@@ -85,9 +85,8 @@ def ready(
     if not whole_body and robot.name != "harpy":
         raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
     parameters: dict[str, Any] = {"solver": "active_set"} if controller == "wbc" else {}
-    part: Governed | dict[str, Any] = Governed(governor=controller)
-    if whole_body:
-        part = {"name": controller, "parameters": parameters}
+    part: Governed | dict[str, Any]
+    part = {"name": controller, "parameters": parameters} if whole_body else Governed(governor=controller)
     how: dict[str, Any] = {"disturbances": Disturbances(pushes=tuple(pushes)), "duration": duration, "sensors": sensors}
     if robot.name == "harpy":
         return build(Scenario(controller=part, ground=Ground(mu_s=friction), **how))
