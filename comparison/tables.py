@@ -20,8 +20,8 @@ Columns = Mapping[str, tuple[str, str]]
 PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
 """Column of each percentile of :func:`comparison.measure.timing.summarise`."""
 
-_WORDY = 30
-"""Text longer than this stands below a table in the terminal, where it does not widen it."""
+WORDY = 30
+"""Text longer than this is a sentence: below a table in the terminal, and flush left in a page."""
 
 
 class Cell(NamedTuple):
@@ -82,7 +82,7 @@ class Table:
         """The table for a terminal: columns that do not fit go on below, no cell is ever broken."""
         frame, below = self.text, [self.note] if self.note else []
         for column in frame.columns:
-            wordy = frame[column].str.len() > _WORDY
+            wordy = frame[column].str.len() > WORDY
             below[:0] = [f"{row}: {text}" for row, text in frame.loc[wordy, column].items()]
             frame.loc[wordy, column] = "–"
         known = frame != "–"
