@@ -202,9 +202,10 @@ def _slope(row: dict[str, Any]) -> str:
 
 def _cost_or_falls(rows: Rows) -> str:
     """The largest energy of tries that stand, and how many do not."""
-    fell = sum(not row["stands"] for row in rows)
-    cost = _of_all("cost", max, 3)([row for row in rows if row["stands"]])
-    return f"{cost}, {fell} of {len(rows)} fall" if fell else cost
+    standing = [row for row in rows if row["stands"]]
+    fell = len(rows) - len(standing)
+    parts = (_of_all("cost", max, 3)(standing), f"{fell} of {len(rows)} fall" if fell else "")
+    return ", ".join(filter(None, parts))
 
 
 _UPHILL = ("walk", "jump 0.4 m", "fly 2 m, walk on", *(name for name in FLIGHTS if name.endswith("° up")))
@@ -253,7 +254,7 @@ STUDY = Study(
         View("flights_all", "Flights of Harpy, all controllers and engines", "{flight}", _COLUMNS, note=_NOTE),
         View(
             "flights_uphill",
-            "Energy, J/(N·m), level and uphill, and tries that do not stand",
+            "Energy, J/(N·m), level and uphill, and tries that fall",
             row=lambda row: row["flight"].partition(",")[0],
             across=_slope,
             columns=_cost_or_falls,
