@@ -23,8 +23,8 @@ PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p
 NOT_KNOWN = "–"
 """What stands in the place of a number that there is not."""
 
-_WORDY = 30
-"""Text longer than this stands below a table in the terminal, where it does not widen it."""
+WORDY = 30
+"""Text longer than this is a sentence: below a table in the terminal, and flush left in a page."""
 
 
 class Cell(NamedTuple):
@@ -85,7 +85,7 @@ class Table:
         """The table for a terminal: columns that do not fit go on below, no cell is ever broken."""
         frame, below = self.text, [self.note] if self.note else []
         for column in frame.columns:
-            wordy = frame[column].str.len() > _WORDY
+            wordy = frame[column].str.len() > WORDY
             below[:0] = [f"{row}: {text}" for row, text in frame.loc[wordy, column].items()]
             frame.loc[wordy, column] = NOT_KNOWN
         known = frame != NOT_KNOWN

@@ -29,6 +29,7 @@ def paper(
     out: Annotated[str, typer.Option(metavar="DIR", help="Folder for the report: new, empty, or one of a report.")],
     duration: Annotated[float, typer.Option(help="Length of each 3D walk, s.")] = 10.0,
     force: Force = False,
+    json: JsonOption = None,
 ) -> None:
     """Reproduce the paper: both simulations, every claim with a verdict and a number, and the figures.
 
@@ -37,8 +38,10 @@ def paper(
     """
     checks.ticks(checks.number("duration", duration, low=0.1), 1e-3)
     from harpy_pin.model.robot import load_harpy
-    from reproduction.report import reproduce, write_report
+    from reproduction.report import numbers_of, reproduce, write_report
 
+    if json is not None:
+        check_writable(json)
     folder = OwnFolder(out, force=force)
     with stderr.status("preparing") as status:
         result = reproduce(load_harpy(), duration=duration, on_stage=lambda stage: status.update(f"{stage} …"))
@@ -51,6 +54,10 @@ def paper(
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"interrupted; what '{out}' holds may be of two runs") from None
     console.print(f"report: {page}", markup=False, highlight=False)
+    if json is not None:
+        from comparison.report.record import origin
+
+        write_json(json, {**numbers_of(result), **origin()})
 
 
 def vlip(

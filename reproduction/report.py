@@ -18,7 +18,7 @@ from harpy_pin.model.robot import Robot
 from reproduction import figures
 from reproduction.chattering import Chattering
 from reproduction.claims import DEPARTURES, Finding, Verdict
-from reproduction.vlip_claims import VlipCase, VlipStudy, study_vlip
+from reproduction.vlip_claims import VlipCase, VlipStudy, study_inside, study_vlip
 from reproduction.walk_claims import MU, WALKS, WalkStudy, study_cost, study_gait, study_walk
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ class Reproduction:
     """Everything the report shows."""
 
     vlip: VlipStudy  # first simulation
+    vlip_inside: Mapping[str, Mapping[str, Any]]  # the same from a start inside the friction cone, by governor
     walks: Mapping[str, WalkStudy]  # second simulation, by gait; the first is as the paper prints it
     findings: tuple[Finding, ...]  # Q1 to Q8; Q4 to Q7 once for each gait
     gait: Mapping[str, str]  # what the optimised gait does in the plane
@@ -51,7 +52,7 @@ def reproduce(
         on_stage: called with what is about to be done.
     """
     on_stage("VLIP simulation")
-    vlip = study_vlip()
+    vlip, inside = study_vlip(), study_inside()
     walks = {}
     for name in SETTINGS:
         on_stage(f"3D walks, gait {name}")
@@ -61,7 +62,7 @@ def reproduce(
     on_stage("cost")
     cost = study_cost(walks["optimised"].runs["measured"], robot, "optimised", mu=MU)
     by_claim = zip(*(walk.findings for walk in walks.values()), strict=True)
-    return Reproduction(vlip, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)
+    return Reproduction(vlip, inside, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)
 
 
 def write_report(result: Reproduction, folder: OwnFolder) -> Path:
@@ -85,7 +86,7 @@ def write_report(result: Reproduction, folder: OwnFolder) -> Path:
         figure.savefig(picture, format="png", dpi=170, metadata={"Software": None})
         source = f"data:image/png;base64,{base64.b64encode(picture.getvalue()).decode()}"
         parts.append({"name": name, "caption": caption, "source": source})
-    folder.write({**files, "report.html": _page(result, parts), "numbers.json": json_text(_numbers(result))})
+    folder.write({**files, "report.html": _page(result, parts), "numbers.json": json_text(numbers_of(result))})
     return folder.path / "report.html"
 
 
@@ -138,11 +139,13 @@ def _plates(result: Reproduction) -> Iterator[tuple[str, str, Figure]]:
     )
 
 
-def _numbers(result: Reproduction) -> dict[str, Any]:
+def numbers_of(result: Reproduction) -> dict[str, Any]:
+    """Every number, ready for JSON."""
     return {
         "claims": [
             {
                 "claim": f.claim.key,
+                "text": f.claim.text,
                 "gait": f.setting,
                 "verdict": str(f.verdict),
                 "number": f.number,
@@ -153,6 +156,7 @@ def _numbers(result: Reproduction) -> dict[str, Any]:
         ],
         "gait": dict(result.gait),
         "vlip": {case.command: vars(run.summary()) for case, run in result.vlip.runs.items()},
+        "vlip_inside": dict(result.vlip_inside),
         "walk": {
             setting: {name: measures.as_dict() for name, measures in walk.measures.items()}
             for setting, walk in result.walks.items()

@@ -176,9 +176,8 @@ def _q5(measures: dict[str, Measures]) -> Finding:
     return Finding(
         CLAIMS["Q5"],
         judge(holds, not best.fell and best.slip_mm_per_step < free.slip_mm_per_step),
-        f"slip per step {best.slip_mm_per_step:.2f} mm in all, {best.late_slip_mm_per_step:.2f} mm after 50 ms, "
-        f"sliding {100 * best.sliding:.1f} % of contact time ({name}); no governor {free.slip_mm_per_step:.2f} and "
-        f"{free.late_slip_mm_per_step:.2f} mm, {100 * free.sliding:.1f} %",
+        f"{best.slip_mm_per_step:.2f} mm per step, {best.late_slip_mm_per_step:.2f} of them after 50 ms ({name}); "
+        f"without a governor {free.slip_mm_per_step:.2f} and {free.late_slip_mm_per_step:.2f}",
         "python -m reproduction paper",
         {
             "slip_mm_per_step": best.slip_mm_per_step,
@@ -202,8 +201,8 @@ def _q6(run: Run) -> Finding:
     return Finding(
         CLAIMS["Q6"],
         judge(target > 0.01 and applied < 0.5 * target, target > 0.0),
-        f"the model's normal force is under 20 N at {100 * target:.2f} % of the ticks with the target reference, at "
-        f"{100 * applied:.2f} % with the applied one{when}",
+        f"under 20 N at {100 * target:.2f} % of the ticks with the target reference, at {100 * applied:.2f} % with the "
+        f"applied one{when}",
         "python -m reproduction paper",
         {"target_share": target, "applied_share": applied},
     )
@@ -217,7 +216,7 @@ def _q7(chatter: dict[tuple[str, int], tuple[Chattering, Chattering]], runs: dic
     return Finding(
         CLAIMS["Q7"],
         judge(growth >= 1.5, growth >= 1.1),
-        f"reversals of x_w per second at dt, dt/2, dt/4: {listed} ({name}; {_ending(runs[name])})",
+        f"{listed} reversals per second at Δt, Δt/2, Δt/4 ({name}; {_ending(runs[name])})",
         "python -m reproduction paper --out DIR",
         {"growth": growth, **{f"reversals_per_s_{d}": r for d, r in zip(DIVISORS, rates, strict=True)}},
     )

@@ -48,7 +48,7 @@ _COMMANDS: dict[Callable[..., None], str] = {
     recorded: "recorded --data clones --json recorded.json",
     **{command_of(study): f"{name} {study.example or f'--json {name}.json'}" for name, study in STUDIES.items()},
     tune: "tune --budget 20 --train 12 --judge 24 --json tuned.json",
-    results: "results docs/results.md --data out/results",
+    results: "results wide harsh --data out/results",
 }
 """Commands, and an example of each."""
 

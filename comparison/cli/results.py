@@ -16,10 +16,13 @@ from comparison.campaign.summary import summary_tables, variants_table
 from comparison.campaign.walks import exceptions_table
 from comparison.cli.studies import STUDIES
 from comparison.peers.compare import peer_tables
+from comparison.public.cassie import recorded_tables
+from comparison.report.claims import paper_tables
 from comparison.report.html import tables_of
 from comparison.report.pages import filled
 from comparison.report.record import FOLDER, ROOT, Record
 from comparison.tables import Table
+from comparison.tuning.tune import tuning_tables
 from harpy_pin import checks
 from harpy_pin.errors import HarpyError, RunFileError
 from harpy_pin.files import replacing
@@ -31,6 +34,12 @@ CAMPAIGNS: Mapping[str, str] = {
     **{kind: f"campaign {kind}" for kind in ("wide", "variants", "harsh")},
     "damped": "campaign variants --walks 960 --joint-damping 5",
 }
+SEARCHES: Mapping[str, str] = {
+    "tune": "tune --budget 48 --train 20 --judge 40 --duration 4",
+    "tune_damped": "tune --budget 48 --train 20 --judge 40 --duration 4 --joint-damping 5",
+}
+CLONED: Mapping[str, str] = {name: f"{name} --data out/clones" for name in ("public", "recorded")}
+"""Commands that read clones of other people's repositories."""
 DRAWN: Mapping[str, str] = {
     "assumption": "assumption",
     "causes": "causes",
@@ -41,24 +50,42 @@ DRAWN: Mapping[str, str] = {
 }
 """Figures of docs/images, by the study that draws them."""
 
-SOURCES: Mapping[str, str] = {
+_COMPARED: Mapping[str, str] = {
     "comparison": "--figures docs/images",
     "peers": "peers",
     **CAMPAIGNS,
+    **SEARCHES,
+    **CLONED,
     **{name: f"{name} --figure docs/images/{DRAWN[name]}.png" if name in DRAWN else name for name in STUDIES},
 }
-"""For each source the words of its command after ``python -m comparison``."""
+SOURCES: Mapping[str, str] = {
+    **{name: f"comparison {words}" for name, words in _COMPARED.items()},
+    "paper": "reproduction paper",
+}
+"""For each source the words of its command after ``python -m``."""
+
+FOLDERS = ("comparison", "paper")
+"""Sources whose ``--out`` is a folder; of the others it is a file of what is finished."""
+WITHOUT_OUT = ("peers", *CLONED)
+"""Sources without ``--out``."""
 
 
 def tables_from(source: str, document: Mapping[str, Any]) -> list[Table]:
     """The tables of what the command of a source writes."""
     if source in STUDIES:
         return STUDIES[source].tables(document["walks"])
-    if source == "comparison":
-        return tables_of(document)
+    if source in CAMPAIGNS:
+        return [variants_table(document), exceptions_table(document), *summary_tables(document)]
+    if source in SEARCHES:
+        return tuning_tables(document)
+    if source == "public":
+        from comparison.public.study import public_tables  # needs an extra
+
+        return public_tables(document)
     if source == "peers":
         return peer_tables(document["peers"])
-    return [variants_table(document), exceptions_table(document), *summary_tables(document)]
+    make = {"comparison": tables_of, "paper": paper_tables, "recorded": recorded_tables}[source]
+    return make(document)
 
 
 def results(
@@ -73,7 +100,8 @@ def results(
 
     Above each table a comment says from which command it comes, and which rows and columns it shows. A source that is
     named is measured, and its tables are recorded in docs/results. Without one, pages are filled from what is recorded.
-    All together take some hours; "embedded", "peers" and "worlds" need what their own help says.
+    All together take some hours; "embedded", "peers" and "worlds" need what their own help says, "public" and
+    "recorded" clones in out/clones.
     """
     for source in sources or ():
         checks.one_of("source", source, SOURCES)
@@ -118,12 +146,13 @@ def measured(source: str, data: Path, folder: Path = FOLDER) -> bool:
         raise RunFileError(f"cannot make the folder '{data}': {error.strerror}", path=data) from error
     path, words = data.resolve() / f"{source}.json", SOURCES[source].split()
     if not path.exists():
-        kept = [] if source == "peers" else ["--out", str(path.with_suffix("" if source == "comparison" else ".jsonl"))]
-        typer.echo(f"python -m comparison {' '.join(words)}", err=True)
-        how = [sys.executable, "-m", "comparison", *words, *kept, "--json", str(path)]
+        kept = path.with_suffix("" if source in FOLDERS else ".jsonl")
+        out = [] if source in WITHOUT_OUT else ["--out", str(kept)]
+        typer.echo(f"python -m {' '.join(words)}", err=True)
+        how = [sys.executable, "-m", *words, *out, "--json", str(path)]
         if subprocess.run(how, stdout=subprocess.DEVNULL, cwd=ROOT, check=False).returncode != 0:
             return False
     document = json.loads(path.read_text(encoding="utf-8"))
-    command = f"python -m comparison {' '.join(words)}".rstrip()
+    command = f"python -m {' '.join(words)}"
     Record.of(command, document, tables_from(source, document)).save(source, folder)
     return True

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -151,7 +152,7 @@ def _truth(
     return q, v
 
 
-def recorded_tables(found: dict[str, Any]) -> list[Table]:
+def recorded_tables(found: Mapping[str, Any]) -> list[Table]:
     """The table of the log's estimate."""
     columns = {"drift": ("drift", "%"), "path": ("trajectory_mm", "mm"), "velocity": ("velocity_cm_s", "cm/s")}
     columns |= {"tilt": ("tilt_deg", "°"), "way": ("way_m", "m"), "status": ("status", "")}

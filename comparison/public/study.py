@@ -5,7 +5,7 @@ minimise ½ xᵀP x + qᵀx  subject to  G x ≤ h,  A x = b,  lb ≤ x ≤ ub
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -137,7 +137,7 @@ def measure_public(
     return result
 
 
-def public_tables(result: dict[str, Any]) -> list[Table]:
+def public_tables(result: Mapping[str, Any]) -> list[Table]:
     """The tables of :func:`measure_public`."""
     tables = []
     for name in (name for name in SETS if name in result):

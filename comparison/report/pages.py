@@ -19,7 +19,7 @@ import tomllib
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from comparison.tables import Table, cell_text
+from comparison.tables import WORDY, Table, cell_text
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 
@@ -27,9 +27,17 @@ _BLOCK = re.compile(r"(<!-- figures\n(.*?)\n-->\n)((?:\|[^\n]*\n)*)", re.DOTALL)
 _SETTINGS = ("table", "rows", "columns", "turned", "bold")
 
 
+def blocks_of(page: str) -> dict[str, list[str]]:
+    """The comments of a page, each with the table below it, by the table that it names."""
+    found: dict[str, list[str]] = {}
+    for match in _BLOCK.finditer(page):
+        found.setdefault(_settings(match[2])["table"], []).append(match[0])
+    return found
+
+
 def sources_of(page: str) -> list[str]:
     """Names of the sources that a page's tables come from, each once."""
-    return list(dict.fromkeys(_settings(match[2])["table"].partition("/")[0] for match in _BLOCK.finditer(page)))
+    return list(dict.fromkeys(table.partition("/")[0] for table in blocks_of(page)))
 
 
 def filled(page: str, table_of: Callable[[str, str], Table]) -> str:
@@ -78,7 +86,8 @@ def markdown(
     names, heads = list(down.values()), list(across.values())
     if turned:
         names, heads, text = heads, names, [list(line) for line in zip(*text, strict=True)]
-    lines = [["", *heads], ["---", *("---:" for _ in heads)]]
+    wordy = [any(len(line[k]) > WORDY for line in text) for k in range(len(heads))]
+    lines = [["", *heads], ["---", *("---" if words else "---:" for words in wordy)]]
     lines += [[name, *cells] for name, cells in zip(names, text, strict=True)]
     return "".join(f"| {' | '.join(line)} |\n".replace("|  |", "| |") for line in lines)
 

@@ -37,7 +37,7 @@ class Record:
         """The record of a document that a command has written as JSON.
 
         Args:
-            command: words after ``python -m comparison``.
+            command: as it is typed.
             document: what was written; its origin is taken over.
             tables: made of the document.
         """

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from comparison.measure.walking import walk_as_far_as_it_goes
-from comparison.study import Job, Study, Value, View, grid, share, shown
+from comparison.measure.walking import Rows, walk_as_far_as_it_goes
+from comparison.study import Job, Shown, Study, Value, View, grid, share, shown
 from comparison.tables import number_text
 from harpy_pin.contrib.flight import Fly, Flying, Jump
 from harpy_pin.contrib.flight.flying_gait import PHASES
@@ -202,6 +202,40 @@ def _of_all(name: str, together: Callable[[list[Any]], Any], digits: int) -> Val
     return lambda rows: "" if (found := value(rows)) is None else number_text(float(found), digits)
 
 
+def _slope(row: dict[str, Any]) -> str:
+    return f"{FLIGHTS[row['flight']].slope:g}°"
+
+
+def _cost_or_falls(rows: Rows) -> str:
+    """The largest energy of tries that stand, and how many do not."""
+    standing = [row for row in rows if row["stands"]]
+    fell = len(rows) - len(standing)
+    parts = (_of_all("cost", max, 3)(standing), f"{fell} of {len(rows)} fall" if fell else "")
+    return ", ".join(filter(None, parts))
+
+
+_UPHILL = ("walk", "jump 0.4 m", "fly 2 m, walk on", *(name for name in FLIGHTS if name.endswith("° up")))
+"""What is done uphill, and the same on level ground."""
+_COLUMNS: dict[str, Shown] = {
+    "stands": share("stands"),
+    "height, m": _of_all("height_m", min, 3),
+    "distance, m": _of_all("distance_m", min, 3),
+    "place, mm": _of_all("place_mm", max, 2),
+    "hover, mm": _of_all("hover_mm", max, 2),
+    "push-off / weight": _of_all("push_off", max, 2),
+    "peak / weight": _of_all("peak", max, 2),
+    "slip, mm": _of_all("slip_mm", max, 2),
+    "energy, J": _of_all("energy_j", np.median, 3),
+    "power, W": _of_all("power_w", np.median, 3),
+    "J/(N·m)": _of_all("cost", np.median, 2),
+}
+_NOTE = (
+    f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and "
+    "least distance of the feet, greatest error of the landing and of the hovering body, greatest force of "
+    "both feet in pushing off, and in landing or walking, greatest slip in landing; medians of the energy. "
+    "Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed."
+)
+
 STUDY = Study(
     name="flights",
     help=__doc__,
@@ -220,24 +254,19 @@ STUDY = Study(
             "flights",
             "Flights of Harpy",
             row=lambda row: f"{row['flight']}, {row['controller']}, {PLANTS[row['plant']]}",
-            columns={
-                "stands": share("stands"),
-                "height, m": _of_all("height_m", min, 3),
-                "distance, m": _of_all("distance_m", min, 3),
-                "place, mm": _of_all("place_mm", max, 2),
-                "hover, mm": _of_all("hover_mm", max, 2),
-                "push-off / weight": _of_all("push_off", max, 2),
-                "peak / weight": _of_all("peak", max, 2),
-                "slip, mm": _of_all("slip_mm", max, 2),
-                "energy, J": _of_all("energy_j", np.median, 3),
-                "power, W": _of_all("power_w", np.median, 3),
-                "J/(N·m)": _of_all("cost", np.median, 2),
-            },
-            note=f"Friction {FRICTION:g}, noisy measurements. Of all tries: least height of the jump or flight and "
-            "least distance of the feet, greatest error of the landing and of the hovering body, greatest force of "
-            "both feet in pushing off, and in landing or walking, greatest slip in landing; medians of the energy. "
-            "Fans of 18 N from 1 kW, motors of 0.6 N·m/√W, both assumed.",
-        )
+            columns=_COLUMNS,
+            note=_NOTE,
+        ),
+        View("flights_all", "Flights of Harpy, all controllers and engines", "{flight}", _COLUMNS, note=_NOTE),
+        View(
+            "flights_uphill",
+            "Energy, J/(N·m), level and uphill, and tries that fall",
+            row=lambda row: row["flight"].partition(",")[0],
+            across=_slope,
+            columns=_cost_or_falls,
+            note="The largest of both controllers and engines.",
+            only=lambda row: row["flight"] in _UPHILL,
+        ),
     ],
     only="names",
 )

@@ -21,7 +21,7 @@ from comparison.campaign.store import Store
 from comparison.campaign.walks import scenario
 from comparison.contenders import PAPER, VARIANTS, Point, Range, Variant
 from comparison.measure.walking import Progress, silent, walk_as_far_as_it_goes
-from comparison.tables import Cell, Table
+from comparison.tables import Cell, Table, in_columns
 from harpy_pin import Scenario, checks, measure
 from harpy_pin.scenario import Compliant, ControllerPart
 
@@ -260,7 +260,7 @@ def _hopeless(costs: Sequence[float], best: Sequence[float]) -> bool:
 
 
 def tuning_tables(document: Mapping[str, Any]) -> list[Table]:
-    """A table of the scores on training walks, one on judging walks, and the settings that were found."""
+    """The scores on training walks and on judging walks, the least slip there, and the settings that were found."""
     found = document["variants"]
     tables = []
     for which in ("training", "judging"):
@@ -275,7 +275,20 @@ def tuning_tables(document: Mapping[str, Any]) -> list[Table]:
         each = max(entry[which]["walks"] for entry in found.values())
         title = f"Tuning: {each} {which} walks each; best of {document['budget']} settings"
         tables.append(Table(f"tuning_{which}", title, tuple(cells), _NOTE))
-    return [*tables, *(_settings_table(name, entry) for name, entry in found.items())]
+    return [*tables, _least_table(found), *(_settings_table(name, entry) for name, entry in found.items())]
+
+
+def _least_table(found: Mapping[str, Any]) -> Table:
+    """Of each governor the variant that slips least on the judging walks, with the settings that were found."""
+    least: dict[str, Mapping[str, Any]] = {}
+    for name, entry in found.items():
+        governor, _, variant = VARIANTS[name].label.partition(", ")
+        slip = entry["judging"]["slip_median"]
+        if slip is not None and slip < least.get(governor, {"slip": np.inf})["slip"]:
+            least[governor] = {"slip": slip, "falls": entry["judging"]["falls"], "variant": variant}
+    columns = {"slip": ("slip", "mm"), "falls": ("falls", ""), "variant": ("variant", "")}
+    cells = [cell for governor, entry in least.items() for cell in in_columns(governor, entry, columns)]
+    return Table("tuning_least", "Tuning: the variants that slip least on the judging walks", tuple(cells), _NOTE)
 
 
 def _settings_table(name: str, entry: Mapping[str, Any]) -> Table:

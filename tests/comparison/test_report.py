@@ -17,10 +17,12 @@ from typer.testing import CliRunner
 
 import comparison.cli.commands as command_line
 from comparison.cli import app
+from comparison.cli.results import ROOT, pages
 from comparison.contenders import CONTENDERS
 from comparison.report.answer import COLUMNS, answer_of
 from comparison.report.figures import pareto_figure, pareto_front
 from comparison.report.html import pareto_table, render, tables_of, write_report
+from comparison.report.pages import blocks_of, filled
 from comparison.tables import Cell, Table, to_csv
 from harpy_pin import InputError
 from harpy_pin.files import OwnFolder
@@ -321,3 +323,24 @@ def test_the_report_is_three_files(document: dict[str, Any], rendered: str, tmp_
     assert sorted(p.name for p in tmp_path.iterdir()) == [OwnFolder.LIST, "report.html", "results.csv", "results.json"]
     assert json.loads((tmp_path / "results.json").read_text()) == json.loads(json.dumps(document))
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == rendered
+
+
+def test_every_row_and_column_that_pages_name_is_printed(whole_document: dict[str, Any]) -> None:
+    """README's and docs' tables of the comparison can be made of what today's code prints.
+
+    But for those by a factor, such as friction, of which one walk has none.
+    """
+    printed = {table.name: table for table in tables_of(whole_document)}
+    blocks = [
+        block
+        for text in pages(ROOT).values()
+        for name, found in blocks_of(text).items()
+        for block in found
+        if name.startswith("comparison/") and not name.startswith("comparison/campaign_")
+    ]
+    assert len(blocks) >= 5
+    for block in blocks:
+        filled(block, lambda source, name: printed[name])
+    gone = re.sub(r'^"no governor" =', '"gone" =', blocks[0], flags=re.MULTILINE)
+    with pytest.raises(InputError, match="has no row 'gone'"):
+        filled(gone, lambda source, name: printed[name])

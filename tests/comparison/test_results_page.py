@@ -13,6 +13,7 @@ from comparison.report.pages import filled, markdown, read_blocks, sources_of
 from comparison.report.record import Record
 from comparison.tables import Cell, Table, cell_text
 from harpy_pin.errors import HarpyError, InputError, RunFileError
+from reproduction.cli import app as reproduction_app
 
 TABLE = Table(
     "walks",
@@ -80,6 +81,11 @@ def test_the_least_of_each_column_is_bold_also_where_it_is_turned():
     assert markdown(same, bold="least", turned=True).splitlines()[2] == "| x | **0.5** | **0.5** | – | 0.6 |"
     nothing = Table("t", "t", (Cell("a", "x", None), Cell("a", "y", "fell")))
     assert markdown(nothing, bold="least").splitlines()[2] == "| a | – | fell |"
+
+
+def test_sentences_are_flush_left():
+    table = Table("t", "t", (Cell("a", "x", "a number in words that fill a line"), Cell("a", "y", "none")))
+    assert markdown(table).splitlines()[1] == "| --- | --- | ---: |"
 
 
 NAMES = st.text("abc, 123", min_size=1, max_size=6).map(str.strip).filter(bool)
@@ -161,6 +167,30 @@ def test_only_what_the_folder_lacks_is_measured_and_pages_follow(tmp_path, monke
     assert Record.load("grounds", records).origin["commit"] == "abc"
 
 
+def test_a_report_of_the_paper_is_a_source(tmp_path, monkeypatch):
+    class Ended:
+        returncode = 0
+
+    def measured(words, **_):
+        assert words[1:-2] == ["-m", "reproduction", "paper", "--out", str(tmp_path / "data" / "paper")]
+        finding = {"claim": "Q4", "text": "It walks.", "verdict": "holds", "number": "2 m"}
+        inside = {"violation_share": 0.5, "worst_violation_n": 2.0, "reversals_per_s": {"1": 1.5, "2": 3.0}}
+        numbers = {"claims": [{**finding, "gait": gait} for gait in ("hand", "optimised")]}
+        with open(words[-1], "w") as file:
+            json.dump({**numbers, "vlip_inside": {"margin": inside}}, file)
+        return Ended()
+
+    monkeypatch.setattr(command.subprocess, "run", measured)
+    assert command.measured("paper", tmp_path / "data", tmp_path)
+    record = Record.load("paper", tmp_path)
+    assert record.command == "python -m reproduction paper"
+    assert markdown(record.tables["claims"]).splitlines()[2:] == [
+        "| Q4, hand | It walks. | holds | 2 m |",
+        "| Q4, optimised | | holds | 2 m |",
+    ]
+    assert markdown(record.tables["vlip_inside"]).splitlines()[2:] == ["| margin | 50 | 2 | 1.5 | 3 |"]
+
+
 def test_a_command_that_fails_leaves_its_record(tmp_path, monkeypatch):
     class Ended:
         returncode = 3
@@ -178,10 +208,11 @@ def test_unknown_sources_are_refused_before_anything_is_measured(tmp_path):
 
 def test_every_source_is_a_command_of_ours(tmp_path):
     """Its words are understood, with the file that is asked for."""
-    program = typer.main.get_command(app)
-    for text in command.SOURCES.values():
-        words = [*text.split(), "--json", str(tmp_path / "x.json")]
-        of_its_own = not words[0].startswith("--")
+    programs = {"comparison": typer.main.get_command(app), "reproduction": typer.main.get_command(reproduction_app)}
+    for source, text in command.SOURCES.items():
+        out = [] if source in command.WITHOUT_OUT else ["--out", str(tmp_path / "x")]
+        name, *words = [*text.split(), *out, "--json", str(tmp_path / "x.json")]
+        program, of_its_own = programs[name], not words[0].startswith("--")
         context = program.make_context("comparison", words[:1] if of_its_own else words)
         if of_its_own:
             program.get_command(context, words[0]).make_context(words[0], words[1:])

@@ -287,6 +287,22 @@ def test_jumps_are_measured():
     assert jump["cost"] > walk["cost"] > 0.0
 
 
+def test_tables_of_flights_have_the_worst_of_all_and_slopes_side_by_side():
+    def rows(flight: str, stands: bool, **measures: float) -> Rows:
+        who = {"flight": flight, "controller": "condensed", "seed": 200, "stands": stands}
+        worse = {name: 2.0 * value for name, value in measures.items()}
+        return [{**who, "plant": plant, **found} for plant, found in (("compliant", measures), ("mujoco", worse))]
+
+    walks = rows("walk", True, cost=30.0) + rows("walk, 20° up", True, cost=90.0) + rows("jump 0.4 m, 20° up", False)
+    tables = tables_of("flights", walks + rows("fly 2 m to 15° up, walk on", True, cost=1.0, slip_mm=0.5))
+    uphill, everything = tables["flights_uphill"], tables["flights_all"]
+    assert [uphill.get("walk", f"{angle}°").value for angle in (0, 20)] == ["60", "180"]
+    assert uphill.get("jump 0.4 m", "20°").value == "2 of 2 fall"
+    assert "fly 2 m to 15° up" not in uphill.rows
+    assert everything.get("fly 2 m to 15° up, walk on", "slip, mm").value == "1"
+    assert everything.get("walk", "stands").value == "2 of 2"
+
+
 @pytest.mark.parametrize("name", list(FLIGHTS))
 def test_every_flight_is_as_its_row_says(name):
     one = FLIGHTS[name]

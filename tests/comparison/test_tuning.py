@@ -185,6 +185,20 @@ def test_the_search_finds_what_is_better_and_goes_on_where_it_was(
     }
 
 
+def test_of_each_governor_the_variant_that_slips_least_is_shown() -> None:
+    """Also of what is packaged; a variant of which half of the walks fell is none."""
+    document = tuned()
+    slip = {name: entry["judging"]["slip_median"] for name, entry in document["variants"].items()}
+    table = {table.name: table for table in tuning_tables(document)}["tuning_least"]
+    assert table.number("paper's governor", "slip") == min(slip[name] for name in PAPER if slip[name] is not None)
+    assert table.number("condensed WBC", "slip") == slip["condensed"]
+    name = next(name for name in PAPER if slip[name] == table.number("paper's governor", "slip"))
+    changed = {**document["variants"], name: {**document["variants"][name]}}
+    changed[name]["judging"] = {**changed[name]["judging"], "slip_median": None}
+    table = {table.name: table for table in tuning_tables({**document, "variants": changed})}["tuning_least"]
+    assert table.number("paper's governor", "slip") > slip[name]
+
+
 def test_what_is_packaged_is_what_the_search_wrote() -> None:
     document = tuned()
     assert document["variants"].keys() == VARIANTS.keys()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from comparison.cli.results import read_blocks
+from comparison.report.pages import read_blocks
 from comparison.tables import number_text
 
 ROOT = Path(__file__).parents[2]

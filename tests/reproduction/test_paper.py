@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import harpy_pin as hp
 from harpy_pin.files import OwnFolder
+from reproduction import vlip_claims
 from reproduction.chattering import chattering
 from reproduction.claims import CLAIMS, DEPARTURES, Verdict
 from reproduction.gait.planar_gait import SPACE_GAIT, load_gait
@@ -81,6 +82,20 @@ def test_commands_of_the_cases_give_their_runs():
     assert run.parameters.start == "inside"
     assert case.command == "python -m reproduction vlip --evaluate-at measured --coordinates cartesian --start inside"
     assert len(case.run(divide=2).t) == 2 * len(run.t)
+
+
+def test_runs_from_inside_the_cone(monkeypatch):
+    """Without a governor as that case's own run; the margin governor violates nothing, as is proved of it."""
+    monkeypatch.setattr(vlip_claims, "DIVISORS", (1, 2))
+    names = ("no governor", "margin")
+    monkeypatch.setattr(vlip_claims, "INSIDE", {name: vlip_claims.INSIDE[name] for name in names})
+    found = vlip_claims.study_inside()
+    case = VlipCase(None, start="inside")
+    summaries = [case.run(divide=divide).summary() for divide in (1, 2)]
+    reversals = {str(k): summary.reversals_per_s for k, summary in zip((1, 2), summaries, strict=True)}
+    assert found["no governor"] == vars(summaries[0]) | {"reversals_per_s": reversals}
+    assert found["margin"]["violation_share"] == 0.0
+    assert found["no governor"]["violation_share"] > 0.1
 
 
 @pytest.mark.long
