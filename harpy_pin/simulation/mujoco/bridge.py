@@ -232,7 +232,9 @@ class MujocoBridge(Conventions):
         found = [np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint)) for joint in self.joints]
         if not any(map(len, found)):
             if model.nu and size:
-                raise InputError("no actuator of the MuJoCo model drives a joint of the robot", name="model")
+                raise InputError(
+                    "no actuator of the MuJoCo model drives a joint of the robot, or all are disabled", name="model"
+                )
             self._actuators, numbers = np.zeros(0, np.int64), np.arange(size)
             self._gains = np.ones((size, 6)), np.ones((size, 10)), np.zeros((size, 10))
             entry, output, affine, control = self.velocity, numbers, np.zeros(size, np.int64), np.zeros(model.nv)

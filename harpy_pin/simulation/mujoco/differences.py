@@ -158,7 +158,7 @@ def differences(here: AtZero, link: NDArray[np.int64], actuators: NDArray[np.int
     desired = np.fmin(peak, robot.torque_limit)
     reached = np.fmin(desired, _reached(here, actuators, on["clampctrl"]) if len(actuators) else np.inf)
     delays = model.actuator_delay[actuators] if len(actuators) else np.zeros(len(joints))
-    gravity = model.opt.gravity * on["gravity"]
+    gravity = model.opt.gravity if on["gravity"] else np.zeros(3)
     lines = [
         _compared("mass", " kg", links, mass, [body.mass for body in own]),
         _compared("centre of mass", " m", links, centre, [body.lever for body in own], LENGTH),
@@ -174,7 +174,7 @@ def differences(here: AtZero, link: NDArray[np.int64], actuators: NDArray[np.int
         _named("spring", "N·m/rad", hinges, springs),
         _named("delay of the actuator", "s", hinges, delays),
         _named("compensated share of the weight", "", *here.compensated(on["gravity"])),
-        _named("margin of the contacts, which hold the foot up", "m", robot.feet, here.margins(link)),
+        _named("margin of the contacts, on which it hovers,", "m", robot.feet, here.margins(link)),
         _compared("gravity", " m/s²", ("the world",), gravity, robot.model.gravity.linear),
         *_settings(here, on),
     ]

@@ -81,6 +81,7 @@ class MujocoPlant(Plant):
     """
 
     name = "mujoco"
+    _made_anew = ("_geom_position",)
 
     @checked
     def __init__(
@@ -114,7 +115,8 @@ class MujocoPlant(Plant):
         )
         self.model, self.data = inside.model, inside.data
         self.model.dof_frictionloss[inside.joint_places] = self.actuators.coulomb(self.robot)
-        self._geom_position, self._found = self.data.geom_xpos, np.zeros(6)
+        self._found = np.zeros(6)
+        self._make_anew()
         self._planes = np.zeros((feet, 7))
         self.model.geom_sameframe[inside.planes] = 0  # they are where the plant puts them
         self._foot_of = {geom: k for k, geom in enumerate(inside.feet)}
@@ -127,6 +129,10 @@ class MujocoPlant(Plant):
         else:
             write_contact(contact, inside.mujoco, self.model)
             self._find_ground(contact)
+
+    def _make_anew(self) -> None:
+        """See :class:`MujocoModel`."""
+        self._geom_position = self.data.geom_xpos
 
     def _prepare(self) -> None:
         thrust, torque = self._record_["thrust"][0], np.zeros(len(self.robot.joints))
