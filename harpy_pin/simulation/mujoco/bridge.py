@@ -195,7 +195,9 @@ class MujocoBridge(Conventions):
                 raise
             return self.write(fit, data)
         if not fits:
-            raise InputError("the command is not finite", name="command", value=command)
+            raise InputError(
+                "the command is not finite, or a gear or gain of the model is zero", name="command", value=command
+            )
         if len(command.thrust) and np.any(command.thrust):
             raise InputError("thrusts are not written into MuJoCo's data", name="command", value=command)
         return None
@@ -349,14 +351,17 @@ def write_controls(
     bias: Vector,
     out: Vector,
 ) -> bool:
-    """Controls that bring about torques (joints,), N·m, and a law (4, joints); whether these are finite."""
+    """Controls that bring about torques (joints,), N·m, and a law (4, joints); whether these are finite and can be."""
     c, m = r.conventions, r.motors
     m.has_law = has_law
     if has_law:
         m.law[:] = law
         from_mujoco(c, qpos, qvel, c.q, c.v)
     drive_motors(m, torque, c.q, c.v, 1.0)
-    if not all_finite(m.mean_torque):
+    fits = all_finite(m.mean_torque)
+    for j in range(torque.shape[0]):
+        fits = fits and gear[r.output[j], 0] * gain[r.number[j], 0] != 0.0
+    if not fits:
         return False
     for j in range(torque.shape[0]):
         ratio, number, force = gear[r.output[j], 0], r.number[j], 0.0
