@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = sorted((Path(__file__).resolve().parents[2] / "examples").glob("*.py"))
-ALLOWED = {"harpy_pin", "numpy", "pinocchio", "gymnasium"}
+ALLOWED = {"harpy_pin", "numpy", "pinocchio", "gymnasium", "mujoco"}
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])
