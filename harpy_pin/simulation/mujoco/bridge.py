@@ -113,14 +113,14 @@ class MujocoBridge(Conventions):
         Raises:
             InputError: data of another model.
         """
-        self._check_data(data)
+        model = self._check_data(data)
         nq, nv, feet = self._shapes
         q, v, position, velocity, force = np.empty(nq), np.empty(nv), np.empty(feet), np.empty(feet), np.zeros(feet)
         read_state(self._record, data.qpos, data.qvel, q, v, position, velocity)
         if count := data.ncon:
             wrench, contact, contact_force = np.empty((count, 6)), data.contact, self._mujoco.mj_contactForce
             for number, row in enumerate(wrench):
-                contact_force(data.model, data, number, row)
+                contact_force(model, data, number, row)
             geoms, frames, places = contact.geom.astype(np.int64), contact.frame.copy(), contact.pos.copy()
             read_contacts(self._record, geoms, frames, places, wrench, position, force)
         return State(data.time, q, v, position, velocity, force)

@@ -146,15 +146,17 @@ class Conventions:
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(type(self), prefix=self.prefix), (self.model, self.robot)
 
-    def _check_data(self, data: Any) -> None:
-        """Refuse what is no data of the model, or of one with the same bodies and actuators, such as its pickle."""
+    def _check_data(self, data: Any) -> Any:
+        """The model of data; refuses one that is not this model, nor has its bodies and actuators, as its pickle."""
         if not isinstance(data, self._data_kind):
             raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data)
-        if data.model is not self._seen:
-            if _arrays_of(data.model) != self._arrays:
+        model = data.model
+        if model is not self._seen:
+            if _arrays_of(model) != self._arrays:
                 message = "the data are of another MuJoCo model than the bridge: make a bridge to that model"
                 raise InputError(message, name="data", value=data)
-            self._seen = data.model
+            self._seen = model
+        return model
 
 
 def _arrays_of(model: Any) -> list[bytes]:
