@@ -13,7 +13,7 @@ import numpy as np
 
 from comparison.campaign.plan import QUICK, CampaignSettings
 from comparison.campaign.walks import run_campaign
-from comparison.contenders import CONTENDERS
+from comparison.contenders import CONTENDERS, OWN
 from comparison.measure.timing import Bench, TimingSettings, describe_all_versions, describe_machine
 from comparison.measure.walking import TIMED, record_states, recorded_walk, stage
 from comparison.sections.growth import FACES, time_growth
@@ -26,10 +26,10 @@ from harpy_pin.model.robot import load_harpy
 FRICTION = 0.25
 """The paper's friction coefficient."""
 
-RECORDED = ("governed", "wbc")
-"""Whose walks give the states for the timing."""
+RECORDED = ("governed", "own search")
+"""Whose walks give the states for the timing. Walks by ProxQP are the same to 1e-8 m, but not to the last digit."""
 
-PUSHED = {"filter": "governed/filter", "wbc": "wbc"}
+PUSHED = {"filter": "governed/filter", "own search": OWN}
 """Whose walks with pushes give the states for the sections on ticks and formulations."""
 
 Progress = Callable[[str, int, int], None]

@@ -16,6 +16,7 @@ from harpy_pin.governors import ContactForceFilterParameters, PaperGovernorParam
 from harpy_pin.model.robot import load_harpy
 from harpy_pin.scenario import CONTROLLER_PARTS, ControllerPart, Governed
 from harpy_pin.scenario.parts import read_part
+from harpy_pin.wbc import SOLVERS
 
 Point = Mapping[str, Any]
 """A value for each setting of a space: the factor of a :class:`Range`, the value of a :class:`Choice`."""
@@ -79,6 +80,12 @@ _WHOLE_BODY: Space = {
     "parameters.limits.friction_share": Range(0.9, 2.5),
     **{f"parameters.weights.{name}": _WEIGHT for name in ("orientation", "swing", "thrust", "force")},
 }
+
+OWN = "wbc/active_set"
+"""The whole-body QP by this library's own search. ``wbc`` is the same program by ProxQP, with the same optimum."""
+
+OWN_PART: Mapping[str, Any] = {"name": "wbc", "parameters": {"solver": "active_set"}}
+"""That controller of a scenario: the QP of studies of walks, not of its solvers."""
 
 
 @cache
@@ -154,9 +161,11 @@ VARIANTS: Mapping[str, Variant] = {
     },
     **{f"filter/{legs}": _governed("filter", legs, _FILTER) for legs in _LEGS},
     "condensed": Variant("condensed WBC", {"name": "condensed"}, _WHOLE_BODY),
-    "wbc": Variant("whole-body QP", {"name": "wbc"}, _WHOLE_BODY),
+    OWN: Variant("whole-body QP, own search", OWN_PART, _WHOLE_BODY),
 }
 """Contenders that are tuned, by name, in the order in which they are searched.
+
+What is searched are settings of the optimum, whoever finds it: thousands of walks of the QP are by the faster search.
 
 Gains that are found without a governor are tried by the governed ones, too.
 """
@@ -167,7 +176,8 @@ PAPER = tuple(name for name in VARIANTS if name.startswith("paper/"))
 TUNED_FILE = Path(__file__).parent / "tuning" / "tuned.json"
 """What the command wrote; the file says with how large a budget, and on how many walks."""
 
-WHOLE_BODY = ("condensed", "wbc")
+WHOLE_BODY = ("condensed", OWN)
+"""Those of :data:`VARIANTS` with one optimum."""
 
 
 @cache
@@ -196,16 +206,19 @@ def searched(variant: str) -> str:
 BEST = "paper/best"
 """The paper's governor in the variant, and with the settings, that ``python -m comparison tune`` found best."""
 
-CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), BEST, "condensed", "wbc")
+CONTENDERS = (*(f"governed/{name}" for name in GOVERNORS), BEST, "condensed", OWN, "wbc")
 """Controllers and governors to compare, in the order in which they are shown."""
+
+WALKERS = tuple(name for name in CONTENDERS if name != "wbc")
+"""Those of them that differ in more than who solves their program: who walks in studies of walks, not of times."""
 
 TUNED = tuple(name + end for name in VARIANTS for end in ("", "/tuned"))
 """Every tuned variant with its published settings, and with those that were found."""
 
-FORCES = "wbc/contact_force"
+FORCES = f"{OWN}/contact_force"
 """The whole-body QP, stated in the contact forces alone; the section on ticks has it, too."""
 
-TRUSTING = ("condensed/trusting", "wbc/trusting")
+TRUSTING = ("condensed/trusting", f"{OWN}/trusting")
 """Condensed WBC and QP that trust the friction they are told, without an estimate; they walk the wide campaign, too."""
 
 HARSH = (*(name for name in TUNED if not name.startswith("filter/")), "governed/filter", *TRUSTING)
@@ -222,15 +235,22 @@ _LABELS = {
     BEST: "paper's best variant",
     "governed/filter": "contact-force filter",
     "condensed": "condensed WBC",
-    "wbc": "whole-body QP",
-    FORCES: "condensed program by a general solver",
+    "wbc": "whole-body QP, ProxQP",
+    OWN: "whole-body QP, own search",
+    "wbc/daqp": "whole-body QP, DAQP",
+    "wbc/contact_force": "condensed program, ProxQP",
+    FORCES: "condensed program, own search for any program",
     "condensed/trusting": "condensed WBC, no friction estimate",
-    "wbc/trusting": "whole-body QP, no friction estimate",
-    "wbc/proxqp": "whole-body QP, ProxQP only",
-    "wbc/daqp": "whole-body QP, DAQP only",
+    f"{OWN}/trusting": "whole-body QP, own search, no friction estimate",
     "joint_pd": "joint PD",
 }
-_SHORT = {BEST: "best", "condensed/trusting": "cond., no est."}
+_SHORT = {
+    BEST: "best",
+    "condensed/trusting": "cond., no est.",
+    "wbc": "QP, ProxQP",
+    OWN: "QP",
+    "wbc/contact_force": "QP/contact_force, ProxQP",
+}
 
 
 def label(contender: str) -> str:
@@ -246,24 +266,31 @@ def short_name(contender: str) -> str:
     """A contender's name where eight of them share 80 columns: a governor's own, or the controller's."""
     if contender in _SHORT:
         return _SHORT[contender]
-    return contender.removeprefix("governed/").replace("wbc", "QP").replace("/trusting", ", no est.")
+    return contender.removeprefix("governed/").replace(OWN, "QP").replace("wbc", "QP").replace("/trusting", ", no est.")
 
 
 def controller_part(contender: str, mu: float | None = None) -> ControllerPart:
     """A contender as the controller of a scenario; it assumes the ground's friction coefficient by default.
 
-    A contender is ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``) or with
-    the formulation of its program (``wbc/contact_force``), or ``trusting`` the friction it is told; or one of
-    :data:`TUNED`, or :data:`BEST`.
+    A contender is ``governed`` with a governor (``governed/filter``), or another controller, alone (``wbc``), or with
+    the solver or the formulation of its program (``wbc/active_set/contact_force``), or ``trusting`` the friction it is
+    told; or one of :data:`TUNED`, or :data:`BEST`.
     """
     if contender == BEST or contender in TUNED:
         name = best_paper() if contender == BEST else contender
         variant = name.removesuffix("/tuned")
         part = VARIANTS[variant].part
         found = tuned()["variants"][searched(variant)]["controller"] if variant != name else {}
-        return read_part(CONTROLLER_PARTS, "controller", {**part, **found, "name": part["name"], "mu": mu})
+        of_part = {**found.get("parameters", {}), **part.get("parameters", {})}
+        settings = {**part, **found, "name": part["name"], "parameters": of_part, "mu": mu}
+        return read_part(CONTROLLER_PARTS, "controller", settings)
     controller, _, variant = contender.partition("/")
     if controller == "governed":
         return Governed(governor=variant, mu=mu)
-    parameters: dict[str, Any] = {"estimate_friction": False} if variant == "trusting" else {"formulation": variant}
-    return CONTROLLER_PARTS[controller](mu=mu, parameters=parameters if variant else {})
+    parameters: dict[str, Any] = {}
+    for word in variant.split("/") if variant else ():
+        if word == "trusting":
+            parameters["estimate_friction"] = False
+        else:
+            parameters["solver" if word in SOLVERS else "formulation"] = word
+    return CONTROLLER_PARTS[controller](mu=mu, parameters=parameters)

@@ -20,6 +20,9 @@ Columns = Mapping[str, tuple[str, str]]
 PERCENTILES = {"p50_us": "p50", "p95_us": "p95", "p99_us": "p99", "p99_9_us": "p99.9", "max_us": "max"}
 """Column of each percentile of :func:`comparison.measure.timing.summarise`."""
 
+NOT_KNOWN = "–"
+"""What stands in the place of a number that there is not."""
+
 _WORDY = 30
 """Text longer than this stands below a table in the terminal, where it does not widen it."""
 
@@ -84,8 +87,8 @@ class Table:
         for column in frame.columns:
             wordy = frame[column].str.len() > _WORDY
             below[:0] = [f"{row}: {text}" for row, text in frame.loc[wordy, column].items()]
-            frame.loc[wordy, column] = "–"
-        known = frame != "–"
+            frame.loc[wordy, column] = NOT_KNOWN
+        known = frame != NOT_KNOWN
         frame = frame.loc[known.any(axis=1), known.any()]
         body = [] if frame.empty else [frame.to_string(line_width=width)]
         wrap = textwrap.TextWrapper(width, break_long_words=False, break_on_hyphens=False)
@@ -112,7 +115,7 @@ def percentiles(row: str, times: Mapping[str, Any]) -> list[Cell]:
 def cell_text(cell: Cell | None) -> str:
     """A cell with its spread, to three digits."""
     if cell is None or cell.value is None:
-        return "–"
+        return NOT_KNOWN
     if isinstance(cell.value, bool):
         return "yes" if cell.value else "no"
     if not isinstance(cell.value, float):

@@ -14,8 +14,7 @@ class SlowYaw:
 
 
 def with_tasks(gait: hp.Gait) -> hp.Controller:
-    # Added tasks are rows from Python; a tick compiled for the usual program would be unused.
-    controller = hp.make_controller("wbc", gait, mu=0.25, formulation="full", reuse=False)
+    controller = hp.make_controller("wbc", gait, mu=0.25, formulation="full")
 
     # A foot's force: while the left foot is on the ground, 25 N upward and nothing sideways.
     force = hp.FootForceTask("left_foot", force=(0.0, 0.0, 25.0))

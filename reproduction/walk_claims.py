@@ -272,6 +272,9 @@ REPETITIONS = 3
 def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
     """Claim Q8: replay a governed walk's states through the governor and through the whole-body program.
 
+    The program is solved by ProxQP, and by this library's own search, which was made for it. The claim is judged by
+    the faster of the two.
+
     The full measurement, with whole ticks and phases, is ``python -m comparison``; this one is what the report needs.
 
     Args:
@@ -286,8 +289,8 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
     measured, targets = _measured(run), run["x_r"]
     gait = make_named_gait(robot, gait_name)
     controllers = [
-        WholeBodyController(gait, WholeBodyParameters.for_gait(gait, limits={"mu": mu}, reuse=reuse))
-        for reuse in (True, False)
+        WholeBodyController(gait, WholeBodyParameters.for_gait(gait, limits={"mu": mu}, solver=solver))
+        for solver in ("active_set", "proxqp")
     ]
     ratios, updates, failed = [], [], 0
     solves: tuple[list[float], list[float]] = ([], [])
@@ -328,9 +331,9 @@ def study_cost(run: Run, robot: Robot, gait_name: str, *, mu: float) -> Finding:
     return Finding(
         CLAIMS["Q8"],
         judge(ratio <= 0.1, ratio <= 0.5),
-        f"a governor update takes {ratio:.2f} of the program's solve (the last active set, else ProxQP) and "
-        f"{update / proxqp:.2f} of that by ProxQP only: medians {update:.2f}, {solve:.1f} and {proxqp:.1f} µs over "
-        f"{len(run)} states, {failed} solves failed",
+        f"a governor update takes {update / proxqp:.2f} of the program's solve by ProxQP and {ratio:.2f} of that by "
+        f"our own search: medians {update:.2f}, {proxqp:.1f} and {solve:.1f} µs over {len(run)} states, "
+        f"{failed} solves failed",
         "python -m comparison",
-        {"ratio": ratio, "update_us": update, "solve_us": solve, "solve_alone_us": proxqp},
+        {"ratio": ratio, "update_us": update, "own_search_us": solve, "proxqp_us": proxqp},
     )

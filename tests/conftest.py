@@ -9,6 +9,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: its threads 
 import signal
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import replace
@@ -19,11 +20,11 @@ import hypothesis
 import numpy as np
 import pinocchio as pin
 import pytest
+from needs import CHECKS, chromium, missing, needed
 
 import harpy_pin as hp
 from harpy_pin.compiled import kernels
-from harpy_pin.errors import HarpyError
-from harpy_pin.view.page.film import SWITCHES, find_chromium
+from harpy_pin.view.page.film import SWITCHES
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job that a shell runs in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -49,14 +50,46 @@ SLED = """<robot name="sled">
 
 _OF_THE_COMPARISON = ("campaign", "comparison", "report", "sections")
 """Files whose tests share ``whole_document``, or run the comparison in processes of their own."""
+_NEEDS = "needs "
+"""How the reason begins for which a test is skipped, before the names of what it lacks."""
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The comparison first, which takes longest; tests marked ``long`` only with ``--long``."""
-    if not config.getoption("--long"):
-        config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("long")])
-        items[:] = [item for item in items if not item.get_closest_marker("long")]
+    """The comparison first, which takes longest; with ``--needing`` only tests that need what it names.
+
+    Tests marked ``long`` run only with ``--long``.
+    """
+    long, demanded = config.getoption("--long"), set(config.getoption("--needing"))
+
+    def left(item: pytest.Item) -> bool:
+        runs = long or not item.get_closest_marker("long")
+        return runs and (not demanded or bool(demanded & needed(item)))
+
+    config.hook.pytest_deselected(items=[item for item in items if not left(item)])
+    items[:] = filter(left, items)
     items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in _OF_THE_COMPARISON)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """What ``--needing`` names must be there."""
+    if names := missing(config.getoption("--needing")):
+        raise pytest.UsageError(f"--needing: no {' and no '.join(names)} on this machine")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """A test that needs what is missing is skipped."""
+    if names := missing(needed(item)):
+        pytest.skip(_NEEDS + " and ".join(names))
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    """What was missing, and how many tests did not run for want of it."""
+    reasons = [report.longrepr[2] for report in terminalreporter.stats.get("skipped", [])]
+    counted = Counter(reason.partition(_NEEDS)[2] for reason in reasons if _NEEDS in reason)
+    if counted:
+        told = ", ".join(f"{names} ({count})" for names, count in counted.most_common())
+        terminalreporter.write_line(f"tests not run for want of: {told}")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -78,9 +111,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """``--long`` runs the tests marked ``long``, too; ``--fuzz N`` multiplies the random cases of tests that ask."""
+    """``--long``, ``--fuzz N`` and ``--needing NAME,NAME``."""
     parser.addoption("--long", action="store_true", help="also run the tests marked long, most of which compile much")
     parser.addoption("--fuzz", type=int, default=1, metavar="N", help="multiply the number of random cases by N")
+    told = "only the tests that need this, which must be there; may be repeated"
+    parser.addoption("--needing", action="append", default=[], choices=CHECKS, help=told)
 
 
 class _Waiting:
@@ -188,12 +223,8 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def browser() -> Iterator[Any]:
     """Playwright's headless Chromium, which reaches this machine only; while it is open, an event loop runs."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    try:
-        program = find_chromium()
-    except HarpyError as missing:
-        pytest.skip(str(missing))
     with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=program, args=SWITCHES)
+        browser = started.chromium.launch(executable_path=chromium(), args=SWITCHES)
         yield browser
         browser.close()
 

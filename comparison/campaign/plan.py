@@ -95,7 +95,7 @@ class CampaignSettings:
     :class:`~comparison.campaign.plan.Task`.
     """
 
-    walks: int = 360  # in total, rounded up to whole scenarios (each is walked by every contender)
+    walks: int = 420  # in total, rounded up to whole scenarios (each is walked by every contender)
     duration: float = 5.0  # of a walk, s
     seed: int = 0  # of the scenarios
     contenders: tuple[str, ...] = CONTENDERS  # who walks them, see :mod:`comparison.contenders`
@@ -137,7 +137,7 @@ class CampaignSettings:
 
 
 _WIDE: dict[str, Any] = {
-    "walks": 1680,
+    "walks": 210 * (len(CONTENDERS) + len(TRUSTING)),
     "seed": 40427,
     "contenders": (*CONTENDERS, *TRUSTING),
     "frictions": (0.12, 0.17, 0.22, 0.35, 0.55, 0.8),
@@ -177,7 +177,7 @@ default contact, too, from its own seed: torques are clipped to the same limits 
 about half of the scenarios.
 """
 
-QUICK: dict[str, Any] = {"walks": 54, "duration": 2.5}
+QUICK: dict[str, Any] = {"walks": 63, "duration": 2.5}
 """Fewer and shorter walks of any kind: to see whether it works, not to quote."""
 
 _DRAWING = 2

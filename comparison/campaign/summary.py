@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import binomtest, quantile_test
 
 from comparison.campaign.plan import FACTORS, Task, code_digest, level_key
-from comparison.contenders import label
+from comparison.contenders import OWN, label
 from comparison.tables import Cell, Table, in_columns, number_text
 from harpy_pin.errors import RunFileError
 from harpy_pin.model.state import Vector
@@ -18,7 +18,7 @@ from harpy_pin.model.state import Vector
 if TYPE_CHECKING:
     import pandas as pd
 
-WHOLE_BODY = ("condensed", "wbc")
+WHOLE_BODY = ("condensed", OWN, "wbc")
 _WHOLE = {
     "slip_mm_per_step": ("slip per step", "mm"),
     "net_slip_mm_per_step": ("net slip per step", "mm"),
@@ -33,9 +33,10 @@ _COLUMNS = {
     "slip_mean_mm": ("slip of walks without a fall, mean", "mm"),
     "slip_largest_mm": ("largest", "mm"),
     "solver_failures": ("failed solves", ""),
+    "solver_fallbacks": ("ticks by the dual method", ""),
 }
 _VALUE = float | int | None
-_MEASURES = ("fell", "fall_time_s", "solver_failures", *_WHOLE)
+_MEASURES = ("fell", "fall_time_s", "solver_failures", "solver_fallbacks", *_WHOLE)
 _SPLIT = ("delay", "plant", "joint_damping", "torque_share", "bandwidth")
 """Factors by whose levels falls are counted in the table of variants."""
 
@@ -103,6 +104,7 @@ def _of(part: pd.DataFrame) -> dict[str, Any]:
         "slip_median_mm": _statistic(float(np.median(slips))) if len(slips) else None,
         "slip_interval_mm": None if np.isnan(ends).any() else ["fell" if np.isinf(end) else end for end in ends],
         "solver_failures": int(part.solver_failures.sum()),
+        "solver_fallbacks": int(part.solver_fallbacks.sum()),
     }
 
 
@@ -121,7 +123,7 @@ def exceptions_of(frame: pd.DataFrame) -> list[dict[str, Any]]:
     found = []
     for seed, walks in frame.groupby("seed"):
         whole_body = walks[walks.contender.isin(WHOLE_BODY) & walks.fell.astype(bool)]
-        others = walks[~walks.contender.str.split("/").str[0].isin(WHOLE_BODY) & ~walks.fell.astype(bool)]
+        others = walks[~walks.contender.str.split("/").str[0].isin(("condensed", "wbc")) & ~walks.fell.astype(bool)]
         if len(whole_body) and len(others):
             found.append(
                 {

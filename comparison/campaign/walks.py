@@ -53,6 +53,7 @@ MEASURES = (
     "tracking_rms_mm",
     "thrust_rms_n",
     "solver_failures",
+    "solver_fallbacks",
 )
 """What is kept of :class:`harpy_pin.log.Measures`."""
 

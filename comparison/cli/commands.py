@@ -15,7 +15,7 @@ from comparison.campaign.summary import variants_table
 from comparison.campaign.walks import exceptions_table, run_campaign, with_reasons
 from comparison.cli.output import NO_EVIDENCE, NumbersFile, Quick, Scheduler, print_tables, stages, writing
 from comparison.contenders import VARIANTS
-from comparison.peers.compare import ROBOTS, compare_peers, peer_tables
+from comparison.peers.compare import QUICK_CASES, QUICK_RECORDING, RECORDING, compare_peers, peer_tables, unanswered
 from comparison.peers.environment import PEERS, WORLDS, default_folder
 from comparison.peers.environment import install as install_peer
 from comparison.report.answer import answer_of, passed
@@ -169,26 +169,30 @@ def peers(
     ] = None,
     quick: Quick = False,
     json: NumbersFile = None,
-    friction: Annotated[float, typer.Option(help="Friction coefficient of the walks.")] = FRICTION,
+    friction: Annotated[float, typer.Option(help="Friction coefficient of Harpy's ground.")] = FRICTION,
 ) -> None:
-    """Time other libraries' controllers.
+    """Time other libraries' whole-body controllers beside ours, on the same program of the same states.
 
-    They get the same states as our whole-body controllers. placo and TSID need other versions of Pinocchio than this
-    library: each runs in a virtual environment of its own, which --install makes once. Each is given our program and
-    has to find our solution before its times count. A library that is not installed, fails, or finds another solution
-    is reported without times.
+    Robots stand and are pushed, and walk. Their states, and what our controllers ask for at each, are handed to placo
+    and TSID, which need other versions of Pinocchio than this library: each runs in a virtual environment of its own,
+    which --install makes once. A contender has to find the solution before its times count; one that does not, or
+    fails, makes the command end with exit code 1, after all tables. This takes some minutes.
     """
     folder = default_folder() if folder is None else folder
     if install:
         _install(folder)
         return
     settings = Settings.quick(friction=friction) if quick else Settings(friction=friction)
-    growth = tuple(ROBOTS)[: 1 if quick else None]
+    duration, only = (QUICK_RECORDING, QUICK_CASES) if quick else (RECORDING, None)
     with writing(json) as document, stages() as progress:
         document |= compare_peers(
-            progress, friction, settings.duration, timing=settings.timing, folder=folder, growth=growth
+            progress, friction, duration=duration, timing=settings.timing, folder=folder, only=only
         )
     print_tables(peer_tables(document["peers"]), quick=quick)
+    wrong = unanswered(document["peers"])
+    if wrong:
+        typer.echo("\n".join(["error: no times for", *wrong]), err=True)
+        raise typer.Exit(1)
 
 
 def _install(folder: Path) -> None:

@@ -6,7 +6,7 @@ timed can be compared with what should have come out. It goes on block by block,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter_ns, thread_time_ns
 from typing import Any
@@ -20,10 +20,11 @@ from harpy_pin.model.record import Record
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.scenario.build import Walk
 from harpy_pin.simulation.loop import Controller
-from harpy_pin.wbc import QuadraticProgram, make_solver
+from harpy_pin.wbc import QPSolver, QPStatus, QuadraticProgram, make_solver
+from harpy_pin.wbc.solvers import ProxQPSolver
 
 WBC_PHASES = ("kinematics", "build", "solve", "finish")
-"""Gait and rigid-body terms; task accelerations and the program's arrays; ProxQP; torques and thrusts."""
+"""Gait and rigid-body terms; task accelerations and the program's arrays; the solver; torques and thrusts."""
 
 
 class TickReplay:
@@ -90,6 +91,51 @@ class WholeBodyChain(TickReplay):
             self._keep(i, command)
 
 
+class TimedProxQP(ProxQPSolver):
+    """ProxQP with its own timer on.
+
+    Attributes:
+        spent: what that says of all solves so far, µs.
+    """
+
+    def __init__(self, program: QuadraticProgram) -> None:
+        super().__init__(program)
+        self._qp.settings.compute_timings = True
+        self.spent = 0.0
+
+    def _attempt(self, program: QuadraticProgram, *, warm: bool) -> QPStatus:
+        status = super()._attempt(program, warm=warm)
+        info = self._qp.results.info
+        self.spent += info.setup_time + info.solve_time
+        return status
+
+
+class ProxQPReplay(TickReplay):
+    """Replays a whole-body QP whose solver is :class:`TimedProxQP`: its times are those of ProxQP's own timer.
+
+    They are what ProxQP itself takes of a tick; Python, and what hands the program over to it, are not in them.
+    """
+
+    def __init__(self, make: Callable[[Callable[[QuadraticProgram], QPSolver]], Any]) -> None:
+        made: list[TimedProxQP] = []
+
+        def solver(program: QuadraticProgram) -> TimedProxQP:
+            made.append(TimedProxQP(program))
+            return made[-1]
+
+        super().__init__(make(solver))
+        self._solver = made[-1]
+
+    def time_block(self, begin: int, end: int) -> None:
+        """See :meth:`TickReplay.time_block`."""
+        step, solver = self.controller.step, self._solver
+        for i in range(begin, min(end, len(self.states))):
+            before = solver.spent
+            command = step(self.states[i])
+            self.laps[i, 0] = round(1e3 * (solver.spent - before))
+            self._keep(i, command)
+
+
 def replay(timer: TickReplay, states: Sequence[State]) -> TickReplay:
     """Replay a whole sequence in one go; returns the timer with its times and commands."""
     timer.start(states)
@@ -143,7 +189,7 @@ class IsolatedGovernor:
 class IsolatedSolver:
     """Times one solver on recorded programs, one solve after the other as in a walk.
 
-    The program is filled with the recorded ones outside the timed span; ``reuse`` tries the last active set first.
+    The program is filled with the recorded ones outside the timed span.
 
     Attributes:
         laps: (programs,) times, ns.
@@ -152,9 +198,9 @@ class IsolatedSolver:
         failures: programs of the present sequence that were not solved.
     """
 
-    def __init__(self, program: QuadraticProgram, solver: str, *, reuse: bool = False) -> None:
+    def __init__(self, program: QuadraticProgram, solver: str) -> None:
         self.program = program
-        self.solver = make_solver(solver, program, reuse=reuse)
+        self.solver = make_solver(solver, program)
 
     def start(self, programs: Record, expected: Vector) -> None:
         """Begin a sequence of programs with a cold solver; ``expected``: their solutions, NaN where there is none."""

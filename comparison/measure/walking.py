@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from comparison.contenders import controller_part
+from comparison.contenders import OWN, controller_part
 from harpy_pin import Disturbances, Ground, Robot, checks, make_gait
 from harpy_pin.errors import ControlError, HarpyError, InputError
 from harpy_pin.files import without_interrupts
@@ -114,8 +114,15 @@ def as_far_as_it_goes(walked: Callable[[], Run]) -> Run:
         return run
 
 
-TIMED = {"ungoverned": "governed/none", "governed": "governed/paper", "condensed": "condensed", "wbc": "wbc"}
-"""Contenders whose ticks are taken apart, by the names of their rows."""
+TIMED = {
+    "ungoverned": "governed/none",
+    "governed": "governed/paper",
+    "condensed": "condensed",
+    "own search": OWN,
+    "wbc": "wbc",
+}
+"""Contenders whose ticks are taken apart, by the names of their rows: ``wbc`` is the whole-body QP by ProxQP, ``own
+search`` the same program by this library's own."""
 
 
 def scenario_of(name: str, friction: float, **changes: Any) -> Scenario:

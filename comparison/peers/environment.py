@@ -37,7 +37,7 @@ class Peer:
     name: str  # of the peer and of its environment's folder
     worker: Path  # script that replays a problem through it
     requirements: tuple[str, ...]  # what to install, with exact versions where the wheel does not pin them itself
-    # further ones, which hold no Python, from the wheels for Python :data:`LIBRARIES_PYTHON`
+    # further packages, which hold no Python, from the wheels for Python :data:`LIBRARIES_PYTHON`
     libraries: tuple[str, ...] = ()
     alone: tuple[str, ...] = ()  # further ones that are installed without what they depend on
 

@@ -1,100 +1,117 @@
-"""One peer, or a controller of ours: posed the problem, checked, and its times. Without the check no time counts."""
+"""One contender, a peer or ours: posed the problem, checked, and its times. Without the check no time counts."""
 
 from __future__ import annotations
 
 import json
+import os
+import pickle
+import subprocess
+import sys
 import zipfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
-from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain, replay
-from comparison.measure.timing import Laps, summarise_repetitions, timer_overhead, without_gc
-from comparison.measure.walking import StateSequence
-from comparison.peers.environment import Peer, WorkerError, interpreter, run_worker
-from comparison.peers.peer_problem import FACES, VARIANTS, Expected, PeerProblem
-from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
-from harpy_pin.gaits import Gait, make_gait
-from harpy_pin.ground.ground import Ground
-from harpy_pin.model.robot import Robot
+import comparison
+from comparison.measure.timing import Laps, summarise_repetitions
+from comparison.peers.environment import GIVEN_UP, PEERS, WorkerError, interpreter, last_line, run_worker
+from comparison.peers.our_replay import Timed, save
+from comparison.peers.peer_problem import Case, Expected, PeerProblem
 from harpy_pin.model.state import Vector
-from harpy_pin.scenario import Scenario, build
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights
 
 TOLERANCE = {"acceleration": 1e-4, "torque": 1e-3, "force": 1e-3, "thrust": 1e-3}
 """Largest accepted difference from our solution, in the unit of each quantity.
 
-The program is strictly convex, so that its solution is one point; but how forces share a load weighs 1e-5 per N²,
-and where two solvers stop at a gap of 1e-8 their forces may differ by some 1e-2 N in theory, by 2e-5 N as measured.
+The program is strictly convex, so that its solution is one point. Solvers stop where they are right to some 1e-8 of
+their own measure; torques then differ by at most 2e-4 N·m, as measured, forces by 4e-4 N.
 """
+
+PROCESSORS = {"": {}, ", as in wheels": {"HARPY_PIN_FOR_A_WHEEL": "1"}}
+"""What our kernels are compiled for, by what is added to the names of rows, and the environment that does it."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Solutions and times of one variant of the problem."""
+    """Solutions and times."""
 
-    # arrays shaped as those of :class:`~comparison.peers.peer_problem.Expected`, NaN where unsolved; the thrusts are
-    # absent where they were given
-    quantities: dict[str, Vector]
-    # (repetitions, ticks) times, ns: of the complete tick, perhaps of the solve, the solver's call only
-    laps: dict[str, Laps]
-    overhead: float  # of the timer, ns
+    quantities: dict[str, Vector]  # shaped as those of :class:`~comparison.peers.peer_problem.Expected`, NaN: unsolved
+    laps: dict[str, Laps]  # (repetitions, ticks) of ``tick``, called from Python, and of what is ``inside`` C, ns
+    overhead: Mapping[str, float]  # of their clocks, ns
     versions: dict[str, str]  # of what was run
 
-    def entry(self, problem: PeerProblem, variant: str) -> dict[str, Any]:
+    def entry(self, problem: PeerProblem) -> dict[str, Any]:
         """How far it is from our solutions, and its times if it is near enough."""
-        entry = {**check(self.quantities, problem.expected[variant]), "versions": self.versions}
+        entry = {**check(self.quantities, problem.expected), "versions": self.versions}
         if not entry["reason"]:
-            entry["times"] = summarise_times(problem, self.laps, self.overhead)
+            counts = problem.counted > 0.0
+            entry["times"] = {
+                what: summarise_repetitions([row[counts] for row in rows], self.overhead[what])
+                for what, rows in self.laps.items()
+            }
         return entry
 
 
-def measure_peer(name: str, peer: Peer, problem: PeerProblem, folder: Path, repetitions: int) -> dict[str, Any]:
-    """Entries of both variants of a peer."""
-    names = {variant: f"{name}, thrusts {variant}" for variant in VARIANTS}
+@dataclass(frozen=True)
+class Row:
+    """How a peer is asked."""
+
+    peer: str  # of :data:`~comparison.peers.environment.PEERS`
+    options: Mapping[str, Any] = field(default_factory=dict)  # what its worker is told besides
+    expected: Expected | None = None  # of another program, of which accelerations and torques are known
+
+
+def measure_peer(row: Row, problem: PeerProblem, folder: Path, repetitions: int) -> dict[str, Any]:
+    """An entry of a peer; of another program with how far its torques are ``apart`` from ours."""
+    peer = PEERS[row.peer]
     try:
         with TemporaryDirectory() as scratch:
             asked, result = Path(scratch) / "problem.npz", Path(scratch) / "result.npz"
-            problem.save(asked, repetitions)
-            run_worker(interpreter(folder, name), peer.worker, asked, result)
-            answers = load_answers(result, problem)
+            problem.save(asked, repetitions, row.options)
+            run_worker(interpreter(folder, peer.name), peer.worker, asked, result)
+            answer = load_answer(result, problem)
     except WorkerError as error:
-        return {key: {"reason": str(error)} for key in names.values()}
-    return {key: answers[variant].entry(problem, variant) for variant, key in names.items()}
+        return {"reason": str(error)}
+    if row.expected is None:
+        return answer.entry(problem)
+    known = {name: answer.quantities[name] for name in ("acceleration", "torque")}
+    apart = check({"torque": known["torque"]}, problem.expected)
+    entry = replace(answer, quantities=known).entry(replace(problem, expected=row.expected))
+    return entry | {"apart": {name: apart[f"difference_{name}"]["torque"] for name in ("median", "max")}}
 
 
-def load_answers(path: Path, problem: PeerProblem) -> dict[str, Answer]:
-    """Read a worker's file: the answers by variant.
+def load_answer(path: Path, problem: PeerProblem) -> Answer:
+    """Read a worker's file.
 
     Args:
-        path: ``.npz`` with ``<variant>_<quantity>``, ``<variant>_tick_ns``, ``<variant>_solve_ns``, ``overhead_ns``,
-            and ``versions`` (JSON).
+        path: ``.npz`` with the quantities, ``tick_ns`` or ``inside_ns`` or both, ``overhead_ns``, and ``versions``
+            (JSON).
         problem: that was posed; gives the shapes.
     """
-    answers = {}
     try:
         with np.load(path, allow_pickle=False) as file:
             found = {key: file[key] for key in file.files}
         versions = {str(name): str(value) for name, value in json.loads(str(found["versions"])).items()}
-        for variant, expected in problem.expected.items():
-            quantities, laps = {}, {}
-            for name in [name for name in TOLERANCE if (name, variant) != ("thrust", "given")]:
-                quantities[name] = np.asarray(found[f"{variant}_{name}"], dtype=np.float64)
-                if quantities[name].shape != getattr(expected, name).shape:
-                    raise ValueError(f"{variant}_{name} has shape {quantities[name].shape}")
-            for name in ("tick", "solve"):
-                value = np.asarray(found[f"{variant}_{name}_ns"])
-                if value.ndim != 2 or value.shape[1] != len(expected.solved) or value.dtype.kind not in "iu":
-                    raise ValueError(f"{variant}_{name}_ns is no table of integer times, one column per tick")
-                laps[name] = value.astype(np.int64)
-            answers[variant] = Answer(quantities, laps, float(found["overhead_ns"]), versions)
+        quantities, laps = {}, {}
+        for name in TOLERANCE:
+            quantities[name] = np.asarray(found[name], dtype=np.float64)
+            if quantities[name].shape != getattr(problem.expected, name).shape:
+                raise ValueError(f"{name} has shape {quantities[name].shape}")
+        for what in ("tick", "inside"):
+            if f"{what}_ns" in found:
+                value = np.asarray(found[f"{what}_ns"])
+                if value.ndim != 2 or value.shape[1] != len(problem) or value.dtype.kind not in "iu":
+                    raise ValueError(f"{what}_ns is no table of integer times, one column per tick")
+                laps[what] = value.astype(np.int64)
+        if not laps:
+            raise ValueError("there are no times")
+        overhead = dict.fromkeys(laps, float(found["overhead_ns"]))
     except (OSError, ValueError, KeyError, EOFError, AttributeError, TypeError, zipfile.BadZipFile) as error:
         raise WorkerError(f"its result cannot be read: {error}") from error
-    return answers
+    return Answer(quantities, laps, overhead, versions)
 
 
 def check(quantities: dict[str, Vector], expected: Expected) -> dict[str, Any]:
@@ -126,81 +143,26 @@ def check(quantities: dict[str, Vector], expected: Expected) -> dict[str, Any]:
     return {"reason": reason, **found, "differing": differing}
 
 
-def summarise_times(problem: PeerProblem, laps: dict[str, Laps], overhead: float) -> dict[str, Any]:
-    """Summaries by support and by what was timed, with the least and largest median of a repetition."""
-    chosen = {support: mask & (problem.counted > 0.0) for support, mask in problem.supports.items()}
-    return {
-        support: {what: summarise_repetitions([row[mask] for row in rows], overhead) for what, rows in laps.items()}
-        for support, mask in chosen.items()
-        if mask.any()
-    }
-
-
-OURS = "harpy_pin"
-"""Our own controller's row; its tick includes the gait and decides the thrusts within their limits."""
-
-_SETTLED = 500
-"""Ticks of a walk inside C that are not counted: it begins from rest."""
-
-WholeBody = WholeBodyController | CondensedController
-
-
-def the_peers_program(robot: Robot, friction: float) -> tuple[Gait, WholeBodyParameters]:
-    """Without what the peers lack: limits of thrust, a range of normal forces, more than four faces."""
-    gait = make_gait(replace(robot, thrust_limit=np.inf))
-    return gait, peers_parameters(gait, friction)
-
-
-def peers_parameters(gait: Gait, friction: float, weights: WholeBodyWeights | None = None) -> WholeBodyParameters:
-    """That program's settings of ours; those of the gait but for what is said here."""
-    how = {"min_normal_force": 0.0, "max_normal_force": 1e4, "limits": WholeBodyLimits(mu=friction, faces=FACES)}
-    return WholeBodyParameters.for_gait(gait, weights=weights, **how)
-
-
-class Ours:
-    """A controller of ours on the states of the problem; one in a single call has no solver's time."""
-
-    def __init__(self, make: Callable[[], WholeBody], sequences: Sequence[StateSequence], most: int) -> None:
-        self.states = [sequence.states[:most] for sequence in sequences]
-        chain = make()
-        self.timers = {"tick": TickReplay(make())}
-        if isinstance(chain, WholeBodyController):
-            self.timers["solve"] = WholeBodyChain(chain)
-        self.laps: dict[str, list[Laps]] = {what: [] for what in self.timers}
-        self.commands = np.zeros((0, 0))
-        self.overhead = timer_overhead()
-
-    def replay(self, repetitions: int) -> None:
-        """Time all states so many times."""
-        for _ in range(repetitions):
-            with without_gc():
-                for what, timer in self.timers.items():
-                    found = [(done.laps, done.commands) for done in (replay(timer, states) for states in self.states)]
-                    laps, commands = (np.concatenate(parts) for parts in zip(*found, strict=True))
-                    self.laps[what].append(laps[:, WBC_PHASES.index("solve") if what == "solve" else 0])
-                    if what == "tick":
-                        self.commands = commands
-
-    def times(self) -> dict[str, Laps]:
-        """(repetitions, ticks) of the tick, and of the solver's call."""
-        return {what: np.array(rows) for what, rows in self.laps.items()}
-
-    def entry(self, problem: PeerProblem) -> dict[str, Any]:
-        """Checked as the peers are, on the commands of the last timed replay."""
-        joints = problem.expected["decided"].torque.shape[1]
-        thrust = self.commands[:, joints:].reshape(len(self.commands), -1, 3)
-        quantities = {"torque": self.commands[:, :joints], "thrust": thrust}
-        return Answer(quantities, self.times(), self.overhead, {}).entry(problem, "decided")
-
-
-def time_inside_c(friction: float, duration: float) -> dict[str, Any]:
-    """The condensed controller's ticks of a walk in one compiled call, gait and a reading of the clock included."""
-    scenario = Scenario(controller="condensed", ground=Ground(mu_s=friction), duration=duration)
-    runs = [build(scenario).run() for _ in range(3)]
-    held = runs[0]["held"][_SETTLED:].sum(axis=1)
-    laps = [run["tick_ns"][_SETTLED:] for run in runs]
-    return {
-        name: {"tick": summarise_repetitions([row[held == feet] for row in laps], 0.0)}
-        for name, feet in (("single", 1.0), ("double", 2.0))
-        if (held == feet).any()
-    }
+def measure_ours(case: Case, problem: PeerProblem, repetitions: int, processor: str) -> dict[str, dict[str, Any]]:
+    """An entry for each of our controllers, compiled for one of :data:`PROCESSORS`."""
+    with TemporaryDirectory() as scratch:
+        asked, result = Path(scratch) / "case", Path(scratch) / "result"
+        save(asked, case, repetitions)
+        home = str(Path(comparison.__file__).parents[1])
+        found = os.environ | PROCESSORS[processor] | {"PYTHONPATH": os.pathsep.join([home, *filter(None, sys.path)])}
+        run = "import sys; from comparison.peers.our_replay import main; main(*sys.argv[1:])"
+        command = [sys.executable, "-c", run, str(asked), str(result)]
+        try:
+            done = subprocess.run(command, capture_output=True, text=True, timeout=GIVEN_UP, env=found)
+        except subprocess.TimeoutExpired:
+            return {case.name: {"reason": f"no result after {GIVEN_UP:g} s"}}
+        if done.returncode != 0:
+            return {case.name: {"reason": last_line(done.stderr)}}
+        timed: dict[str, Timed] = pickle.loads(result.read_bytes())
+    joints = problem.expected.torque.shape[1]
+    entries = {}
+    for name, times in timed.items():
+        thrust = times.commands[:, joints:].reshape(len(times.commands), -1, 3)
+        quantities = {"torque": times.commands[:, :joints], "thrust": thrust}
+        entries[f"{name}{processor}"] = Answer(quantities, times.laps, times.overhead, times.versions).entry(problem)
+    return entries

@@ -1,18 +1,20 @@
-"""The problem that peers are given, and the solutions that are expected of them.
+"""The program that peers are given, tick by tick, and the solutions that are expected of them.
 
-From recorded states our controller makes tasks, contact states and thrusts; our own program, solved tightly, gives the
-expected solutions. Peers do not know a range of the normal force other than f_z ≥ 0, nor limits of thrust:
-the expected solutions are those of the program without either. The thrusts come in two variants:
+Everything is taken from the records that our controllers solve, after their tasks are known: desired accelerations with
+the braking of joints before their ends, weights, which feet are held and which corners loaded, friction and damping of
+joints. Peers get the model's own numbers, too (:mod:`comparison.peers.model_file`). They compute Jacobians, mass matrix
+and bias forces themselves, as that is a part of their tick.
 
-* ``given``: fixed at those of the complete program, a generalised force to the peer;
-* ``decided``: free, with the program's own weight.
+The program is the one that all can pose. A normal force has no range but f_z ≥ 0, pyramids have four faces, thrusts no
+limit, no task gives way. Torque limits are rows of it. The expected solutions are those of our formulation ``full``,
+solved to rounding.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,24 +23,72 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from comparison.measure.walking import StateSequence
+from comparison.peers.model_file import BASE, links_of, sole_corners, write_model
 from harpy_pin.controllers import WholeBodyController, WholeBodyParameters
-from harpy_pin.gaits import Gait, make_gait
-from harpy_pin.model.robot import Robot
-from harpy_pin.model.state import Vector
-from harpy_pin.wbc import WholeBodyLimits, WholeBodyWeights, make_solver
+from harpy_pin.errors import InputError
+from harpy_pin.gaits import Gait
+from harpy_pin.model.state import State, Vector
+from harpy_pin.wbc import QPStatus, WholeBodyWeights
 from harpy_pin.wbc.tasks.built_in import joint_weights
-
-VARIANTS = ("given", "decided")
-"""How the thrusts enter the problem."""
 
 FACES = 4
 """Of the friction pyramid: what the peers have."""
 
-_FREE = 1e4
-"""A bound that no force reaches, N."""
+OWN_SEARCH: dict[str, Any] = {"solver": "active_set"}
+PROXQP: dict[str, Any] = {"solver": "proxqp", "formulation": "full"}
+"""Solvers of our whole-body QP; ProxQP with the formulation in which it is the faster where robots stand."""
 
-TARGETS = ("body", "orientation", "feet", "joints", "held")
-ARRAYS = ("q", "v", *TARGETS, "thrust", "thrust_force", "damping_force", "counted")
+FREE = 1e6
+"""A normal force that no foot has, N."""
+
+SCALE = 1e3
+"""Of all weights. It changes no optimum, and lifts the least weights above the regularisation of TSID's solver."""
+POSTURE = 1e-6
+"""Weight of the legs' joints, 1e-9 of that of the body. The condensed WBC does not have this cost, and its torques
+differ in proportion to it."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A robot and its states, and the program that is solved at each of them."""
+
+    name: str  # for readers: robot, contacts, and what it does
+    gait: Gait
+    sequences: tuple[StateSequence, ...]
+    parameters: WholeBodyParameters
+    first: int  # tick of each sequence from which on times count
+    condensed: bool = True  # whether the condensed WBC takes this robot
+
+
+def common_program(gait: Gait, friction: float, *, posture: float = POSTURE) -> WholeBodyParameters:
+    """The settings that fit a gait, less what the peers lack.
+
+    Args:
+        gait: whose settings.
+        friction: coefficient that is assumed.
+        posture: weight of the legs' joints.
+    """
+    own = WholeBodyParameters.for_gait(gait, limits={"mu": friction})
+    w = own.weights
+    weights = WholeBodyWeights(
+        body=SCALE * w.body,
+        orientation=SCALE * w.orientation,
+        swing=SCALE * w.swing,
+        posture=posture,
+        arms=SCALE * w.arms,
+        thrust=SCALE * w.thrust,
+        force=SCALE * w.force,
+    )
+    limits = replace(own.limits, faces=FACES, give_way=1.0)
+    return replace(
+        own,
+        weights=weights,
+        limits=limits,
+        min_normal_force=0.0,
+        max_normal_force=FREE,
+        estimate_friction=False,
+        **OWN_SEARCH,
+    )
 
 
 @dataclass(frozen=True)
@@ -47,112 +97,135 @@ class Expected:
 
     acceleration: Vector  # (ticks, nv) generalised, m/s² and rad/s², body axes
     torque: Vector  # (ticks, joints) N·m
-    force: Vector  # (ticks, feet, 3) on the feet, world axes, N
+    force: Vector  # (ticks, contact points, 3) on the robot, world axes, N
     thrust: Vector  # (ticks, thrusters, 3) world axes, N
     solved: NDArray[np.bool_]  # (ticks,) whether the program was solved
+
+
+ARRAYS = ("q", "v", "body", "orientation", "feet", "joints", "brake", "held", "loaded", "sole", "resistance", "counted")
 
 
 @dataclass(frozen=True)
 class PeerProblem:
     """What every peer is given, tick by tick."""
 
-    settings: dict[str, Any]  # URDF, names, weights, gains and limits
+    settings: dict[str, Any]  # names of links and joints, weights and limits
     q: Vector  # (ticks, nq) configuration
     v: Vector  # (ticks, nv) generalised velocity
-    body: Vector  # (ticks, 3) desired acceleration of the body, world axes, m/s²
-    orientation: Vector  # (ticks, 3) desired angular acceleration, body axes, rad/s²
-    feet: Vector  # (ticks, feet, 3) desired acceleration of the feet, world axes, m/s²
-    joints: Vector  # (ticks, joints) desired joint accelerations, rad/s²
-    held: Vector  # (ticks, feet) 1 where a foot is held
-    thrust: Vector  # (ticks, thrusters, 3) given thrusts, world axes, N
-    thrust_force: Vector  # (ticks, nv) J_tᵀ u of the given thrusts
-    damping_force: Vector  # (ticks, nv) B v
-    counted: Vector  # (ticks,) 0 in the warm-up of each sequence
-    expected: dict[str, Expected]  # our solutions by variant
+    # (ticks, 3) desired acceleration of the body's origin, world axes, m/s²; where the settings say ``centred`` its
+    # first two entries are that of the centre of mass
+    body: Vector
+    orientation: Vector  # (ticks, 3) desired angular acceleration of the body, world axes, rad/s²
+    feet: Vector  # (ticks, contact points, 3) desired accelerations, world axes, m/s²
+    joints: Vector  # (ticks, joints) desired accelerations, rad/s²
+    brake: Vector  # (ticks, joints) what is added to the weights of joints near the ends of their ranges
+    held: Vector  # (ticks, contact points) 1 where a foot is held
+    loaded: Vector  # (ticks, contact points) 1 where a point may bear load; a held sole may lift a corner
+    sole: Vector  # (ticks, soles, 6) acceleration with which a held sole follows its corners, world axes, m/s², rad/s²
+    resistance: Vector  # (ticks, nv) damping and friction of the joints, against their motion, N·m
+    counted: Vector  # (ticks,) 1 where times count
+    expected: Expected
 
     def __len__(self) -> int:
         return len(self.q)
 
-    @property
-    def supports(self) -> dict[str, NDArray[np.bool_]]:
-        """(ticks,) masks of single and double support; with more than two feet, of all held."""
-        held, feet = self.held.sum(axis=1), len(self.settings["feet"])
-        return {"single": held == 1.0, "double": held == 2.0} if feet == 2 else {"all": held == feet}
-
-    def save(self, path: Path, repetitions: int) -> None:
-        """Write the file that a worker reads."""
-        settings = json.dumps({**self.settings, "repetitions": repetitions})
+    def save(self, path: Path, repetitions: int, options: Mapping[str, Any]) -> None:
+        """Write the file that a worker reads, with how often it replays, and options of its own."""
+        settings = json.dumps({**self.settings, **options, "repetitions": repetitions})
         np.savez(path, settings=np.array(settings), **{name: getattr(self, name) for name in ARRAYS})
 
 
-def make_problem(
-    robot: Robot,
-    sequences: Sequence[StateSequence],
-    *,
-    friction: float,
-    warm_up: int,
-    most: int,
-    gait: Gait | None = None,
-    weights: WholeBodyWeights | None = None,
-) -> PeerProblem:
-    """Tasks, contact states and thrusts of recorded states, and our solutions.
+def make_problem(case: Case, urdf: Path) -> PeerProblem:
+    """What peers are given of a case, and our solutions.
 
-    Of each sequence ``most`` ticks are taken from its start, of which those in the warm-up will not be counted. The
-    gait is the robot's default where none is given, and so are the weights.
+    Args:
+        case: whose states and program.
+        urdf: file to which the model is written.
+
+    Raises:
+        InputError: a program that the peers do not have.
     """
-    limits = WholeBodyLimits(mu=friction, faces=FACES)
-    gait = make_gait(robot) if gait is None else gait
-    parameters = WholeBodyParameters.for_gait(gait, formulation="full", limits=limits, weights=weights)
-    controller = WholeBodyController(gait, parameters)
-    problem, p, t = controller.problem, controller.parameters, controller.targets
-    weights = p.weights
-    program, n_thrust = problem.program, problem.n_thrust
-    normal = program.bounded + np.arange(1, problem.feet + 1) * problem.foot_rows - 1  # rows of f_z
-    box = program.lower[:n_thrust].copy(), program.upper[:n_thrust].copy()
-    solvers = {name: make_solver("proxqp", program, reuse=True) for name in ("complete", *VARIANTS)}
-    rows: list[tuple[Vector, ...]] = []
-    solutions: dict[str, list[tuple[Any, ...]]] = {name: [] for name in VARIANTS}
-    inputs = np.zeros(n_thrust + problem.joints)
-    for sequence in sequences:
+    controller = WholeBodyController(case.gait, replace(case.parameters, formulation="full", **OWN_SEARCH))
+    robot, problem = controller.robot, controller.problem
+    write_model(robot, urdf)
+    ticks: list[tuple[Vector, ...]] = []
+    solutions: list[tuple[Any, ...]] = []
+    centred: set[bool] = set()
+    data = robot.model.createData()
+    inputs = np.zeros(problem.n_thrust + problem.joints)
+    for sequence in case.sequences:
         controller.reset()
-        for i, state in enumerate(sequence.states[:most]):
+        for i, state in enumerate(sequence.states):
             controller.prepare(state)
-            program.lower[:n_thrust], program.upper[:n_thrust] = box
             controller.build(state)
-            complete = solvers["complete"].solve(program)
-            problem.inputs(complete.z, inputs)
-            thrust, usable = inputs[:n_thrust].copy(), complete.usable
-            # No range of the normal force but f_z ≥ 0.
-            program.lower[normal] = np.where(t.held != 0.0, 0.0, -1.0)
-            program.upper[normal] = np.where(t.held != 0.0, _FREE, 1.0)
-            for name, bounds in (("given", (thrust, thrust)), ("decided", (-_FREE, _FREE))):
-                program.lower[:n_thrust], program.upper[:n_thrust] = bounds
-                solution = solvers[name].solve(program)
-                problem.inputs(solution.z, inputs)
-                z, solved = solution.z, bool(usable and solution.status == 0)
-                solutions[name].append((problem.acceleration(z), problem.contact_force(z), inputs.copy(), solved))
-            forces = thrust @ controller.dynamics.thruster_jacobian, robot.model.damping * state.v
-            targets = (getattr(t, key).copy() for key in TARGETS)
-            rows.append((state.q, state.v, *targets, thrust.reshape(-1, 3), *forces, np.array(float(i >= warm_up))))
-    expected = {}
-    for name in VARIANTS:
-        acceleration, force, given, found = (np.array(part) for part in zip(*solutions[name], strict=True))
-        thrusts = given[:, :n_thrust].reshape(len(given), -1, 3)
-        expected[name] = Expected(acceleration, given[:, n_thrust:], force, thrusts, found)
+            solution = controller.solve()
+            z = solution.z
+            problem.inputs(z, inputs)
+            solved = solution.status is QPStatus.SOLVED
+            solutions.append((problem.acceleration(z), problem.contact_force(z), inputs.copy(), solved))
+            ticks.append((*_handed_over(controller, state, data), np.array(float(i >= case.first))))
+            centred.add(controller.targets.centred)
+    if len(centred) > 1:
+        raise InputError(f"{case.name}: the task of the body changes from tick to tick")
+    acceleration, force, given, found = (np.array(part) for part in zip(*solutions, strict=True))
+    thrust = given[:, : problem.n_thrust].reshape(len(given), -1, 3)
+    expected = Expected(acceleration, given[:, problem.n_thrust :], force, thrust, found)
+    weights, links = case.parameters.weights, links_of(robot)
     settings = {
-        "urdf": str(robot.urdf),
-        # The link on the free flyer.
-        "base": next(f.name for f in robot.model.frames if f.type == pin.FrameType.BODY and f.parentJoint == 1),
+        "urdf": str(urdf),
+        "base": BASE,
         "joints": robot.joints,
-        "feet": robot.feet,
-        "thrusters": robot.thrusters,
+        "contacts": links.contacts,
+        "thrusters": links.thrusters,
+        "soles": links.soles,
+        "corners": sole_corners(robot).tolist(),
+        "centred": centred.pop(),
         "armature": robot.model.armature.tolist(),
         "torque_limit": (problem.limits.torque_scale * robot.torque_limit).tolist(),
-        "mu": float(limits.pyramid[0, 2]),
+        "mu": float(problem.limits.pyramid[0, 2]),
         "weights": {name: getattr(weights, name) for name in ("body", "orientation", "swing", "thrust", "force")},
-        "posture_weights": [getattr(weights, name) for name in joint_weights(robot)],
-        "gains": {"orientation": p.orientation, "posture": p.posture, "contact": p.contact_damping},
-        "posture": controller.gait.initial_state()[0][7:].tolist(),
+        "joint_weights": [getattr(weights, name) for name in joint_weights(robot)],
     }
-    arrays = {name: np.array(part) for name, part in zip(ARRAYS, zip(*rows, strict=True), strict=True)}
+    arrays = {name: np.array(part) for name, part in zip(ARRAYS, zip(*ticks, strict=True), strict=True)}
     return PeerProblem(settings, **arrays, expected=expected)
+
+
+def _handed_over(controller: WholeBodyController, state: State, data: pin.Data) -> tuple[Vector, ...]:
+    """What peers are given of a tick, of which the program was built: :data:`ARRAYS` but the last."""
+    robot, d, t = controller.robot, controller.dynamics, controller.targets
+    if t.tilted or np.isfinite(t.friction).any():
+        raise InputError("peers are given level ground, and one friction coefficient")
+    # The controllers' bias forces have the friction of joints in them.
+    free = pin.rnea(robot.model, data, state.q, state.v, np.zeros(robot.model.nv))
+    resistance = d.damping * state.v + d.bias - free
+    weights = controller.parameters.weights
+    each = np.array([getattr(weights, name) for name in joint_weights(robot)])
+    return (
+        state.q,
+        state.v,
+        t.body.copy(),
+        d.rotation @ t.orientation,
+        t.feet.copy(),
+        t.joints.copy(),
+        (t.joint_share - 1.0) * each,
+        t.held.copy(),
+        (t.held * (t.force_range[:, 1] > 0.0)),
+        np.array([_motion_of_sole(controller, n) for n in range(len(robot.flat_feet))]).reshape(-1, 6),
+        resistance,
+    )
+
+
+def _motion_of_sole(controller: WholeBodyController, n: int) -> Vector:
+    """Acceleration of a sole, linear in its middle and angular, that is nearest to those desired of its corners.
+
+    It is the solution of the rows of :func:`harpy_pin.model.flat_foot.flat_foot_rows`: with ρ_i from the middle to the
+    corners, Σ (a_i − α_i) = 0 and Σ ρ_i × (a_i − α_i) = 0, where a_i = a + ω̇ × ρ_i + ω × (ω × ρ_i).
+    """
+    d, corners = controller.dynamics, slice(4 * n, 4 * n + 4)
+    arm = d.foot_position[corners] - d.foot_position[corners].mean(axis=0)
+    spread = np.sum(arm * arm) * np.eye(3) - arm.T @ arm  # Σ ρ × (x × ρ) = S x
+    turn = np.linalg.solve(spread, np.cross(arm, d.foot_velocity[corners]).sum(axis=0))
+    inward = np.cross(turn, np.cross(turn, arm))
+    desired = controller.targets.feet[corners]
+    angular = np.linalg.solve(spread, np.cross(arm, desired - inward).sum(axis=0))
+    return np.concatenate((desired.mean(axis=0), angular))

@@ -59,61 +59,57 @@ def compiled() -> Path:
     return program
 
 
-def header(problem: dict[str, Any], given: bool) -> str:
+SCALARS = ("body", "orientation", "swing", "thrust", "force")
+ARRAYS = ("q", "v", "body", "orientation", "feet", "joints", "brake", "held", "loaded", "sole", "resistance")
+"""What is handed over tick by tick, in the driver's order."""
+
+
+def header(problem: dict[str, Any]) -> str:
     """Settings, as the driver reads them."""
     s = problem["settings"]
-    w, g = s["weights"], s["gains"]
-    weights = [w[name] for name in ("body", "orientation", "swing", "thrust", "force")]
-    numbers = [s["mu"], *weights, g["contact"], *g["orientation"], *g["posture"]]
-    lines = [s["urdf"], f"{s['base']} {len(problem['q'])} {s['repetitions']} {int(given)}"]
+    numbers = [s["mu"], *(s["weights"][name] for name in SCALARS)]
+    lines = [s["urdf"], f"{s['base']} {len(problem['q'])} {s['repetitions']} {int(s['centred'])}"]
     lines.append(" ".join(repr(float(number)) for number in numbers))
-    lines += [" ".join((str(len(names)), *names)) for names in (s["feet"], s["thrusters"])]
+    lines += [" ".join((str(len(names)), *names)) for names in (s["contacts"], s["thrusters"], s["soles"])]
     return "\n".join(lines) + "\n"
 
 
-def replay(program: Path, problem: dict[str, Any], given: bool, out: dict[str, Any]) -> None:
-    """Pose one variant, and put its solutions and times among the results."""
-    s, variant = problem["settings"], "given" if given else "decided"
+def replay(program: Path, problem: dict[str, Any]) -> dict[str, Any]:
+    """Solutions of all states, and the times of every repetition."""
+    s = problem["settings"]
     n, nv = problem["v"].shape
-    joints, feet, thrusters, repetitions = nv - 6, len(s["feet"]), len(s["thrusters"]), s["repetitions"]
-    arrays = [s["armature"], s["torque_limit"], s["posture"], s["posture_weights"]]
-    arrays += [problem[name] for name in ("q", "v", "body", "feet", "held", "thrust", "damping_force")]
+    joints, points, thrusters, repetitions = nv - 6, len(s["contacts"]), len(s["thrusters"]), s["repetitions"]
+    arrays = [s["armature"], s["torque_limit"], s["joint_weights"], s["corners"], *(problem[name] for name in ARRAYS)]
     with TemporaryDirectory() as scratch:
         settings, data, result = (Path(scratch) / name for name in ("header", "data", "result"))
-        settings.write_text(header(problem, given))
+        settings.write_text(header(problem))
         data.write_bytes(b"".join(np.ascontiguousarray(array, dtype=np.float64).tobytes() for array in arrays))
         done = subprocess.run([str(program), str(settings), str(data), str(result)], capture_output=True, text=True)
         if done.returncode != 0:
             raise SystemExit(f"its driver ended with {done.returncode}: {done.stderr.strip()}")
         found = np.fromfile(result)
-    row = nv + joints + 3 * (feet + thrusters)
+    row = nv + joints + 3 * (points + thrusters)
     solutions, timed = np.split(found, [n * row])
-    parts = np.split(solutions.reshape(n, row), np.cumsum([nv, joints, 3 * feet]), axis=1)
-    tick, solve, _, torque = np.split(timed.reshape(repetitions, n * (3 + joints)), [n, 2 * n, 3 * n], axis=1)
-    answers = {
-        "acceleration": parts[0],
+    acceleration, _, force, thrust = np.split(solutions.reshape(n, row), np.cumsum([nv, joints, 3 * points]), axis=1)
+    tick, torque = np.split(timed.reshape(repetitions, n * (1 + joints)), [n], axis=1)
+    return {
+        "acceleration": acceleration,
         "torque": torque[-1].reshape(n, joints),  # what was timed is what is checked
-        "force": parts[2].reshape(n, feet, 3),
-        "thrust": parts[3].reshape(n, thrusters, 3),
-        "tick_ns": tick.astype(np.int64),
-        "solve_ns": solve.astype(np.int64),
+        "force": force.reshape(n, points, 3),
+        "thrust": thrust.reshape(n, thrusters, 3),
+        "inside_ns": tick.astype(np.int64),
     }
-    out |= {f"{variant}_{key}": value for key, value in answers.items()}
 
 
 def main(problem_file: str, result_file: str) -> None:
-    """Compile, solve, time and write both variants."""
+    """Compile, solve and time, and write the answer."""
     with np.load(problem_file) as file:
         problem: dict[str, Any] = {key: file[key] for key in file.files}
     problem["settings"] = json.loads(str(problem["settings"]))
-    out: dict[str, Any] = {
-        "versions": json.dumps({name: version(name) for name in PACKAGES}),
-        "overhead_ns": 0.0,  # of std::chrono's clock: not subtracted
-    }
-    program = compiled()
-    for given in (True, False):
-        replay(program, problem, given, out)
-    np.savez(result_file, **out)
+    versions = {name: version(name) for name in PACKAGES} | {"compiled with": " ".join(FLAGS[:2])}
+    out = replay(compiled(), problem)
+    # The overhead of std::chrono's clock is not subtracted.
+    np.savez(result_file, versions=json.dumps(versions), overhead_ns=0.0, **out)
 
 
 if __name__ == "__main__":

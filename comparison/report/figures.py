@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-_QP = SLIDING
+_PROXQP = SLIDING
 _OTHERS = ("#6b7480", THRUST, CONTACT, TARGET, APPLIED, FRICTION, "#8c564b", "#3b3b3b")
-_GROWTH = ("#6b7480", SLIDING, THRUST, TARGET, "#7a3e9d", CONTACT)
+_GROWTH = ("#6b7480", SLIDING, THRUST, "#8c564b", TARGET, "#7a3e9d", CONTACT)
 _LIFTS = (0.0, 22.0, -22.0, 40.0, -40.0, 66.0, -66.0, 92.0, -92.0, 118.0, -118.0)
 """How far above its point a label may stand, in the order of preference, points."""
 
@@ -47,8 +47,8 @@ def pareto_figure(table: Table) -> Figure:
     points = {row: p for row, p in points.items() if all(value > 0.0 for value in p)}
     if not points:
         raise InputError("no contender has both a time and a slip", name="table")
-    others = [row for row in table.rows if "QP" not in row]
-    colours = {row: _QP if "QP" in row else _OTHERS[others.index(row) % len(_OTHERS)] for row in table.rows}
+    others = [row for row in table.rows if "ProxQP" not in row]
+    colours = {row: _OTHERS[others.index(row) % len(_OTHERS)] if row in others else _PROXQP for row in table.rows}
     figure = Figure(figsize=(7.2, 4.6), layout="constrained")
     axes = figure.subplots()
     axes.set(xscale="log", yscale="log")

@@ -45,6 +45,7 @@ def tables_of(document: Mapping[str, Any]) -> list[Table]:
     friction, walk = document["settings"]["friction"], document["walk"]
     cells = (Cell(text, who, walk[who][measure]) for measure, text in MEASURES.items() for who in TIMED)
     return [
+        answer_of(document).table(),
         pareto_table(document),
         *timing_tables(document["timing"], friction),
         Table("walk", f"One undisturbed walk of each, friction {friction:g}", tuple(cells)),

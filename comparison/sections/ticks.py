@@ -12,7 +12,7 @@ import numpy as np
 
 from comparison.contenders import CONTENDERS, FORCES, controller_part, label
 from comparison.measure.inside_c import ReplayInsideC, overhead_inside_c
-from comparison.measure.replay import WBC_PHASES, TickReplay, WholeBodyChain
+from comparison.measure.replay import WBC_PHASES, ProxQPReplay, TickReplay, WholeBodyChain
 from comparison.measure.timing import Bench, Laps, summarise, summarise_repetitions
 from comparison.measure.walking import StateSequence, recorded_walk, scenario_of
 from comparison.tables import Cell, Table, in_columns, percentiles
@@ -29,16 +29,17 @@ COLD = 200
 
 
 def make_all(robot: Robot, friction: float) -> dict[str, Any]:
-    """Every controller and governor of the campaign, the QP in contact forces, and QPs that reuse no active set."""
-    made = {name: controller_part(name).make(make_gait(robot), mu=friction, period=1e-3) for name in CONTENDERS}
-    programs: dict[str, dict[str, Any]] = {FORCES: {"formulation": "contact_force"}}
-    for solver in (name for name in ("proxqp", "daqp") if name in installed_solvers()):
-        programs[f"wbc/{solver}"] = {"solver": solver, "reuse": False}
-    for name, settings in programs.items():
-        gait = make_gait(robot)
-        parameters = WholeBodyParameters.for_gait(gait, limits={"mu": friction}, **settings)
-        made[name] = WholeBodyController(gait, parameters)
-    return made
+    """Every controller and governor of the campaign, the QP by DAQP, and the QP in contact forces."""
+    daqp = ("wbc/daqp",) if "daqp" in installed_solvers() else ()
+    names = (*CONTENDERS, *daqp, FORCES, "wbc/contact_force")
+    return {name: controller_part(name).make(make_gait(robot), mu=friction, period=1e-3) for name in names}
+
+
+def proxqp_replay(robot: Robot, friction: float) -> ProxQPReplay:
+    """The contender ``wbc`` with ProxQP's own timer on."""
+    gait = make_gait(robot)
+    parameters = WholeBodyParameters.for_gait(gait, limits={"mu": friction})
+    return ProxQPReplay(lambda solver: WholeBodyController(gait, parameters, solver=solver))
 
 
 def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, Any]:
@@ -47,15 +48,16 @@ def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, An
     Returns:
         For each contender percentiles, µs, the least and largest median of a repetition, and the ticks right after a
         reset; and, unless a part of its tick is Python's, ``inside_c`` with the same percentiles, and how many of its
-        commands were ``differing`` from those in Python.
+        commands were ``differing`` from those in Python. For ``wbc`` also ``own_timer``, ProxQP's own share of its
+        ticks by its own timer, and ``fallbacks``, in how many ticks of a replay the dual method followed ProxQP.
     """
     timed = {name: TickReplay(controller) for name, controller in make_all(bench.robot, bench.friction).items()}
     inside = {name: ReplayInsideC(controller) for name, controller in make_all(bench.robot, bench.friction).items()}
     inside = {name: timer for name, timer in inside.items() if timer.controller.calls(sequences[0].states[0])}
-    differing = dict.fromkeys(inside, 0)
+    differing, own_timer, fallbacks = dict.fromkeys(inside, 0), proxqp_replay(bench.robot, bench.friction), [0]
 
     def start(k: int) -> dict[str, TickReplay]:
-        every = timed | {f"{name}{_INSIDE}": timer for name, timer in inside.items()}
+        every = timed | {f"{name}{_INSIDE}": timer for name, timer in inside.items()} | {_OWN_TIMER: own_timer}
         for timer in every.values():
             timer.start(sequences[k].states)
         return every
@@ -63,6 +65,7 @@ def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, An
     def end(repetition: int, k: int) -> None:
         for name, timer in inside.items():
             differing[name] += int(np.any(timer.commands != timed[name].commands, axis=1).sum())
+        fallbacks[0] += timed["wbc"].controller.fallbacks if repetition == 0 else 0
 
     lengths, overhead_c = [len(sequence) for sequence in sequences], overhead_inside_c()
     laps, overhead = bench.repeat(start, lengths, block=bench.settings.block, end=end)
@@ -75,14 +78,19 @@ def time_ticks(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, An
     for name in inside:
         summary = summarise_repetitions([part[:, 0] for part in laps[f"{name}{_INSIDE}"]], overhead_c)
         result[name]["inside_c"] = {**summary, "differing": differing[name]}
+    own = summarise_repetitions([part[:, 0] for part in laps[_OWN_TIMER]])
+    result["wbc"] |= {"own_timer": own, "fallbacks": fallbacks[0]}
     return result
 
 
 _INSIDE = ", inside C"
+_OWN_TIMER = "ProxQP's own timer"
 
 
 def time_own_walks(bench: Bench, impulse: float, duration: float) -> dict[str, Any]:
-    """Ticks of each controller inside C on a pushed walk of its own, in the closed loop; impulse in N·s, duration in s.
+    """Ticks of each controller on a pushed walk of its own, in the closed loop; impulse in N·s, duration in s.
+
+    They are timed inside C; those of ``wbc`` in Python, from which ProxQP is called.
 
     Returns:
         For each of :data:`CONTENDERS` percentiles, µs, and how the walk ended.
@@ -119,7 +127,11 @@ def ticks_tables(ticks: Mapping[str, Any]) -> list[Table]:
     for name, entry in ticks["contenders"].items():
         row = label(name)
         times += percentiles(row, entry)
-        for where, found in (("inside C", entry.get("inside_c")), ("own walk", ticks.get("own_walks", {}).get(name))):
+        for where, found in (
+            ("inside C", entry.get("inside_c")),
+            (_OWN_TIMER, entry.get("own_timer")),
+            ("own walk", ticks.get("own_walks", {}).get(name)),
+        ):
             cells = percentiles(row, found) if found else []
             times += [
                 cell._replace(column=f"{where}, {cell.column}") for cell in cells if cell.column in ("p50", "p99")
@@ -129,7 +141,10 @@ def ticks_tables(ticks: Mapping[str, Any]) -> list[Table]:
     title = f"Complete tick of every controller, µs, friction {friction:g}, pushes of {ticks['impulse']:g} N·s"
     note = (
         "Called from Python, then inside C, on the same states for all; own walk: inside C in the closed loop, where "
-        "each controller meets its own states, up to a fall. In brackets: least and largest median of a repetition."
+        "each controller meets its own states, up to a fall. ProxQP and DAQP come as modules of Python: C cannot call "
+        "them, so their ticks, own walks too, are timed in Python. ProxQP's own timer: what ProxQP itself says that "
+        "it takes of these ticks (setup_time and solve_time), without Python and without handing the program over. "
+        "In brackets: least and largest median of a repetition."
     )
     return [
         Table("ticks", title, tuple(times), note),
@@ -143,8 +158,8 @@ STATES = 500
 EXACT = ("daqp", "quadprog")
 """Active-set methods end at the optimum to rounding: the first of these that is installed is the reference."""
 
-LOOSE = "command, proxqp to 1e-6 without duality gap"
-"""ProxQP with its own settings but for the tolerance."""
+LOOSE = "input_space, proxqp to 1e-6 without duality gap"
+"""ProxQP where the gap is not checked, to a larger tolerance."""
 
 COLUMNS = {
     "tick_p50_us": ("tick", "µs"),
@@ -178,9 +193,8 @@ def _configurations(gait: Gait, friction: float) -> dict[str, WholeBodyParameter
     found: dict[str, WholeBodyParameters] = {}
     for formulation in FORMULATIONS:
         for solver in (name for name in SOLVERS if name in installed_solvers()):
-            for reuse in (False, True) if solver in ("proxqp", "daqp") else (False,):
-                name = f"{formulation}, {solver}" + (", active set reused" if reuse else "")
-                found[name] = replace(plain, formulation=formulation, solver=solver, reuse=reuse)
+            name = f"{formulation}, {solver}"
+            found[name] = replace(plain, formulation=formulation, solver=solver)
     return found
 
 

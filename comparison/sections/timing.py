@@ -68,7 +68,7 @@ class RecordingGovernor:
 
 
 class RecordedPrograms(TickReplay):
-    """The QP controller's ticks, not timed, with its programs, their solutions, and what its solver says.
+    """A QP controller's ticks, not timed, with its programs, their solutions, and what its solver says.
 
     Attributes:
         programs: records of the first of them.
@@ -105,6 +105,13 @@ class RecordedPrograms(TickReplay):
                 self.stationarity.append(stationarity(program, solution.z))
 
 
+TICK_RATIOS = (
+    *((slow, "governed") for slow in ("wbc", "own search", "condensed")),
+    *(("condensed", fast) for fast in ("wbc", "own search")),
+)
+"""Whose complete ticks are divided by whose, by names of :data:`TIMED`."""
+
+
 @dataclass(frozen=True)
 class ExpectedReplay:
     """What should come out of one sequence."""
@@ -112,8 +119,14 @@ class ExpectedReplay:
     governor: GovernorTrace  # inputs and outputs of the governor
     # the same inputs and what a governor makes of them that assumes no friction, so that rows are violated throughout
     strained: GovernorTrace
-    program: RecordedPrograms  # the quadratic programs
+    program: RecordedPrograms  # the quadratic programs, and their solutions by our own search
+    proxqp: RecordedPrograms  # what ProxQP says of them
     commands: dict[str, Vector]  # (ticks, size) of each contender
+
+    @property
+    def solved(self) -> dict[str, RecordedPrograms]:
+        """Both solvers of the program in ticks, by name."""
+        return {"proxqp": self.proxqp, "own": self.program}
 
 
 def record_expected(
@@ -126,14 +139,15 @@ def record_expected(
     controllers = {name: make_contender(name, robot, friction) for name in TIMED}
     controllers["governed"].governor = recorder = RecordingGovernor(controllers["governed"].governor)
     replays = {name: TickReplay(controllers[name]) for name in ("ungoverned", "governed", "condensed")}
-    replays["wbc"] = program = RecordedPrograms(controllers["wbc"], keep=keep, samples=samples)
+    replays["own search"] = program = RecordedPrograms(controllers["own search"], keep=keep, samples=samples)
+    replays["wbc"] = proxqp = RecordedPrograms(controllers["wbc"], keep=0, samples=samples)
     commands = {name: replay(timer, sequence.states).commands for name, timer in replays.items()}
     trace = recorder.trace()
     strained = RecordingGovernor(make_contender("governed", robot, 0.0).governor)
     strained.reset(trace.start)
     for x, x_r in zip(trace.measured, trace.references, strict=True):
         strained.update(x, x_r, controllers["governed"].period)
-    return ExpectedReplay(trace, strained.trace(), program, commands)
+    return ExpectedReplay(trace, strained.trace(), program, proxqp, commands)
 
 
 def stationarity(program: QuadraticProgram, z: Vector) -> float:
@@ -157,8 +171,8 @@ def stationarity(program: QuadraticProgram, z: Vector) -> float:
 COMMAND_TOLERANCE = 1e-6
 """Largest accepted difference between a timed command and the expected one, N and N·m."""
 
-WBC_SHARE = 0.05
-"""Largest accepted share of the QP controller's commands that differ; the governed controllers' must not differ at all.
+PROXQP_SHARE = 0.05
+"""Largest accepted share of the commands by ProxQP that differ; those of the others must not differ at all.
 
 Where a program is hard (the robot falls, say), the point at which an iterative solver stops depends on rounding, and
 that on where its memory lies. Such ticks are counted and shown.
@@ -171,18 +185,18 @@ PHASES = {
     "tick": "complete tick",
     "kinematics": "gait, rigid-body terms",
     "build": "build: tasks, program",
-    "solve": "solve: active set, else ProxQP",
+    "solve": "solve",
     "finish": "torques, thrusts",
     "chain": "phases together",
     "governor_alone": "governor update, isolated",
     "governor_alone_violated": "the same, rows violated",
-    "solve_alone": "solve, isolated, as in the tick",
+    "solve_alone": "solve, isolated, own search",
     "solve_alone_proxqp": "solve, isolated, ProxQP, warm",
     "solve_alone_daqp": "solve, isolated, DAQP",
 }
 """What is timed, as readers see it."""
 
-_CHAINS = {"wbc/chain": WBC_PHASES}
+_CHAINS = {"own search/chain": WBC_PHASES, "wbc/chain": WBC_PHASES}
 
 
 def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[str, dict[str, Any]]:
@@ -219,8 +233,11 @@ def time_contenders(bench: Bench, sequences: Sequence[StateSequence]) -> dict[st
             "governor_rows_violated": expected.governor.active,
             "governor_infeasible": expected.governor.infeasible,
             "strained_rows_violated": expected.strained.active,
-            "qp_iterations_mean": float(np.mean([report[0] for report in expected.program.reports])),
-            "qp_iterations_max": max(report[0] for report in expected.program.reports),
+            **{
+                f"{solver}_iterations_{what}": float(of([report[0] for report in programs.reports]))
+                for solver, programs in expected.solved.items()
+                for what, of in (("mean", np.mean), ("max", max))
+            },
         }
         for sequence, expected in zip(sequences, expectations, strict=True)
     }
@@ -238,16 +255,16 @@ class _TimingRun:
         governed = make_contender("governed", robot, friction)
         self.replays: dict[str, TickReplay] = {
             **{f"{name}/tick": TickReplay(make_contender(name, robot, friction)) for name in TIMED},
-            "wbc/chain": WholeBodyChain(make_contender("wbc", robot, friction)),
+            **{key: WholeBodyChain(make_contender(key.partition("/")[0], robot, friction)) for key in _CHAINS},
         }
         self.governor, self.strained = (
             IsolatedGovernor(make_contender("governed", robot, mu).governor, governed.period) for mu in (friction, 0.0)
         )
-        solvers = {"solve_alone": ("proxqp", True)}
-        solvers |= {f"solve_alone_{name}": (name, False) for name in ("proxqp", "daqp") if name in installed_solvers()}
+        solvers = {"solve_alone": "active_set"}
+        solvers |= {f"solve_alone_{name}": name for name in ("proxqp", "daqp") if name in installed_solvers()}
         self.solvers = {
-            phase: IsolatedSolver(make_contender("wbc", robot, friction).problem.program, name, reuse=reuse)
-            for phase, (name, reuse) in solvers.items()
+            phase: IsolatedSolver(make_contender("wbc", robot, friction).problem.program, name)
+            for phase, name in solvers.items()
         }
         self.gaps: dict[str, list[Any]] = {phase: [] for phase in solvers}
         self.failures = dict.fromkeys(solvers, 0)
@@ -281,10 +298,6 @@ class _TimingRun:
 
     def checks(self, names: Sequence[str], expectations: Sequence[ExpectedReplay], unchanged: bool) -> dict[str, Any]:
         """What was compared, what differed, and how good the solutions are."""
-        programs = [expected.program for expected in expectations]
-        residuals = np.concatenate([p.stationarity for p in programs])
-        reports = {name: p.reports for name, p in zip(names, programs, strict=True)}
-        failures = {name: sum(not usable for *_, usable in found) for name, found in reports.items()}
         governor_difference = max(self.governor.difference, self.strained.difference)
         checks: dict[str, Any] = {
             "states_unchanged": unchanged,
@@ -293,15 +306,10 @@ class _TimingRun:
             "commands_differing_by_controller": dict(self.differing),
             "command_difference_max": self.command_difference,
             "governor_difference_max": governor_difference,
-            "qp_solves": sum(map(len, reports.values())),
-            "qp_failures": sum(failures.values()),
-            "qp_failures_by_states": failures,
-            "qp_inaccurate": sum(status == 1 for found in reports.values() for _, status, _ in found),
-            "qp_violation_max": max(p.violation for p in programs),
-            "qp_sampled": len(residuals),
-            "qp_stationarity_max": float(residuals.max()) if len(residuals) else None,
-            "qp_not_optimal": int(np.count_nonzero(residuals > OPTIMAL)),
         }
+        for solver in expectations[0].solved:
+            programs = {name: expected.solved[solver] for name, expected in zip(names, expectations, strict=True)}
+            checks |= {f"{solver}_{what}": value for what, value in _checks_of(programs).items()}
         for phase, parts in self.gaps.items():
             gaps, name = np.concatenate(parts), phase.removeprefix("solve_")
             checks[f"{name}_failures"] = self.failures[phase]
@@ -311,12 +319,29 @@ class _TimingRun:
             checks[f"{name}_gap_max"] = float(np.abs(gaps).max()) if len(gaps) else None
         checks["passed"] = bool(
             unchanged
-            and self.differing["ungoverned"] == self.differing["governed"] == 0
-            and self.differing["wbc"] <= WBC_SHARE * self.compared["wbc"]
+            and not any(differing for name, differing in self.differing.items() if name != "wbc")
+            and self.differing["wbc"] <= PROXQP_SHARE * self.compared["wbc"]
             and governor_difference <= COMMAND_TOLERANCE
             and all(np.isfinite(expected.commands[name]).all() for expected in expectations for name in TIMED)
         )
         return checks
+
+
+def _checks_of(programs: Mapping[str, RecordedPrograms]) -> dict[str, Any]:
+    """How good the solutions of one solver are, by the name of the states."""
+    residuals = np.concatenate([one.stationarity for one in programs.values()])
+    failures = {name: sum(not usable for *_, usable in one.reports) for name, one in programs.items()}
+    return {
+        "solves": sum(len(one.reports) for one in programs.values()),
+        "failures": sum(failures.values()),
+        "failures_by_states": failures,
+        "fallbacks": sum(one.controller.fallbacks for one in programs.values()),
+        "inaccurate": sum(status == 1 for one in programs.values() for _, status, _ in one.reports),
+        "violation_max": max(one.violation for one in programs.values()),
+        "sampled": len(residuals),
+        "stationarity_max": float(residuals.max()) if len(residuals) else None,
+        "not_optimal": int(np.count_nonzero(residuals > OPTIMAL)),
+    }
 
 
 def _summary(laps: Mapping[str, list[Laps]], overhead: float) -> dict[str, Any]:
@@ -328,12 +353,15 @@ def _summary(laps: Mapping[str, list[Laps]], overhead: float) -> dict[str, Any]:
             timing[name] |= {p: summarise([part[:, k] for part in parts], overhead) for k, p in enumerate(phases)}
         each = [part.reshape(len(part), -1).sum(axis=1) for part in parts]
         timing[name][what] = summarise(each, overhead * len(phases))
-    timing["ratio"] = ratio_of_medians(laps["wbc/tick"], laps["governed/tick"], overhead)
-    libraries = [phase for phase in timing["wbc"] if phase.startswith("solve_alone_")]
-    fastest = min(libraries, key=lambda phase: timing["wbc"][phase]["p50_us"])
-    for key, phase in (("ratio_solve_over_governor", "solve_alone"), ("ratio_library_over_governor", fastest)):
-        ratio = ratio_of_medians(laps[f"wbc/{phase}"], laps["governed/governor_alone"], overhead)
-        timing[key] = {"phase": phase, **ratio}
+    timing["ratios"] = {
+        f"{slow} / {fast}": ratio_of_medians(laps[f"{slow}/tick"], laps[f"{fast}/tick"], overhead)
+        for slow, fast in TICK_RATIOS
+    }
+    timing["solve_ratios"] = {
+        phase: ratio_of_medians(laps[f"wbc/{phase}"], laps["governed/governor_alone"], overhead)
+        for phase in timing["wbc"]
+        if phase.startswith("solve_alone")
+    }
     timing["timer_overhead_ns"] = overhead
     return timing
 
@@ -348,9 +376,8 @@ def timing_tables(timing: Mapping[str, Any], friction: float) -> list[Table]:
         for cell in percentiles(f"{contender}: {PHASES[phase]}", timing[contender][phase])
     ]
     note = f"The timer's own {timing['timer_overhead_ns']:.0f} ns are subtracted from every time."
-    rows = {"complete tick, wbc / governed": timing["ratio"]}
-    for name in ("ratio_solve_over_governor", "ratio_library_over_governor"):
-        rows[f"{PHASES[timing[name]['phase']]} / governor update"] = timing[name]
+    rows = {f"complete tick, {name}": ratio for name, ratio in timing["ratios"].items()}
+    rows |= {f"{PHASES[phase]} / governor update": ratio for phase, ratio in timing["solve_ratios"].items()}
     ratios = tuple(Cell(row, "ratio", r["p50"], "", r["min"], r["max"]) for row, r in rows.items())
     of_ratios = "Ratio of medians; in brackets the least and largest of the repetitions."
     return [

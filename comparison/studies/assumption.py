@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.contenders import CONTENDERS, controller_part, label
+from comparison.contenders import WALKERS, controller_part, label
 from comparison.measure.walking import Rows, grouped
 from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts, walking
 from comparison.tables import number_text
@@ -26,7 +26,7 @@ _COLOURS = ("#7a869a", "#c8553d", "#e09f3e", "#8e7cc3", "#4c956c", "#2c6e9b")
 def _jobs(s: Any) -> Iterator[Job]:
     every = grid(friction=s.frictions, walker=s.walkers, estimate=(False, True), error=s.errors, **starts(s))
     # The ungoverned one assumes nothing.
-    return (job for job in every if job["walker"] != CONTENDERS[0] or not job["estimate"])
+    return (job for job in every if job["walker"] != WALKERS[0] or not job["estimate"])
 
 
 def _scenario(job: Job) -> Scenario:
@@ -73,7 +73,7 @@ STUDY = Study(
     defaults={
         **STARTS,
         "starts": 3,
-        "walkers": CONTENDERS,
+        "walkers": WALKERS,
         "frictions": (0.15, 0.25),
         "errors": (-0.5, -0.3, 0.0, 0.3, 0.5, 1.0, 1.5),
         "duration": 8.0,  # s

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.contenders import BEST, controller_part, label
+from comparison.contenders import BEST, OWN, controller_part, label
 from comparison.measure.walking import Rows, as_far_as_it_goes
 from comparison.studies.grounds import ending_and_slip
 from comparison.study import STARTS, Job, Study, View, grid, start_velocity, starts
@@ -40,7 +40,7 @@ CONTACTS: dict[str, PlantPart] = {
 CAREFUL = 0.4
 """Share of the ground's friction that :data:`GENTLE` assumes."""
 GENTLE = "condensed/gentle"
-WALKERS = ("governed/none", "governed/paper", BEST, "governed/filter", "condensed", "wbc", GENTLE)
+WALKERS = ("governed/none", "governed/paper", BEST, "governed/filter", "condensed", OWN, GENTLE)
 SLIDING = 5e-3
 """Speed beyond the creep from which on a foot counts as sliding, m/s."""
 HELD = 1e-9

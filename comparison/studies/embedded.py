@@ -1,7 +1,7 @@
 """Count what a tick costs on a microcontroller.
 
 Instructions, flash, memory and stack on a Cortex-M4F, M7 and M33 in QEMU, for Harpy, Solo12 and Bolt: the paper's
-governor, the contact-force filter, the condensed controller, and the whole-body QP by its last active set and, from
+governor, the contact-force filter, the condensed controller, and the whole-body QP by own search and, from
 nothing, by DAQP's own C. Each is exported as C and counted on the states of its own walk, and once more on those of the
 condensed controller's, which are the same for all; the pushes are the same in every walk. Needs gcc-arm-none-eabi,
 libnewlib-arm-none-eabi and qemu-system-arm; DAQP's source is fetched from its package, or it has no rows.
@@ -43,7 +43,7 @@ LABELS = {
     "paper": "paper's governor",
     "filter": "contact-force filter",
     "condensed": "condensed WBC",
-    "wbc": "QP, last active set",
+    "wbc": "QP, own search",
     "daqp": "QP, DAQP's C",
 }
 FRICTION = {"harpy": 0.25}

@@ -1,9 +1,9 @@
 """Let Harpy jump, hover and fly.
 
-Under the condensed controller and the whole-body QP, in both engines, with noise: a hop, a jump of 0.4 m, hovering for
-10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, fans that lag, and
-what walks, jumps and flights cost on slopes. A try stands if the robot is upright over its feet at the end, or walked
-on where it should. The controller knows of the fan only where a row says so. This takes many minutes.
+Under the condensed controller and the whole-body QP by own search, in both engines, with noise: a hop, a jump of 0.4 m,
+hovering for 10 s, 2 m through the air to level ground and to slopes of 15 degrees, half a fan lost in the air, fans
+that lag, and what walks, jumps and flights cost on slopes. A try stands if the robot is upright over its feet at the
+end, or walked on where it should. The controller knows of the fan only where a row says so. This takes many minutes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,11 @@ from harpy_pin.log.power import PRESETS
 from harpy_pin.simulation.mujoco import installed_version
 
 FRICTION = 0.6
-CONTROLLERS = {"condensed": "condensed", "wbc": "QP"}
+CONTROLLERS: dict[str, tuple[str, dict[str, Any]]] = {
+    "condensed": ("condensed", {}),
+    "QP": ("wbc", {"solver": "active_set"}),
+}
+"""Names of controllers and their parameters, by the name of their rows; ``QP`` is the whole-body QP by own search."""
 PLANTS = {"compliant": "ours", "mujoco": "MuJoCo"}
 FAILING = (0, 4.0, 0.5)
 """The left fan loses half its power after 4 s."""
@@ -64,7 +68,8 @@ class Manoeuvre:
         terrain: Plane | Ramp | None = None
         if slope:
             terrain = Ramp(slope=slope, start=1.2, length=4.0) if self.walks else Plane(slope=slope)
-        parameters: dict[str, Any] = {"thrust_lag": self.lag} if self.known else {}
+        name, own = CONTROLLERS[controller]
+        parameters: dict[str, Any] = {**own, "thrust_lag": self.lag} if self.known else {**own}
         if not self.thrust:
             parameters["weights"] = {"thrust": NO_THRUST}
         after = ((0.0, SPEED if self.walks else 0.0, 0.0, 0.0),)
@@ -72,7 +77,7 @@ class Manoeuvre:
         fans = hp.Actuators(thrusters=hp.Thrusters(lag=self.lag, failing=failing, largest=largest))
         return hp.Scenario(
             gait=hp.Commanded() if self.flight is None else Flying(flights=self.flight, velocity=after),
-            controller={"name": controller, "parameters": parameters},
+            controller={"name": name, "parameters": parameters},
             plant=plant,
             ground=hp.Ground(mu_s=FRICTION, terrain=terrain),
             disturbances=hp.Disturbances(noise=hp.Noise.typical(), seed=seed, actuators=fans),
@@ -126,7 +131,8 @@ def _measured(job: Job) -> dict[str, Any]:
     if one.watched:
 
         def make(gait: hp.Gait) -> hp.Controller:
-            return ThrustWatch(hp.make_controller(job["controller"], gait, mu=FRICTION), gait.robot)
+            name, own = CONTROLLERS[job["controller"]]
+            return ThrustWatch(hp.make_controller(name, gait, mu=FRICTION, **own), gait.robot)
 
     run = walk_as_far_as_it_goes(one.scenario(job["controller"], job["plant"], job["seed"]), make)
     if one.flight is not None:
@@ -213,7 +219,7 @@ STUDY = Study(
         View(
             "flights",
             "Flights of Harpy",
-            row=lambda row: f"{row['flight']}, {CONTROLLERS[row['controller']]}, {PLANTS[row['plant']]}",
+            row=lambda row: f"{row['flight']}, {row['controller']}, {PLANTS[row['plant']]}",
             columns={
                 "stands": share("stands"),
                 "height, m": _of_all("height_m", min, 3),

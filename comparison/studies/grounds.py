@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from comparison.contenders import label
+from comparison.contenders import OWN, label
 from comparison.measure.walking import Rows, scenario_of
 from comparison.study import Job, Study, View, grid, shown, where
 from harpy_pin import Ground, Mujoco, Run, Scenario, walk
@@ -68,7 +68,7 @@ STUDY = Study(
     name="grounds",
     help=__doc__,
     defaults={
-        "walkers": ("governed/none", "governed/paper", "governed/filter", "condensed", "wbc"),
+        "walkers": ("governed/none", "governed/paper", "governed/filter", "condensed", OWN),
         "frictions": (0.25, 0.15),  # the highest first
         "duration": 6.0,  # s
     },

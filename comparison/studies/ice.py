@@ -1,21 +1,21 @@
 """Walk over ice with and without estimated friction.
 
-The condensed controller, the whole-body QP, the paper's governor and the contact-force filter, none of which knows of
-the strip, in both engines, with exact measurements and with noise and delay. The estimate's settings were chosen on
-strips of 0.2 and 0.1 on ground of 0.6, at 0.2 and 0.4 m/s, with seeds 100 and 101. What is walked here is at other
-friction, at another speed, on strips at other places and with other seeds.
+The condensed controller, the whole-body QP by own search, the paper's governor and the contact-force filter, none of
+which knows of the strip, in both engines, with exact measurements and with noise and delay. The estimate's settings
+were chosen on strips of 0.2 and 0.1 on ground of 0.6, at 0.2 and 0.4 m/s, with seeds 100 and 101. What is walked here
+is at other friction, at another speed, on strips at other places and with other seeds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from comparison.contenders import label
+from comparison.contenders import OWN, OWN_PART, label
 from comparison.measure.walking import Rows
 from comparison.study import Job, Study, View, fell, grid, shown
 from harpy_pin import Disturbances, Ground, Noise, Scenario, walk
@@ -25,9 +25,9 @@ STEP = 0.75
 """Duration of a step of the default gait, s."""
 LOADED = 1.0
 """Normal force of a foot that is on the ground, N."""
-WALKERS: dict[str, dict[str, Any]] = {
+WALKERS: dict[str, Mapping[str, Any]] = {
     "condensed": {"name": "condensed"},
-    "wbc": {"name": "wbc"},
+    OWN: OWN_PART,
     "paper": {"name": "governed", "governor": "paper"},
     "filter": {"name": "governed", "governor": "filter"},
 }
@@ -44,8 +44,9 @@ def _jobs(s: Any) -> Iterator[Job]:
 
 
 def _measured(job: Job) -> dict[str, Any]:
+    part = WALKERS[job["walker"]]
     scenario = Scenario(
-        controller=WALKERS[job["walker"]] | {"parameters": {"estimate_friction": job["estimate"]}},
+        controller={**part, "parameters": {**part.get("parameters", {}), "estimate_friction": job["estimate"]}},
         plant=job["plant"],
         ground=Ground(mu_s=job["friction"], friction_strips=(tuple(job["strip"]),)),
         disturbances=replace(SENSORS[job["sensors"]], seed=job["seed"]),

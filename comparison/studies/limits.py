@@ -1,37 +1,38 @@
 """Walk with damped joints, weak motors and joint friction.
 
 The ungoverned and the paper's controller, the contact-force filter, the condensed controller with and without tasks
-that give way, and the whole-body QP. They know the joint damping and the motors' peak torques, but neither how slow the
-motors are nor the friction in the joints, which is in no model. All have the same torque limits, and the plant clips
-what is beyond. What gives way was chosen on walks from exact starts; the walks here begin with other velocities. This
-takes many minutes.
+that give way, and the whole-body QP by own search. They know the joint damping and the motors' peak torques, but
+neither how slow the motors are nor the friction in the joints, which is in no model. All have the same torque limits,
+and the plant clips what is beyond. What gives way was chosen on walks from exact starts; the walks here begin with
+other velocities. This takes many minutes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from comparison.campaign.plan import JOINT_DAMPING
 from comparison.campaign.walks import damped_harpy
-from comparison.contenders import LIMITED
+from comparison.contenders import LIMITED, OWN_PART
 from comparison.measure.walking import Rows
 from comparison.study import STARTS, Job, Study, Value, View, fell, grid, most, start_velocity, starts, walking, where
 from comparison.tables import number_text
 from harpy_pin import Actuators, Disturbances, Ground, Scenario
 
-WALKERS: dict[str, dict[str, Any]] = {
+WALKERS: dict[str, Mapping[str, Any]] = {
     **LIMITED,
     "rigid": {"name": "condensed", "parameters": {"limits": {"give_way": 1.0}}},
     "condensed": {"name": "condensed"},
-    "QP": {"name": "wbc"},
+    "QP": OWN_PART,
     "est.": {"name": "condensed", "parameters": {"estimate_joint_friction": True}},
     "law": {"name": "condensed", "parameters": {"joint_stiffness": 1.0, "joint_damping": 0.3}},
 }
-"""Controllers by the name of their column: ``rigid`` is the condensed WBC in which nothing gives way, ``est.`` the one
-with joint friction estimated, ``law`` the one whose motors hold its joint targets."""
+"""Controllers by the name of their column: ``rigid`` is the condensed WBC in which nothing gives way, ``QP`` the
+whole-body QP by own search, ``est.`` the condensed WBC with joint friction estimated, ``law`` the one whose motors hold
+its joint targets."""
 GAITS: dict[str, dict[str, Any]] = {
     "straight": {"name": "hand"},
     "commanded": {"name": "commanded", "velocity": (0.2, 0.0, 0.2)},
@@ -127,8 +128,8 @@ STUDY = Study(
             across="{walker}",
             columns=slip_or_falls,
             note="Median slip over the starts; where walks fell, how many. rigid: the condensed WBC in which nothing "
-            "gives way; est.: joint friction estimated; law: with joint targets for the motors. All have the same "
-            "torque limits.",
+            "gives way; est.: joint friction estimated; law: with joint targets for the motors; QP: by own search. "
+            "All have the same torque limits.",
         ),
     ],
 )

@@ -1,13 +1,13 @@
 """Measure how much this machine does in a second.
 
-Walks, environment steps and whole-body optima, and the condensed controller's tick inside C.
+Walks, environment steps and whole-body optima, the condensed controller's tick inside C, and a viewer's share of one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cache
-from time import perf_counter
+from time import perf_counter, thread_time_ns
 from typing import Any
 
 import numpy as np
@@ -22,12 +22,15 @@ from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.scenario import Scenario, build
+from harpy_pin.view import Viewer
 
 GROUNDS = {
     "flat": Ground(mu_s=0.6),
     "up a slope of 10°": Ground(mu_s=0.6, slope=float(np.radians(10.0))),
     "up stairs": Ground(mu_s=0.6, terrain=Stairs(rise=0.05)),
 }
+VIEWED = 1000
+"""Ticks of a round that is viewed."""
 SHORTER = 10.0
 """Longest walk on one of them, and longest one whose states make a batch, s."""
 
@@ -65,6 +68,23 @@ def _ticks_on_terrain(rounds: int, seconds: float) -> dict[str, list[float]]:
     for _ in range(rounds):
         for name, ground in GROUNDS.items():
             found[name] += _ticks(build(Scenario(ground=ground, duration=seconds)).run())
+    return found
+
+
+def _shares_of_a_viewer(settings: Job) -> list[float]:
+    """µs of the loop's own thread that a viewer takes of a tick, a percentile of each round's ticks."""
+    walk = build(Scenario(controller="condensed", ground=Ground(mu_s=0.25)))
+    plant, controller, found = walk.simulator, walk.controller, []
+    with Viewer(walk.gait.robot, ground=plant.ground) as viewer:
+        for _ in range(settings["rounds"]):
+            taken = []
+            for _ in range(VIEWED):
+                command = controller.step(plant.state)
+                begin = thread_time_ns()
+                viewer.show(plant.state, command, controller)
+                taken.append((thread_time_ns() - begin) * 1e-3)
+                plant.advance(command)
+            found.append(float(np.percentile(taken, settings["percentile"])))
     return found
 
 
@@ -108,6 +128,7 @@ def _optima(robot: Robot, dtype: Any, settings: Job) -> list[float]:
 
 def _jobs(s: Any) -> Iterator[Job]:
     kinds = [*grid(kind=("walk", "tick")), *grid(kind="terrain", on=GROUNDS), {"kind": "environments"}]
+    kinds += grid(kind="viewer", percentile=(50, 99))
     kinds += grid(kind="optima", on=s.robots, dtype=("float64", "float32"))
     return (kind | {"seconds": s.seconds, "size": s.size, "rounds": s.rounds, "seed": s.seed} for kind in kinds)
 
@@ -124,6 +145,9 @@ def _measured(job: Job) -> dict[str, Any]:
         values = _ticks_on_terrain(job["rounds"], min(job["seconds"], SHORTER))[job["on"]]
     elif kind == "environments":
         what, unit, values = "Gymnasium environments, all cores", "steps/s", _environments(job)
+    elif kind == "viewer":
+        what = f"a viewer's share of a tick in Python, {job['percentile']} % of ticks below"
+        values = _shares_of_a_viewer(job)
     else:
         values = _optima(loaded_robot(job["on"]), np.dtype(job["dtype"]).type, job)
         what, unit = f"whole-body optima, {job['on']}, {job['dtype']}, all cores", "per second"

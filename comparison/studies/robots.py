@@ -1,9 +1,9 @@
 """Stand the robots that are known by name, and push them.
 
-They also shift their weight; a biped on point feet steps in place. Under the whole-body QP and the condensed
-controller, on compliant ground. Gains and weights are the library's; ranges of force and the weight on forces follow
-from the mass, and so do the ground's stiffness and the pushes. One setting was chosen here: the damping of held soles,
-on G1 at rest on this ground, without a push. Needs the extra "robots".
+They also shift their weight; a biped on point feet steps in place. Under the whole-body QP by own search and the
+condensed controller, on compliant ground. Gains and weights are the library's; ranges of force and the weight on forces
+follow from the mass, and so do the ground's stiffness and the pushes. One setting was chosen here: the damping of held
+soles, on G1 at rest on this ground, without a push. Needs the extra "robots".
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 import harpy_pin as hp
+from comparison.contenders import OWN_PART
 from comparison.measure.replay import time_ticks
 from comparison.study import Job, Study, Value, View, grid, shown, where
 from harpy_pin.model.catalogue import CATALOGUE
@@ -27,7 +28,8 @@ LEAN = 0.3
 """Share of the way from above the middle to above the first foot, by which the weight is shifted."""
 LEAN_AT, PUSH_AT = 0.3, 0.5
 """Times of shift and push, s."""
-CONTROLLERS = {"QP": "wbc", "condensed": "condensed"}
+CONTROLLERS: dict[str, Any] = {"QP, own search": OWN_PART, "condensed": "condensed"}
+"""Controllers of a scenario by the name of their rows."""
 SIDES = {"sideways": (0.0, 1.0, 0.0), "forward": (1.0, 0.0, 0.0)}
 LOADED = 0.05
 """Normal force of a foot, as a share of the weight, from which on its friction counts."""
@@ -65,7 +67,7 @@ def terms_error(robot: hp.Robot, rng: np.random.Generator, *, states: int = 10) 
 
 def run_standing(
     robot: hp.Robot,
-    controller: str,
+    controller: Any,
     *,
     friction: float = 0.5,
     duration: float = 3.0,
@@ -75,7 +77,7 @@ def run_standing(
     """Stand, or step in place on two points, on compliant ground, with the weight shifted or with a push.
 
     ``lean`` is the share of the way over the first foot; a robot that steps does not shift its weight besides. ``push``
-    is the impulse over mass, m/s.
+    is the impulse over mass, m/s, ``controller`` that of a scenario.
 
     Returns:
         The run, and the ticks' times, µs of this thread.
@@ -95,7 +97,7 @@ def run_standing(
     return run, times[:, 0]
 
 
-def _stand(robot: hp.Robot, controller: str, job: Job) -> dict[str, Any]:
+def _stand(robot: hp.Robot, controller: Any, job: Job) -> dict[str, Any]:
     """What one controller does with a robot."""
     common: dict[str, Any] = {"friction": job["friction"], "duration": job["duration"]}
     shifted, all_ticks = run_standing(robot, controller, lean=LEAN, **common)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from comparison.contenders import CONTENDERS, label
+from comparison.contenders import WALKERS, label
 from comparison.measure.walking import Rows, grouped, scenario_of, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, grid
 from comparison.tables import number_text
@@ -49,7 +49,7 @@ STUDY = Study(
     name="slip",
     help=__doc__,
     defaults={
-        "walkers": (*CONTENDERS[:2], "paper/tracked/pid", *CONTENDERS[2:]),
+        "walkers": (*WALKERS[:2], "paper/tracked/pid", *WALKERS[2:]),
         "frictions": (0.25, 0.2, 0.15, 0.1),
         "duration": 20.0,  # s
     },

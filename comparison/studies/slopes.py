@@ -1,11 +1,11 @@
 """Stand robots on slopes, angle by friction.
 
 From 0 to 45 degrees, at friction 0.1 to 1.0: Harpy under a joint PID without a governor, without and with thrust, the
-paper's governor, the contact-force filter, the condensed controller and the whole-body QP, and Go2 and G1, which have
-no thrusters, under the condensed controller. Beside them is the bound of statics, a linear program: forces in the
-friction cones about the normal and thrusts within their limits balance the robot, with joint torques within the motors'
-limits, wherever its body is along x. Robots on four feet lean with the slope, others are upright. Needs the extra
-"robots". This takes many minutes.
+paper's governor, the contact-force filter, the condensed controller and the whole-body QP by own search, and Go2 and
+G1, which have no thrusters, under the condensed controller. Beside them is the bound of statics, a linear program:
+forces in the friction cones about the normal and thrusts within their limits balance the robot, with joint torques
+within the motors' limits, wherever its body is along x. Robots on four feet lean with the slope, others are upright.
+Needs the extra "robots". This takes many minutes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq, linprog
 
-from comparison.contenders import LIMITED
+from comparison.contenders import LIMITED, OWN, OWN_PART
 from comparison.measure.walking import Rows, grouped, walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, grid, kept, mean
 from harpy_pin import Ground, Robot, Scenario, Standing, Straight, load_robot, make_gait
@@ -169,7 +169,7 @@ WALKERS: dict[str, Walker] = {
     "paper": Walker("paper's governor", LIMITED["paper"]),
     "filter": Walker("contact-force filter", LIMITED["filter"]),
     "condensed": Walker("condensed WBC"),
-    "wbc": Walker("whole-body QP", {"name": "wbc"}),
+    OWN: Walker("whole-body QP, own search", dict(OWN_PART)),
     "up": Walker("walking uphill", speed=SPEED),
     "down": Walker("walking downhill", speed=SPEED, heading=math.pi),
     "across": Walker("walking across", speed=SPEED, heading=0.5 * math.pi),

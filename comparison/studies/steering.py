@@ -1,8 +1,8 @@
 """Walk Harpy where commands say.
 
 A course, 200 random sequences, pushes, slippery ground and absurd commands, under the condensed controller and the
-whole-body QP; the course and some of the sequences in MuJoCo, too. Nothing was chosen on these commands. This takes
-many minutes.
+whole-body QP by own search; the course and some of the sequences in MuJoCo, too. Nothing was chosen on these commands.
+This takes many minutes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.contenders import short_name
+from comparison.contenders import OWN, controller_part, short_name
 from comparison.measure.walking import walk_as_far_as_it_goes
 from comparison.study import Job, Study, View, commands, fell, grid, kept, mean, median, most
 from harpy_pin import Commanded, Disturbances, Ground, Push, Scenario
@@ -34,7 +34,6 @@ FRICTIONS = {"random": (0.25, 0.8), "pushed": (0.25, 0.8), "absurd": (0.25, 0.8)
 
 def scenario(job: Job) -> Scenario:
     """What is walked; the same number has the same command, friction and push, whoever walks it."""
-    parameters: dict[str, Any] = {"solver": "daqp"} if job["controller"] == "wbc" else {}
     rng, what, impulse = np.random.default_rng([job["seed"], job["number"]]), job["what"], job["impulse"]
     friction, rows = 0.4, COURSE
     pushes: tuple[Push, ...] = ()
@@ -46,7 +45,7 @@ def scenario(job: Job) -> Scenario:
         angle, time = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(1.5, 4.0))
         pushes = (Push(time, (impulse * np.cos(angle), impulse * np.sin(angle), 0.0)),)
     return Scenario(
-        controller={"name": job["controller"], "parameters": parameters},
+        controller=controller_part(job["controller"]),
         plant=job["plant"],
         gait=Commanded(velocity=rows),
         ground=Ground(mu_s=friction),
@@ -91,7 +90,7 @@ def _jobs(s: Any) -> Iterator[Job]:
         *grid(what="slippery", number=range(s.slippery)),
         *grid(what="absurd", number=range(s.absurd)),
     ]
-    return (walk | {"controller": controller} | one for controller in ("condensed", "wbc") for one in kinds)
+    return (walk | {"controller": controller} | one for controller in ("condensed", OWN) for one in kinds)
 
 
 def _measured(job: Job) -> dict[str, Any]:

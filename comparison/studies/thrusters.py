@@ -2,19 +2,19 @@
 
 Their magnitudes lag by up to 1 s, their directions by up to 0.2 s, both by first order, or one of them fails; also with
 slow motors, and in both engines: the ungoverned and the paper's controller, the contact-force filter, the condensed
-controller and the whole-body QP, and these two where they know the lags. Nobody knows how slow the motors are, or that
-a thruster fails. All have the same limits of torque and thrust. This takes many minutes.
+controller and the whole-body QP by own search, and these two where they know the lags. Nobody knows how slow the motors
+are, or that a thruster fails. All have the same limits of torque and thrust. This takes many minutes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from comparison.contenders import LIMITED, published_parameters
+from comparison.contenders import LIMITED, OWN_PART, published_parameters
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
 from comparison.studies.limits import slip_or_falls
 from comparison.studies.margins import pd_lag_margin
@@ -25,14 +25,14 @@ from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.log.optional import given_thrust
 from harpy_pin.simulation.mujoco import installed_version
 
-WALKERS: dict[str, dict[str, Any]] = {
+WALKERS: dict[str, Mapping[str, Any]] = {
     **LIMITED,
     "condensed": {"name": "condensed"},
-    "QP": {"name": "wbc"},
+    "QP": OWN_PART,
     "condensed, knows": {"name": "condensed"},
-    "QP, knows": {"name": "wbc"},
+    "QP, knows": OWN_PART,
 }
-"""Controllers by the name of their column."""
+"""Controllers by the name of their column; ``QP`` is the whole-body QP by own search."""
 FAILS_AT = 1.5
 """When the left thruster fails, s."""
 PLANTS = {"ours": {"name": "compliant"}, "MuJoCo": {"name": "mujoco", "preset": "stiff"}}
@@ -57,10 +57,11 @@ def scenario(job: Job) -> Scenario:
     thrusters = Thrusters(lag=job["lag"], turning_lag=job["turning_lag"], failing=failing)
     actuators = Actuators(bandwidth=job["bandwidth"], torque_share=1.0, thrusters=thrusters)
     lags = {"thrust_lag": job["lag"], "thrust_turning_lag": job["turning_lag"]}
-    known = {"parameters": lags} if "knows" in job["walker"] else {}
+    part = WALKERS[job["walker"]]
+    known = {"parameters": {**part.get("parameters", {}), **lags}} if "knows" in job["walker"] else {}
     return Scenario(
         gait={"name": "hand"},
-        controller={**WALKERS[job["walker"]], **known},
+        controller={**part, **known},
         plant=PLANTS[job["plant"]],
         ground=Ground(mu_s=job["friction"]),
         disturbances=Disturbances(actuators=actuators, start_velocity=start_velocity(job)),

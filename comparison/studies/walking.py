@@ -1,9 +1,9 @@
 """Walk the robots that are known by name.
 
-Courses that commands describe, in both engines under the condensed controller, the whole-body QP and joint PD; slippery
-ground, other schedules, random commands without and with noise and delay, and pushes from eight sides. No setting of
-the gait was chosen on the random commands and pushes of seed 0, which are what is walked by default. Needs the extra
-"robots", and an hour.
+Courses that commands describe, in both engines under the condensed controller, the whole-body QP by own search and
+joint PD; slippery ground, other schedules, random commands without and with noise and delay, and pushes from eight
+sides. No setting of the gait was chosen on the random commands and pushes of seed 0, which are what is walked by
+default. Needs the extra "robots", and an hour.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import harpy_pin as hp
-from comparison.contenders import label
+from comparison.contenders import OWN, controller_part, label
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.measure.replay import time_ticks
 from comparison.measure.walking import Rows, walk_as_far_as_it_goes
@@ -114,7 +114,7 @@ def scenario(job: Job) -> hp.Scenario:
             sensors = {"noise": hp.Noise.typical(), "delay": DELAY, "seed": job["number"]}
     return hp.Scenario(
         robot=job["robot"],
-        controller="condensed" if job["controller"] == PD else job["controller"],
+        controller=controller_part("condensed" if job["controller"] == PD else job["controller"]),
         plant=job["plant"],
         gait=hp.Walking(schedule=schedule, velocity=rows),
         ground=ground_of(robot, friction),
@@ -178,8 +178,8 @@ def walked(job: Job, gains: JointPDGains | None = None) -> dict[str, Any]:
 
 
 def ticks_of(scenario: hp.Scenario) -> dict[str, Any]:
-    """Times of a walk under the condensed WBC and of the QP at its states, and how far their torques are apart."""
-    qp = hp.WholeBody(parameters={"weights": {"posture": POSTURE}})
+    """Times of a walk under the condensed WBC, and of the QP by own search at its states; how far apart torques are."""
+    qp = hp.WholeBody(parameters={"solver": "active_set", "weights": {"posture": POSTURE}})
     condensed, other = replace(scenario, controller=hp.Condensed()), replace(scenario, controller=qp)
     _, times, apart = time_ticks(hp.build(condensed), hp.build(other).controller)
     return {**_times("condensed", times[:, 0]), **_times("qp", times[:, 1]), "late": int((times > LATE).sum())} | {
@@ -217,13 +217,14 @@ def _is_walk(row: dict[str, Any]) -> bool:
     return bool(row["what"] != "ticks")
 
 
+_IN_NAMES = str.maketrans({",": None, " ": "_", "/": "_"})
 STUDY = Study(
     name="walking",
     help=__doc__,
     example="--only go2 --out go2.jsonl",
     defaults={
         "robots": QUADRUPEDS + BIPEDS,
-        "controllers": ("condensed", "wbc", PD),  # of the courses; the first one and joint PD walk the rest
+        "controllers": ("condensed", OWN, PD),  # of the courses; the first one and joint PD walk the rest
         "plants": ("compliant", "mujoco"),  # of the courses
         "course": 20.0,  # seconds of it that are walked
         "walks": 40,  # random sequences of commands for each robot, and as many with noise and delay
@@ -241,7 +242,7 @@ STUDY = Study(
     measure=walked,
     views=[
         View(
-            lambda row: "walking_{what}_{plant}_{controller}".format(**row).replace(",", "").replace(" ", "_"),
+            lambda row: "walking_{what}_{plant}_{controller}".format(**row).translate(_IN_NAMES),
             lambda row: f"{row['what']}, {row['plant']} plant, {label(row['controller'])}",
             row="{robot}",
             columns={
@@ -276,8 +277,8 @@ STUDY = Study(
             row="{robot}",
             columns={
                 **{
-                    f"{who}{more}": (shown(f"{who.lower()}{entry}"), "µs")
-                    for who in ("condensed", "QP")
+                    f"{who}{more}": (shown(f"{key}{entry}"), "µs")
+                    for who, key in (("condensed", "condensed"), ("QP, own search", "qp"))
                     for more, entry in (("", "_us"), (", worst", "_worst_us"))
                 },
                 "over 2 ms": shown("late"),

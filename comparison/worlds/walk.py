@@ -67,7 +67,7 @@ WALKERS = {
     POLICY: Contender(controller="policy"),
     STANDS: Contender(controller="stand", known=JOINTS, **_LAW),
 }
-"""By name; those without another one are the condensed WBC."""
+"""By name; those without another one are the condensed WBC, and ``QP`` is the whole-body QP by own search."""
 
 
 class MotorPD:
@@ -119,6 +119,7 @@ class Walker:
             how |= {} if who.contact_damping is None else {"contact_damping": who.contact_damping}
             kind = "wbc" if who.controller == "wbc" else "condensed"
             how |= {"estimate_joint_friction": who.estimate, "mu": friction, "period": period}
+            how |= {"solver": "active_set"} if kind == "wbc" else {}
             self.controller = make_controller(kind, self.gait, **how)
         late = -int(-DELAY // period)
         self._sensors = None if seed is None or who.sensed else Sensors(robot, Noise.typical(), delay=late, seed=seed)

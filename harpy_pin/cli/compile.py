@@ -89,11 +89,15 @@ def _count(libraries: int) -> str:
 def _scenarios(robots: Sequence[str | Robot]) -> Iterator[tuple[str, Scenario]]:
     """Name and scenario of each walk of some ticks that compiles what these robots need, the longest first."""
     from harpy_pin.controllers.named_controllers import GOVERNORS
-    from harpy_pin.scenario import Governed, Scenario, gaits_of
+    from harpy_pin.scenario import Condensed, Governed, Scenario, WholeBody, gaits_of
 
     for robot in robots:
         for gait in gaits_of(robot):
-            for controller, title in (("condensed", "condensed controller"), ("wbc", "whole-body QP")):
+            for controller, title in (
+                (Condensed(), "condensed controller"),
+                (WholeBody(), "whole-body QP, ProxQP"),
+                (WholeBody(parameters={"solver": "active_set"}), "whole-body QP, own search"),
+            ):
                 scenario = Scenario(robot=robot, gait=gait, controller=controller, duration=DURATION)
                 yield f"{scenario.robot_name}, {title}, gait '{gait}'", scenario
         if robot == HARPY:

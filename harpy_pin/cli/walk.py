@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from harpy_pin.scenario import Scenario
 
 SLIPPERY, SHOWN = 0.15, 4.0  # friction of the demo, and how long each of its walks is, s
-NAME_WIDTH = 20  # columns of a controller's name
+NAME_WIDTH = 22  # columns of a controller's name
 
 
 def walk(
@@ -51,6 +51,7 @@ def walk(
     harpy walk --set controller.governor=paper --friction 0.25 --save a.npz
     harpy walk --push 2.0:0,5,0 --set disturbances.noise=0.5 --set disturbances.delay=0.001
     harpy walk --robot go2 --set gait.velocity="0.5 0 0; 3s 0 0 0.5" --set plant.preset=stiff
+    harpy walk --set plant=pinocchio --friction 0.8
     harpy walk --robot my.urdf --feet lf_foot,rf_foot,lh_foot,rh_foot
     harpy walk --robot humanoid.urdf --feet '*_sole' --flat-feet 0.2x0.09
     harpy walk --again a.npz

@@ -30,7 +30,7 @@ class CondensedController(TaskController):
     Args:
         gait: where body and feet should be.
         parameters: gains, weights and limits, by default those that fit gait and robot
-            (:meth:`WholeBodyParameters.for_gait`); ``formulation``, ``solver`` and ``reuse`` are not used.
+            (:meth:`WholeBodyParameters.for_gait`); ``formulation`` and ``solver`` are not used.
 
     Attributes:
         solver: the program of the last tick, with its forces and status.

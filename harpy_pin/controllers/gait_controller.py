@@ -189,13 +189,13 @@ class GaitController(KeepsViews, ABC):
         Args:
             state: arrays of the measured state, which stay where they are.
         """
-        calls = self._kernels(state)
+        calls = None if self._in_python else self._kernels(state)
         return None if calls is None else (*calls, Call(sample_fits, self._record_, expected=True))
 
     def _kernels(self, state: State) -> tuple[Call, ...] | None:
         """The kernels of gait and controller; None where one of them does more, as a class of the user's may."""
         calls = calls_of(self.gait, state)
-        if calls is None or self._in_python or not type(self).__module__.startswith("harpy_pin."):
+        if calls is None or not type(self).__module__.startswith("harpy_pin."):
             return None
         measured = self._measured(state)
         return *calls, Call(self._step, self._record_, self.target._record_, *measured, *self._parts)
@@ -203,15 +203,20 @@ class GaitController(KeepsViews, ABC):
     def _join(self) -> None:
         """Join the kernels of gait and controller, so that one crossing from Python calls all of them."""
         self._chained = True
+        if not self._in_python:
+            self._chain = self._joined()
+
+    def _joined(self) -> Chain | None:
+        """The kernels of gait and controller in one; None where that cannot be."""
         state = State(0.0, *self._sample)
         calls = self._kernels(state) if BACKEND == "c" else None
         if calls is None:
-            return
+            return None
         measured = dict(zip(self.measured, self._measured(state), strict=True))
         others = [getattr(state, name) for name in ("foot_position", "foot_velocity") if name not in measured]
         if any(one is array for call in calls for one in call.arguments for array in others):
-            return  # the gait takes more of a state than the controller does
-        self._chain = Chain(calls, measured, longest=LONGEST)
+            return None  # the gait takes more of a state than the controller does
+        return Chain(calls, measured, longest=LONGEST)
 
     def _refuse_misfit(self, state: State) -> None:
         """Raise where a sample was no bad one, but one of another robot, or the gait's targets are no numbers."""

@@ -26,7 +26,7 @@ from harpy_pin.simulation.mujoco.bridge import MujocoBridge
 from harpy_pin.wbc import WholeBodyWeights
 
 CONTROLLERS = ("governed", "wbc", "condensed")
-"""The paper's controller with a governor, the whole-body QP, and the condensed controller."""
+"""The paper's controller with a governor, the whole-body QP (by ProxQP by default), and the condensed controller."""
 GOVERNORS = ("none", "paper", "filter")
 """Governors of the walk: ``paper`` changes the body's reference; ``filter``, the contact-force filter, the command."""
 

@@ -142,9 +142,8 @@ class WholeBodyParameters:
         hold_ticks: ticks in a row for which the last good command is held after failed solves, at most 1000.
         formulation: one of :data:`harpy_pin.wbc.FORMULATIONS`. ``full`` and ``input_space`` have the same
             solutions; ``contact_force`` has no posture task, and other solutions where a motor is at its limit.
-        solver: one of :data:`harpy_pin.wbc.SOLVERS`.
-        reuse: try the last tick's active set first, then the dual active-set method. The solver is asked only where a
-            part of the tick is Python's (``full``, a lag of thrusts, added tasks) and rounding made both fail.
+        solver: one of :data:`harpy_pin.wbc.SOLVERS`, which solves every tick. ``active_set`` is this library's own
+            search, with which a tick is one bounded compiled call.
         estimate_friction: take a friction coefficient that is estimated while walking
             (:mod:`harpy_pin.controllers.friction`) where it is below that of the limits.
         estimate_joint_friction: take into account friction in the joints that the model lacks, estimated while walking
@@ -173,7 +172,6 @@ class WholeBodyParameters:
     hold_ticks: int = 20
     formulation: str = "input_space"
     solver: str = "proxqp"
-    reuse: bool = True
     estimate_friction: bool = True
     estimate_joint_friction: bool = False
     thrust_lag: float = 0.0

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.compiled.calls import Chain
 from harpy_pin.controllers.joint_targets import keep_targets
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
@@ -50,16 +51,17 @@ from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActive
 class WholeBodyController(TaskController):
     """Walks by solving a quadratic program at every tick.
 
-    ``step`` does what :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish` do one after the other. They may
-    be called (and timed) apart; between them :attr:`problem` can be inspected. With ``reuse``, no lag of thrusts and no
-    task added, ``step`` is one compiled call of the same kernels (:mod:`harpy_pin.controllers.whole_body_tick`). What
-    is left is Python's: another solver in every tick, and rows that come from Python.
+    Every tick is solved by the solver that the parameters name: ProxQP by default. With ``active_set``, this library's
+    own search, a tick is one compiled call (:mod:`harpy_pin.controllers.whole_body_tick`); it must be that for export
+    to C, and where a tick needs a bound in time. With every other solver, with thrusts that lag and with added tasks,
+    Python calls the same kernels around the solver: one crossing for gait, terms and program, then the solver, then
+    what its solution is read by. ``step`` does what :meth:`prepare`, :meth:`build`, :meth:`solve` and :meth:`finish` do
+    one after the other. They may be called (and timed) apart; between them :attr:`problem` can be inspected.
 
-    Every solve is bounded in its iterations. Where the parameters' solver does not finish, the dual active-set method
-    follows, which finds a solution or proves that there is none; with ``reuse`` it comes before that solver, which one
-    compiled call does without. Where that fails too, the last good command is held for ``hold_ticks`` ticks; then a
-    soft spring and damper hold the joints at the gait's posture, without thrust.
-    :attr:`failures` counts the ticks.
+    Every solve is bounded in its iterations. Where a solver does not finish, the dual active-set method follows, which
+    finds a solution or proves that there is none; :attr:`fallbacks` counts the ticks. Where that fails, too, the last
+    good command is held for ``hold_ticks`` ticks; then a soft spring and damper hold the joints at the gait's posture,
+    without thrust. :attr:`failures` counts the ticks.
 
     A state whose time, q, v or foot forces are not all finite numbers is a bad sample, which
     :class:`~harpy_pin.controllers.gait_controller.GaitController` answers: nothing is solved.
@@ -76,7 +78,7 @@ class WholeBodyController(TaskController):
         added: tasks and ranges that :meth:`add` has put in, with the ``program`` that is solved; None without any.
     """
 
-    _made_anew = (*TaskController._made_anew, "_kernels_of_tick", "_parts_of_program")
+    _made_anew = (*TaskController._made_anew, "_kernels_of_tick", "_parts_of_program", "_opening")
 
     @checked
     def __init__(
@@ -91,7 +93,7 @@ class WholeBodyController(TaskController):
         self.problem: WholeBodyProblem = make_problem(p.formulation, self.robot, p.weights, p.limits)
         self._lag = thrust_lag_record(self.robot, p)
         self.added: AddedTasks | None = None
-        self._make_solver = solver if solver is not None else partial(make_solver, p.solver, reuse=p.reuse)
+        self._make_solver = solver if solver is not None else partial(make_solver, p.solver)
         size = self.problem.program.shape[0]
         self._begin_tasks(
             WholeBodyTickRecord,
@@ -107,11 +109,13 @@ class WholeBodyController(TaskController):
         self._inputs, self._outcome = field(record, "inputs"), field(record, "outcome")
         self._iterations = field(record, "iterations")
         self._violation, self._failures = field(record, "violation"), field(record, "failures")
+        self._fallbacks = field(record, "fallbacks")
         self._solution = QPSolution(field(record, "z"))
         self._signals |= {
             "qp_status": self._outcome,
             "qp_iterations": self._iterations,
             "qp_violation": self._violation,
+            "qp_fallbacks": self._fallbacks,
             "desired_force": field(record, "force").reshape(-1, 3),
         }
         self._use(self.problem.program)
@@ -128,14 +132,15 @@ class WholeBodyController(TaskController):
         self._make_anew()
         example, kernels, parts = State(0.0, *self._sample), self._kernels_of_tick, self._parts_of_program
         first = (self._record_, self.target._record_, *self._measured(example))
+        self._step.prepare(*first, *self._parts)
         if not self._in_python:
-            self._step.prepare(*first, *self._parts)
             return
         for solver in (made, self._second):
             if isinstance(solver, QPSolver):
                 solver.prepare(program)
-        begin_tick.prepare(*first)
-        self.problem.prepare(self.dynamics, self.targets)
+        if self._lag is not None:
+            begin_tick.prepare(*first)
+            self.problem.prepare(self.dynamics, self.targets)
         for one in (kernels.relax, kernels.give_way):
             one.prepare(self._record_, *parts, False)
         kernels.settle.prepare(self._record_, *parts[1:], False)
@@ -144,14 +149,15 @@ class WholeBodyController(TaskController):
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is Python's."""
         super()._make_anew()
-        self._kernels_of_tick = QP_TICKS[self.parameters.formulation]
+        self._opening: Chain | None = None  # gait, terms and program in one crossing from Python
+        self._kernels_of_tick = ticks = QP_TICKS[self.parameters.formulation]
         solver, problem = getattr(self, "_solver", None), self.problem
+        self._parts = self._parts_of_program = (problem._record_, problem._terms_, problem.program._record_)
         # Rows of added tasks come from Python, and with a lag of thrusts a tick is two solves.
         self._in_python = type(solver) is not WarmStartedActiveSet or self.added is not None or self._lag is not None
-        ticks, with_targets = self._kernels_of_tick, self._command.law is not None
-        self._step = ticks.step_with_targets if with_targets else ticks.step
-        self._parts_of_program = (problem._record_, problem._terms_, problem.program._record_)
-        if type(solver) is WarmStartedActiveSet:
+        self._step = ticks.open
+        if type(solver) is WarmStartedActiveSet and not self._in_python:
+            self._step = ticks.step if self._command.law is None else ticks.step_with_targets
             self._parts = (*self._parts_of_program, solver._record_, solver.dual._record_)
 
     @property
@@ -166,6 +172,11 @@ class WholeBodyController(TaskController):
     def failures(self) -> int:
         """Ticks whose solution was not usable, since the last reset."""
         return int(self._failures)
+
+    @property
+    def fallbacks(self) -> int:
+        """Ticks in which the solver did not finish and the dual method followed, since the last reset."""
+        return int(self._fallbacks)
 
     def add(
         self,
@@ -209,28 +220,56 @@ class WholeBodyController(TaskController):
         super().reset()
         self._solver.reset()
         self._other_active[:] = 0
-        self._record_["inputs"] = self._record_["failures"] = 0
+        self._record_["inputs"] = self._record_["failures"] = self._record_["fallbacks"] = 0
         self._record_["held_for"] = self.parameters.hold_ticks  # there is no command to hold
         if self._lag is not None:
             self._lag["settled"] = 0
 
+    def _join(self) -> None:
+        super()._join()
+        if self._in_python and self._lag is None:
+            self._opening = self._joined()
+
+    def _tick(self, state: State) -> Command:
+        """See :meth:`GaitController._tick`."""
+        opened = None if self._opening is None else self._opening(state)
+        if opened is None:
+            return super()._tick(state)
+        if self._go_on(opened, state) == BAD_SAMPLE:
+            self._refuse_misfit(state)
+        return self._command
+
     def _answer_in_python(self, target: Records[Any], state: State) -> int:
         """The phases one after the other, where something of the program is Python's, or thrusts lag."""
-        lag, gives_way = self._lag, True
-        if lag is not None:
-            advance_thrusts(lag)
-        if begin_tick(self._record_, target, *self._measured(state)) != GOOD:
-            if self._command.law is not None:
-                keep_targets(self._record_, self._record_["motors"])
-            return BAD_SAMPLE
-        if lag is not None:
-            gives_way = self._choose_thrusts(lag, state)
-        self.build(state)
-        self._solve(gives_way=gives_way)
-        self.finish(state)
-        if lag is not None:
-            count_from_kept(lag, self.dynamics._record_, -1.0)
+        if self._lag is not None:
+            return self._answer_with_lag(self._lag, target, state)
+        return self._go_on(self._step(self._record_, target, *self._measured(state), *self._parts), state)
+
+    def _go_on(self, opened: int, state: State) -> int:
+        """The rest of a tick, from the status on with which its kernel has built the program."""
+        if opened == BAD_SAMPLE:
+            return self._keep_targets()
+        if self.added is not None:
+            self._add_rows(state)
+        self._finish(state, self._solve(gives_way=True))
         return 0
+
+    def _answer_with_lag(self, lag: Records[ThrustLagRecord], target: Records[Any], state: State) -> int:
+        """A tick of thrusts that lag: the program that chooses their commands, then that of this tick's thrusts."""
+        advance_thrusts(lag)
+        if begin_tick(self._record_, target, *self._measured(state)) != GOOD:
+            return self._keep_targets()
+        gives_way = self._choose_thrusts(lag, state)
+        self.build(state)
+        self._finish(state, self._solve(gives_way=gives_way))
+        count_from_kept(lag, self.dynamics._record_, -1.0)
+        return 0
+
+    def _keep_targets(self) -> int:
+        """The answer to a bad sample."""
+        if self._command.law is not None:
+            keep_targets(self._record_, self._record_["motors"])
+        return BAD_SAMPLE
 
     def _choose_thrusts(self, lag: Records[ThrustLagRecord], state: State) -> bool:
         """Command the thrusts of the program without lag, and fix those of this tick in the program.
@@ -244,7 +283,7 @@ class WholeBodyController(TaskController):
         self._swap_active()
         bound_thrusts(lag, False, lower, upper)
         self.build(state)
-        if self.solve().usable:
+        if self._solve(gives_way=True):
             command_thrusts(lag, self.dynamics._record_, self._inputs, self._command._thrust_)
         self._inputs[:] = last
         bound_thrusts(lag, True, lower, upper)
@@ -276,33 +315,44 @@ class WholeBodyController(TaskController):
         Args:
             state: as given to :meth:`prepare`.
         """
-        state, targets = as_state(state, self.robot), self.targets
-        self.problem._fill(self.dynamics, state.v, self.dynamics._rotation_, targets)
-        if self.added is not None and not targets.tilted:
-            self.added.build(self.dynamics, state, targets._held_)
-        elif self.added is not None:  # rows of added tasks are in world axes
-            turn_feet(self.dynamics._record_, np.ascontiguousarray(targets.frame.transpose(0, 2, 1)))
-            self.added.build(self.dynamics, state, targets.held, frame=targets.frame)
-            turn_feet(self.dynamics._record_, targets.frame)
+        state = as_state(state, self.robot)
+        self.problem._fill(self.dynamics, state.v, self.dynamics._rotation_, self.targets)
+        if self.added is not None:
+            self._add_rows(state)
         return self.problem
+
+    def _add_rows(self, state: State) -> None:
+        """The rows of added tasks, which are in world axes, in the program."""
+        added, targets = self.added, self.targets
+        assert added is not None
+        if not targets.tilted:
+            added.build(self.dynamics, state, targets._held_)
+            return
+        turn_feet(self.dynamics._record_, np.ascontiguousarray(targets.frame.transpose(0, 2, 1)))
+        added.build(self.dynamics, state, targets.held, frame=targets.frame)
+        turn_feet(self.dynamics._record_, targets.frame)
 
     def solve(self) -> QPSolution:
         """Solve the problem from the last tick's solution."""
-        return self._solve(gives_way=True)
+        self._solve(gives_way=True)
+        return self.solution
 
-    def _solve(self, *, gives_way: bool) -> QPSolution:
-        """The solutions of a tick as its kernel has them, by a solver that may be Python's."""
+    def _solve(self, *, gives_way: bool) -> bool:
+        """The solutions of a tick as its kernel has them, by a solver that may be Python's; whether there is one."""
         kernels, record, parts = self._kernels_of_tick, self._record_, self._parts_of_program
+        fallbacks = int(self._fallbacks)
         usable = self._solve_once(further=False)
         self._gave_way = False
         if gives_way and kernels.relax(record, *parts, usable):
             self._copy_added()
             self._gave_way = kernels.give_way(record, *parts, self._solve_once(further=True))
             self._copy_added()
-            kernels.settle(record, *parts[1:], self._gave_way and self._solve_once(further=True))
-        elif usable:
+            usable = kernels.settle(record, *parts[1:], self._gave_way and self._solve_once(further=True))
+        elif usable and not gives_way:
             self.problem.kernels.inputs(*parts[1:], self._solution._z_, self._inputs)
-        return self.solution
+        if self._fallbacks > fallbacks:
+            self._fallbacks[...] = fallbacks + 1  # ticks are counted, not solves
+        return usable
 
     def _solve_once(self, *, further: bool) -> bool:
         """Solve the program as it is, where its solver does not finish by the dual method; whether that was possible.
@@ -315,6 +365,7 @@ class WholeBodyController(TaskController):
         else:
             solution = solver.solve(program)
         if solution.status is not QPStatus.SOLVED and self._second is not None:
+            self._fallbacks += 1
             second = self._second.solve(program)
             solution = second if second.usable else solution
         self._solution._z_[:] = solution._z_
@@ -333,14 +384,17 @@ class WholeBodyController(TaskController):
         Args:
             state: as given to :meth:`prepare`.
         """
-        state, solution = as_state(state, self.robot), self.solution
-        if solution.usable:
+        self._finish(as_state(state, self.robot), self.solution.usable)
+        return self._command
+
+    def _finish(self, state: State, usable: bool) -> None:
+        """As :meth:`finish`, of a state that was checked."""
+        if usable:
             if self._lag is not None:
                 add_kept(self._lag, self._inputs)
             if self.added is not None:
-                self.added.read(solution._z_)
-        kernels, parts, measured = self._kernels_of_tick, self._parts_of_program, (state.q, state.v)
-        kernels.finish(self._record_, *parts, solution.usable, *measured)
+                self.added.read(self._solution._z_)
+        kernels, parts = self._kernels_of_tick, self._parts_of_program
+        kernels.finish(self._record_, *parts, usable, state.q, state.v)
         if self._command.law is not None:
-            kernels.targets(self._record_, parts[1], solution.usable, *measured)
-        return self._command
+            kernels.targets(self._record_, parts[1], usable, state.q, state.v)

@@ -1,7 +1,7 @@
-"""The tick of the whole-body QP, in every formulation: one kernel, made of the phases that Python may call apart.
+"""The tick of the whole-body QP, in every formulation: phases, and one kernel that is made of them.
 
-The kernel has this library's own solver: the last active set and its exchange, then the dual method
-(:mod:`harpy_pin.wbc.active_set_warm_start`). A tick solves up to three programs: with limits of thrusts and torques;
+The kernel has this library's own search (:mod:`harpy_pin.wbc.active_set_warm_start`). With another solver Python calls
+the phases, and that solver between them. A tick solves up to three programs: with limits of thrusts and torques;
 where one of them is reached, without them; and again with them, after tasks gave way
 (:mod:`harpy_pin.wbc.condensed.limits`).
 """
@@ -9,8 +9,6 @@ where one of them is reached, without them; and again with them, after tasks gav
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
 
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.friction import note_inputs
@@ -23,13 +21,15 @@ from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts
-from harpy_pin.wbc.active_set_warm_start import ASK, INACCURATE, INFEASIBLE, MAX_ITERATIONS, solve_further, start_tick
+from harpy_pin.wbc.active_set_warm_start import INACCURATE, solve_further, start_tick
 from harpy_pin.wbc.condensed.active_set import ActiveSetRecord, DualRecord, ProgramRecord
 from harpy_pin.wbc.condensed.limits import at_a_limit, outside
 from harpy_pin.wbc.contact_force import ContactForceRecord
 from harpy_pin.wbc.formulations import FORMULATIONS
 from harpy_pin.wbc.problem import FormulationRecord
 
+OPEN = 32
+"""Status of a tick whose program is built, and not solved yet."""
 STIFFNESS, DAMPING = 50.0, 1.0
 """Stiffness and damping of the joints where the program has no solution for long, N·m/rad and N·m·s/rad."""
 
@@ -54,6 +54,7 @@ class WholeBodyTickRecord(TasksRecord, TickRecord):
     hold_ticks: int  # ticks in a row for which the last inputs are held in the place of failed ones
     held_for: int = ZERO  # ticks in a row in which there was no solution
     failures: int = ZERO  # ticks in which there was none, since the last reset
+    fallbacks: int = ZERO  # ticks in which the dual method followed the solver, since the last reset
     lagging: int = ZERO  # 1 where thrusts lag, so that the command's are not those of the inputs
 
 
@@ -110,9 +111,6 @@ def _solve_once(r: WholeBodyTickRecord, qp: ProgramRecord, search: ActiveSetReco
     """Solve one program of the tick, and say how; returns whether there is a solution."""
     r.outcome = solve_further(qp, search, dual, r.z, r.found)
     r.iterations, r.violation = search.iterations, search.violation
-    if r.outcome == ASK:
-        search.active[:] = 0
-        r.outcome = MAX_ITERATIONS if r.violation < np.inf else INFEASIBLE
     return r.outcome <= INACCURATE
 
 
@@ -120,8 +118,9 @@ def _solve_once(r: WholeBodyTickRecord, qp: ProgramRecord, search: ActiveSetReco
 class TickKernels:
     """The tick of the whole-body QP in a formulation."""
 
-    step: Kernel[int]  # all of it, on the records of its parts
+    step: Kernel[int]  # all of it with our own search, on the records of its parts
     step_of_one: Kernel[int]  # the same on one record, a :class:`ProgramTickRecord`
+    open: Kernel[int]  # terms, tasks and program: what is before the first solution
     relax: Kernel[bool]  # after the program with limits was solved, takes them out where one is reached; whether it did
     # after that was solved, puts the limits in again; whether tasks gave way, so that one more follows
     give_way: Kernel[bool]
@@ -138,6 +137,22 @@ def _tick_of(name: str) -> TickKernels:
     kernels = FORMULATIONS[name].kernels
     build, read, read_force = kernels.build, kernels.inputs, kernels.force
     limit, let_give_way, read_acceleration = kernels.limit, kernels.give_way, kernels.acceleration
+
+    @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")
+    def open_tick(
+        r: WholeBodyTickRecord,
+        target: GaitTargetRecord,
+        q: Vector,
+        v: Vector,
+        foot_force: Vector,
+        p: FormulationRecord,
+        m: ContactMapRecord,
+        qp: ProgramRecord,
+    ) -> int:
+        if begin_tick(r, target, q, v, foot_force) != GOOD:
+            return BAD_SAMPLE
+        build(r.dynamics, r.targets, p, m, qp, v, r.dynamics.tree.rotation)
+        return OPEN
 
     @kernel
     def relax(
@@ -204,9 +219,8 @@ def _tick_of(name: str) -> TickKernels:
         dual: DualRecord,
     ) -> int:
         """A tick of the whole-body QP; returns its status."""
-        if begin_tick(r, target, q, v, foot_force) != GOOD:
+        if open_tick(r, target, q, v, foot_force, problem, terms, program) != OPEN:
             return BAD_SAMPLE
-        build(r.dynamics, r.targets, problem, terms, program, v, r.dynamics.tree.rotation)
         start_tick(search)
         usable = _solve_once(r, program, search, dual)
         if relax(r, problem, terms, program, usable):
@@ -255,7 +269,7 @@ def _tick_of(name: str) -> TickKernels:
     ) -> int:
         return step_with_targets(r.control, target, q, v, foot_force, r.problem, r.terms, r.program, r.search, r.dual)
 
-    phases = (relax, give_way, settle, finish, targets)
+    phases = (open_tick, relax, give_way, settle, finish, targets)
     return TickKernels(qp_step, qp_step_of_one, *phases, step_with_targets, step_of_one_with_targets)
 
 

@@ -39,7 +39,7 @@ from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
+from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
 
 MEASURED: tuple[str, ...] = ("q", "v", "foot_position", "foot_force")
@@ -184,9 +184,12 @@ def _program(controller: WholeBodyController) -> Exportable:
     p, problem = controller.parameters, controller.problem
     _refuse_lags(p)
     _refuse(controller.added is not None, "a program with added tasks")
+    _refuse(
+        not isinstance(controller._solver, WarmStartedActiveSet), "a whole-body QP by another solver than 'active_set'"
+    )
     fresh = type(problem)(problem.robot, problem.weights, problem.limits)
     program = fresh.program
-    dual = DualActiveSet(program)
+    search = WarmStartedActiveSet(program)
     controller.reset()
     record = make_record(
         ProgramTickRecord,
@@ -194,10 +197,10 @@ def _program(controller: WholeBodyController) -> Exportable:
         problem=fresh._record_,
         terms=fresh.terms,
         program=program._record_,
-        search=WarmStartedActiveSet(program, dual)._record_,
-        dual=dual._record_,
+        search=search._record_,
+        dual=search.dual._record_,
     )
-    title = f"whole-body QP, formulation '{p.formulation}'"
+    title = f"whole-body QP, own search, formulation '{p.formulation}'"
     ticks = QP_TICKS[p.formulation]
     step = ticks.step_of_one if controller._command.law is None else ticks.step_of_one_with_targets
     return _exportable("wbc", title, controller, record, step, PROGRAM_STATUSES)

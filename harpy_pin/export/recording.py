@@ -29,7 +29,8 @@ from harpy_pin.simulation.push import Push
 from harpy_pin.simulation.sensing import EstimatedState, Sensing
 
 CONTROLLERS = ("condensed", "wbc", "paper", "filter")
-"""Names for export: the condensed controller, the whole-body QP, the paper's governor, and the contact-force filter."""
+"""Names for export: the condensed controller, the whole-body QP by this library's own search, the paper's governor, and
+the contact-force filter."""
 ESTIMATOR = "estimator"  # the state estimator's name
 WALK = "walk"  # a walking gait and the condensed controller
 WALK_SPEED = 0.5
@@ -76,14 +77,17 @@ def ready(
         walk = WalkingGait(robot)
         walk.command[0] = WALK_SPEED * walk.max_speed
         given: dict[str, Any] = {"disturbances": Disturbances(pushes=tuple(pushes)), "duration": duration}
-        given |= {"controller": {"name": "condensed", **_single_weights(walk)}} if single else {}
+        given |= {"controller": {"name": "condensed", "parameters": _single_weights(walk)}} if single else {}
         return build(Scenario(ground=Ground(mu_s=friction), **given), gait=walk)
     sensors = Imu() if controller == ESTIMATOR else None
     controller = "condensed" if controller == ESTIMATOR else controller
     whole_body = controller in ("condensed", "wbc")
     if not whole_body and robot.name != "harpy":
         raise InputError(f"'{controller}' is for Harpy's legs and thrusters, not for '{robot.name}'", name="controller")
-    part: Governed | dict[str, Any] = {"name": controller} if whole_body else Governed(governor=controller)
+    parameters: dict[str, Any] = {"solver": "active_set"} if controller == "wbc" else {}
+    part: Governed | dict[str, Any] = Governed(governor=controller)
+    if whole_body:
+        part = {"name": controller, "parameters": parameters}
     how: dict[str, Any] = {"disturbances": Disturbances(pushes=tuple(pushes)), "duration": duration, "sensors": sensors}
     if robot.name == "harpy":
         return build(Scenario(controller=part, ground=Ground(mu_s=friction), **how))
@@ -96,13 +100,13 @@ def ready(
     gait = stays
     ground = Ground(mu_s=friction, stiffness=robot.mass * GRAVITY / (len(robot.feet) * SINK))
     if whole_body and single:
-        part = {"name": controller, **_single_weights(stays)}
+        parameters |= _single_weights(stays)
     return build(Scenario(controller=part, ground=ground, **how), gait=gait)
 
 
 def _single_weights(gait: Standing | WalkingGait) -> dict[str, Any]:
-    """Settings of a controller in single precision that differ."""
-    return {"parameters": {"weights": {"force": SINGLE_FORCE * gait.controller_parameters["weights"]["force"]}}}
+    """Parameters of a controller in single precision that differ."""
+    return {"weights": {"force": SINGLE_FORCE * gait.controller_parameters["weights"]["force"]}}
 
 
 @dataclass

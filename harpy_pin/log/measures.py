@@ -59,6 +59,8 @@ class Measures:
         pitch_max_rad: largest magnitude.
         yaw_max_rad: largest magnitude, from that at the beginning.
         solver_failures: ticks whose quadratic program gave no usable solution.
+        solver_fallbacks: ticks in which the solver of the program did not finish, and the dual active-set method
+            followed it.
         tilt_max_rad: largest angle between the body's z axis and the vertical.
         stumbled: whether the body tilted by more than 0.5 rad (29°), whether it fell or not: what comes through such a
             tilt is not a walk that went well, even where it ends upright.
@@ -99,6 +101,7 @@ class Measures:
     pitch_max_rad: float = _called("largest pitch, rad")
     yaw_max_rad: float = _called("largest yaw, rad")
     solver_failures: int = _called("ticks without a QP solution")
+    solver_fallbacks: int = _called("ticks in which the dual method followed the QP's solver")
     tilt_max_rad: float = _called("largest tilt, rad")
     stumbled: bool = _called("stumbled")
     bad_samples: int = _called("ticks with invalid measurements")
@@ -224,6 +227,7 @@ def measure(run: Run, *, step_duration: float | None = None) -> Measures:
         pitch_max_rad=pitch,
         yaw_max_rad=yaw,
         solver_failures=0 if status is None else int((~(status <= 1)).sum()),  # a status that is not finite, too
+        solver_fallbacks=optional.last_count(run, "qp_fallbacks"),
         tilt_max_rad=tilt,
         stumbled=not tilt <= STUMBLE,
         bad_samples=optional.last_count(run, "bad_samples"),

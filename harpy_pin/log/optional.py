@@ -22,6 +22,7 @@ SHAPES: dict[str, tuple[int | str, ...]] = {
     "motor_law": (4, "torque"),
     "desired_force": ("foot_force", 3),
     "qp_status": (),
+    "qp_fallbacks": (),
     "bad_samples": (),
     "battery_energy": (7,),
 }

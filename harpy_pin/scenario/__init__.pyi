@@ -5,7 +5,7 @@ from .controller_parts import CONTROLLER_PARTS, Condensed, ControllerPart, Gover
 from .disturbances import Disturbances
 from .gait_parts import GAIT_PARTS, Commanded, GaitPart, Hover, Stand, Straight, Walking, gaits_of
 from .parts import Part, read_part
-from .plant_parts import PLANT_PARTS, Compliant, Mujoco, PlantPart
+from .plant_parts import PLANT_PARTS, Compliant, Mujoco, Pinocchio, PlantPart
 from .scenario import Scenario
 from .settings import Setting, scenario_of, settings_table
 
@@ -23,6 +23,7 @@ __all__ = [
     "Hover",
     "Mujoco",
     "Part",
+    "Pinocchio",
     "PlantPart",
     "Scenario",
     "Setting",

@@ -5,8 +5,8 @@ A run remembers its scenario, so that it can be walked again from its file::
     run = walk(Scenario(controller="wbc", ground=Ground(mu_s=0.25), duration=3.0), save="walk.npz")
     again = walk(Scenario.of(Run.load("walk.npz")))
 
-With the same versions on the same machine the two are equal bit for bit. Only where ProxQP is asked (the whole-body
-controller's default solver) the last digits may differ, as they depend on where its memory lies; DAQP's do not.
+With the same versions on the same machine the two are equal bit for bit. Only with ProxQP (the whole-body controller's
+default solver) the last digits may differ, as they depend on where its memory lies; those of ``active_set`` do not.
 """
 
 from __future__ import annotations

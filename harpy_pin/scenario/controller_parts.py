@@ -92,7 +92,11 @@ class Condensed(ControllerPart):
 
 @dataclass(frozen=True, kw_only=True)
 class WholeBody(ControllerPart):
-    """The whole-body QP, see :class:`harpy_pin.controllers.WholeBodyController`."""
+    """The whole-body QP, see :class:`harpy_pin.controllers.WholeBodyController`.
+
+    ProxQP solves it in every tick. With ``{"solver": "active_set"}`` among the parameters it is this library's own
+    search, with which a whole walk is one compiled loop.
+    """
 
     name = "wbc"
 

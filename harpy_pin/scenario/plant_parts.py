@@ -13,6 +13,7 @@ from harpy_pin.scenario.parts import Part
 from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.mujoco.mujoco_plant import MujocoPlant
 from harpy_pin.simulation.mujoco.soft_contact import CONTACTS, DEFAULT_PRESET, PRESETS, preset_ground
+from harpy_pin.simulation.pinocchio_plant import STICTION_TOLERANCE, PinocchioPlant, checked_tolerance
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.simulator import Simulator
 
@@ -61,6 +62,29 @@ class Compliant(PlantPart):
         return Simulator(robot, ground, dt=dt, actuators=actuators)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Pinocchio(PlantPart):
+    """The paper's model as written, by Pinocchio's ABA and explicit steps.
+
+    See :class:`harpy_pin.simulation.PinocchioPlant`.
+
+    Attributes:
+        stiction_tolerance: speed below which friction falls to zero, m/s: a foot that holds some friction creeps.
+    """
+
+    name = "pinocchio"
+    stiction_tolerance: float = STICTION_TOLERANCE
+
+    def __post_init__(self) -> None:
+        checks.keep(self, stiction_tolerance=checked_tolerance(self.stiction_tolerance))
+
+    @checked
+    def make(self, robot: Robot, ground: Ground, *, dt: float, actuators: Actuators | None = None) -> Plant:
+        """See :class:`PlantPart`."""
+        tolerance = self.stiction_tolerance
+        return PinocchioPlant(robot, ground, dt=dt, actuators=actuators, stiction_tolerance=tolerance)
+
+
 @dataclass(frozen=True)
 class Mujoco(PlantPart):
     """MuJoCo, an extra, see :class:`harpy_pin.simulation.mujoco.MujocoPlant`.
@@ -92,5 +116,5 @@ class Mujoco(PlantPart):
         return MujocoPlant(robot, felt, dt=dt, actuators=actuators, contact=contact, foot_radius=self.foot_radius)
 
 
-PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Mujoco)}
+PLANT_PARTS: dict[str, type[PlantPart]] = {kind.name: kind for kind in (Compliant, Pinocchio, Mujoco)}
 """The physics engines of a scenario by name; the first one is the default."""

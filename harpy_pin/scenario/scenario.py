@@ -40,7 +40,7 @@ class Scenario:
             own, ``hp.load_robot("my.urdf", feet=...)``.
         gait: one of :data:`GAIT_PARTS` that the robot has; :class:`Straight` by default, or what fits the other robot.
         controller: one of :data:`CONTROLLER_PARTS`; :class:`Condensed` by default.
-        plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default.
+        plant: one of :data:`PLANT_PARTS`; :class:`Compliant` by default, :class:`Pinocchio` or :class:`Mujoco`.
         ground: what the robot walks on; by default of friction 0.25. Where no stiffness is given it is the paper's, for
             another robot than Harpy one that fits its weight.
         disturbances: pushes, noise, delay, mass error and start velocity; none by default.

@@ -1,4 +1,4 @@
-"""Simulation: ground, contact step, simulator, sensors, and MuJoCo as a second engine.
+"""Simulation: ground, contact step, simulator, sensors, and two further plants: Pinocchio, MuJoCo.
 
 The names that ``__init__.pyi`` lists are imported when they are first used.
 """

@@ -4,6 +4,7 @@ from .actuators import Actuators
 from .implicit_contact import contact_step
 from .loop import Controller
 from .own_loop import Recorder
+from .pinocchio_plant import PinocchioPlant
 from .plant import GRAVITY, Plant
 from .push import Push
 from .sensors import Noise, Sensors
@@ -15,6 +16,7 @@ __all__ = [
     "Actuators",
     "Controller",
     "Noise",
+    "PinocchioPlant",
     "Plant",
     "Push",
     "Recorder",

@@ -1,6 +1,7 @@
-"""What both plants share: a robot on a ground, its closed loops and their logs.
+"""What all plants share: a robot on a ground, its closed loops and their logs.
 
-They are :class:`harpy_pin.simulation.simulator.Simulator` and :class:`harpy_pin.simulation.mujoco.MujocoPlant`.
+They are :class:`harpy_pin.simulation.simulator.Simulator`,
+:class:`harpy_pin.simulation.pinocchio_plant.PinocchioPlant` and :class:`harpy_pin.simulation.mujoco.MujocoPlant`.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, shown
@@ -73,12 +73,26 @@ def _names(run: Run, kind: str) -> tuple[str, ...] | None:
     return tuple(str(name) for name in names) if isinstance(names, list | tuple) else None
 
 
+SOLVERS = {"proxqp": "ProxQP", "active_set": "own search"}
+"""Solvers of the whole-body QP as pages name them; others by their own names."""
+
+
+def _solver_of(part: dict[str, Any]) -> str:
+    """The solver of a controller's part."""
+    parameters = part.get("parameters")
+    name = str((parameters if isinstance(parameters, dict) else {}).get("solver", "proxqp"))
+    return SOLVERS.get(name, name)
+
+
 def name_of(run: Run) -> str:
-    """What walks, in words: from the scenario where there is one, else the name of the controller's class."""
+    """What walks, in words: from the scenario where there is one, else the name of the controller's class.
+
+    The whole-body QP is named with its solver.
+    """
     scenario, own = run.metadata.get("scenario"), run.metadata.get("own")
     part = scenario.get("controller") if isinstance(scenario, dict) else None
     if isinstance(part, dict) and not (isinstance(own, list) and "controller" in own):
         for known in CONTROLLERS.values():
             if known.name == part.get("name") and known.governor in (None, part.get("governor")):
-                return known.label
+                return f"{known.label}, {_solver_of(part)}" if known.name == "wbc" else known.label
     return str(run.metadata.get("controller", "Run"))

@@ -1,9 +1,8 @@
 """The solvers of this library: the dual active-set method, and the warm start from the last active set.
 
 The kernels of both searches are in :mod:`harpy_pin.wbc.condensed.active_set`. Where the exchange of the last active set
-takes too long, the dual method follows, and where rounding makes that fail, a further solver. Each has a bound on its
-iterations. No further solver is asked where the dual method used up its exchanges, or where the numbers are those of no
-robot: then there is no solution, and a controller holds its last command.
+takes too long, the dual method follows. Both have a bound on their iterations. Where the dual method fails, too, there
+is no solution, and a controller holds its last command.
 
 A tick may need up to three solves. For programs of more than some fifty unknowns they share one bound, ``WORK``.
 """
@@ -29,23 +28,16 @@ from harpy_pin.wbc.condensed.active_set import (
     ProgramRecord,
     dual_active_set,
     exchange,
-    row_value,
 )
 from harpy_pin.wbc.program import ACCEPTED, QPSolution, QPSolver, QPStatus, QuadraticProgram, worst_violation
 
 SOLVED, INACCURATE, MAX_ITERATIONS, INFEASIBLE = (int(status) for status in QPStatus)
-ASK = 4
-"""What :func:`solve_further` says where another solver may help."""
 WORK = 450 * 59**2
 """Bound of all solves of a tick: exchanges of the dual method times the square of the unknowns. It is 0.7 ms."""
 SYSTEM = 4
 """Exchanges of the dual method that count as one system."""
-FALLBACK = 2
-"""Exchanges of the dual method that take as long as one iteration of the further solver."""
 SPARING = 1000
 """Exchanges left to a tick below which it tries the last active set only in its first solve."""
-LARGEST_GRADIENT = 1e9
-"""Entry of a gradient beyond which no robot is meant, and no other solver is asked. That of a walk is below 1e5."""
 EXCHANGES_PER_ROW = 4
 """Bound on the constraints added and dropped, for each constraint of the program."""
 MAX_EXCHANGES = 300
@@ -84,26 +76,22 @@ class DualActiveSet(QPSolver):
 
 @fixed_arrays("record")
 class WarmStartedActiveSet(QPSolver):
-    """Tries the last active set, then the dual method, then another solver.
+    """Our own search: the last active set and its exchange, then the dual method. It needs no package.
 
     Args:
         program: gives the sizes.
-        fallback: is called where both end without a solution.
 
     Attributes:
         dual: the dual method.
-        fallback_solves: how many solves needed the fallback.
     """
 
-    name: ClassVar[str] = "reuse"
+    name: ClassVar[str] = "active_set"
     _record_: Records[ActiveSetRecord]
 
-    def __init__(self, program: QuadraticProgram, fallback: QPSolver) -> None:
+    def __init__(self, program: QuadraticProgram) -> None:
         super().__init__(program)
         n, n_eq, rows = program.shape
-        self.fallback = fallback
         self.dual = DualActiveSet(program)
-        self.fallback_solves = 0
         self.record = make_record(
             ActiveSetRecord,
             {"n": n, "n_eq": n_eq, "rows": rows},
@@ -125,16 +113,13 @@ class WarmStartedActiveSet(QPSolver):
         solve_further.prepare(
             program._record_, self._record_, self.dual._record_, self.solution._z_, self.dual.solution._z_
         )
-        self.fallback.prepare(program)
-        _guess.prepare(program._record_, self._record_, self.solution.z)
 
     def reset(self) -> None:
         """See :meth:`QPSolver.reset`."""
         super().reset()
         self._active[:] = 0
-        self._record_["searched"] = self.fallback_solves = 0
+        self._record_["searched"] = 0
         self.dual.reset()
-        self.fallback.reset()
 
     def swap_active(self, other: NDArray[np.int64]) -> None:
         """Take up another program of this size: exchange the active rows with ``other`` (rows,)."""
@@ -150,21 +135,8 @@ class WarmStartedActiveSet(QPSolver):
         self._refuse_other(program)
         solution, record = self.solution, self._record_
         status = solve_further(program._record_, record, self.dual._record_, solution._z_, self.dual.solution._z_)
-        solution.iterations, solution.violation = int(self._iterations), float(self._violation)
-        if status != ASK:
-            solution.status = QPStatus(status)
-            return solution
-        self.fallback_solves += 1
-        self.fallback.reset()  # what it remembers is many ticks old
-        found = self.fallback.solve(program)
-        record["left"] -= FALLBACK * found.iterations
-        if found.usable:
-            _guess(program._record_, self._record_, found.z)
-        else:
-            self._active[:] = 0
-        solution.z[:] = found.z
-        solution.status, solution.violation = found.status, found.violation
-        solution.iterations += found.iterations
+        solution.status, solution.iterations = QPStatus(status), int(self._iterations)
+        solution.violation = float(self._violation)
         return solution
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
@@ -183,7 +155,7 @@ def solve_further(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Ve
     """One more program of a tick, by the last active set and its exchange, then by the dual method.
 
     ``w`` has the last active set, and bounds and account of the tick; z is the solution, out, and ``found`` work space
-    for that of the dual method. Returns a :class:`QPStatus`; ``ASK`` where none was found and another solver may help.
+    for that of the dual method. Returns a :class:`QPStatus`.
     """
     w.iterations = 0
     if w.left >= min(w.budget, SPARING):  # else a search was needed before, so the last active set will not do
@@ -217,8 +189,6 @@ def _search(qp: ProgramRecord, w: ActiveSetRecord, dual: DualRecord, z: Vector, 
     w.iterations, w.violation = spent, violation
     z[:] = found
     if status > INACCURATE:
-        if (status != INFEASIBLE or violation == np.inf) and exchanges < dual.limit and _is_of_a_robot(qp):
-            return ASK
         w.active[:] = 0
     return status
 
@@ -234,21 +204,3 @@ def _judged(qp: ProgramRecord, outcome: int, z: Vector) -> tuple[int, float]:
         else:
             status = INACCURATE if violation <= ACCEPTED else MAX_ITERATIONS
     return status, violation
-
-
-@kernel
-def _is_of_a_robot(qp: ProgramRecord) -> bool:
-    """Whether the gradient is one that a robot may have."""
-    fits = True
-    for c in range(qp.gradient.shape[0]):
-        fits = fits and abs(qp.gradient[c]) < LARGEST_GRADIENT
-    return fits
-
-
-@kernel
-def _guess(qp: ProgramRecord, w: ActiveSetRecord, z: Vector) -> None:
-    """Rows that a solution touches."""
-    for r in range(qp.lower.shape[0]):
-        s = row_value(qp, r, z)
-        near = 1e-5 * max(1.0, abs(s))
-        w.active[r] = -1 if s - qp.lower[r] < near else (1 if qp.upper[r] - s < near else 0)

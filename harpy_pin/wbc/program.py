@@ -41,6 +41,8 @@ class QuadraticProgram(KeepsViews):
     _record_: Records[ProgramRecord]
     _hessian_: Vector
     _gradient_: Vector
+    _equality_: Vector
+    _equality_value_: Vector
 
     def __init__(self, size: int, *, equalities: int, inequalities: int, bounded: int) -> None:
         given = {"size": size, "equalities": equalities, "inequalities": inequalities, "bounded": bounded}

@@ -9,16 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from command_line import ROOT
-from needs import needs_robots
+from needs import needs_chromium, needs_robots
 from PIL import Image
 
 import harpy_pin as hp
 from harpy_pin.cli import app as cli
 from harpy_pin.cli.walk_options import read_scenario
 from harpy_pin.controllers import CONTROLLERS
-from harpy_pin.errors import HarpyError
 from harpy_pin.scenario.settings import scenario_of, settings_table
-from harpy_pin.view.page.film import find_chromium
 
 
 def test_walk_writes_log_and_json(command, tmp_path):
@@ -214,7 +212,7 @@ def test_demo_walks_three_controllers_and_writes_their_page(command, tmp_path, m
     page = tmp_path / "demo.html"
     code, out, _ = command("demo", "--html", page)
     assert code == 0
-    names = ["Paper's governor", "Condensed controller", "Whole-body QP"]
+    names = ["Paper's governor", "Condensed controller", "Whole-body QP, ProxQP"]
     assert all(line.startswith(name) for line, name in zip(out.splitlines(), names, strict=False))
     assert all("mm per step" in line and len(line) <= 80 for line in out.splitlines()[:3])
     assert opened == [page.as_uri()]
@@ -276,11 +274,8 @@ def test_the_table_is_of_what_the_robot_has(command):
 
 
 @needs_robots
+@needs_chromium
 def test_film_of_a_robot(command, tmp_path):
-    try:
-        find_chromium()
-    except HarpyError as missing:
-        pytest.skip(str(missing))
     path, crawls = tmp_path / "dog.gif", ("--set", "gait.schedule=crawl")
     assert command("film", path, "--robot", "Solo", *crawls, "--duration", 0.85, "--size", "200x150")[0] == 0
     with Image.open(path) as film:

@@ -16,12 +16,12 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import pytest
 import typer
+from processes import living, needs_proc
 
 import harpy_pin as hp
 from harpy_pin.cli.ending import stopping
@@ -34,7 +34,7 @@ PATIENCE = 600.0
 SOON = 3.0
 """Until which moment commands are signalled without ``--fuzz``, s."""
 
-pytestmark = pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="looks for processes in /proc")
+pytestmark = needs_proc
 
 
 class Case(NamedTuple):
@@ -44,6 +44,7 @@ class Case(NamedTuple):
     lasts: float  # until which moment it is signalled, s
     cold: bool = False  # whether nothing was compiled before
     codes: tuple[int, ...] = (0,)  # with which it may end by itself before the signal
+    needs: tuple[str, ...] = ()  # programs
 
 
 CASES = {
@@ -53,7 +54,7 @@ CASES = {
     "compile": Case("harpy_pin compile", 15.0, cold=True),
     "view": Case("harpy_pin view RUN", 3.0),
     "view --html": Case("harpy_pin view RUN --html OUT/page.html", 2.0),
-    "view --gif": Case("harpy_pin view RUN --gif OUT/film.gif --size 160x100", 6.0),
+    "view --gif": Case("harpy_pin view RUN --gif OUT/film.gif --size 160x100", 6.0, needs=("chromium",)),
     "live": Case("harpy_pin live --no-browser --save OUT/run.npz --json OUT/numbers.json --speed 0.2", 6.0),
     "live, compiling": Case("harpy_pin live --no-browser --save OUT/run.npz", 12.0, cold=True),
     "gait": Case("reproduction gait --search paper --budget 500 --out OUT/gait.toml", 5.0),
@@ -76,16 +77,6 @@ def is_ready(process: subprocess.Popen[str]) -> bool:
     lines = Path(f"/proc/{process.pid}/status").read_text().splitlines()
     caught = next((int(line.split()[1], 16) for line in lines if line.startswith("SigCgt")), 0)
     return bool(caught >> (signal.SIGTERM - 1) & 1) or process.poll() is not None
-
-
-def living(mark: str) -> Iterator[str]:
-    """Command lines of the processes that have a mark in their environment."""
-    for folder in Path("/proc").iterdir():
-        try:
-            if folder.name.isdecimal() and f"{MARK}={mark}".encode() in (folder / "environ").read_bytes():
-                yield (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-        except OSError:
-            continue
 
 
 def shown_by_shells(code: int) -> int:
@@ -152,7 +143,7 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
     code = shown_by_shells(process.returncode)
     assert code in (case.codes if ended else (128 + number, *case.codes)), (code, told)
     deadline = time.monotonic() + PATIENCE
-    while (left := list(living(mark))) and time.monotonic() < deadline:
+    while (left := list(living(f"{MARK}={mark}", file="environ"))) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not left, (left, told)
     check_whole(folder / "out")
@@ -161,7 +152,7 @@ def signalled(case: Case, folder: Path, log: Path, moment: float, number: int, *
     shutil.rmtree(temporary, ignore_errors=True)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.needs(*CASES[name].needs)) for name in CASES])
 def test_signals_at_random_moments(name: str, log: Path, tmp_path: Path, fuzz: int) -> None:
     rng = random.Random(name)
     case = CASES[name]

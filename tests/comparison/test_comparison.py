@@ -22,9 +22,12 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
     document = whole_document
-    assert {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES} <= document["timing"]["wbc"].keys()
+    timing = document["timing"]
+    assert {"tick", "chain", "solve_alone", "solve_alone_proxqp", *WBC_PHASES} <= timing["wbc"].keys()
+    assert {"tick", "chain", *WBC_PHASES} <= timing["own search"].keys()
     assert all(row["samples"] > 0 for name in TIMED for row in document["timing"][name].values())
-    assert len(document["timing"]["ratio"]["repetitions"]) == 2
+    assert {"wbc / governed", "own search / governed", "condensed / governed"} <= timing["ratios"].keys()
+    assert all(len(ratio["repetitions"]) == 2 for ratio in timing["ratios"].values())
     for measures in document["walk"].values():
         for share in ("sliding", "low_force", "no_contact"):
             assert 0.0 <= measures[share] <= 1.0
@@ -35,8 +38,11 @@ def test_document_has_its_schema(whole_document: dict[str, Any]) -> None:
     assert checks["commands_differing"] == sum(checks["commands_differing_by_controller"].values())
     assert checks["commands_differing_by_controller"]["governed"] == 0
     assert checks["commands_differing_by_controller"]["condensed"] == 0
-    assert checks["commands_compared"] == 2 * 2 * 5 * 250  # repetitions, sequences, replays, ticks
-    assert checks["qp_solves"] == 2 * 250
+    assert checks["commands_differing_by_controller"]["own search"] == 0
+    assert checks["commands_compared"] == 2 * 2 * 7 * 250  # repetitions, sequences, replays, ticks
+    for solver in ("proxqp", "own"):
+        assert checks[f"{solver}_solves"] == 2 * 250
+        assert checks[f"{solver}_fallbacks"] == checks[f"{solver}_failures"] == checks[f"{solver}_not_optimal"] == 0
     assert document["settings"]["friction"] == 0.25
     assert document["machine"]["cpu"]
     assert document["versions"]["pin"] != "not installed"

@@ -38,9 +38,9 @@ def spread(value: float | None, width: float = 0.1) -> dict[str, float | None]:
 
 
 def document_of(
-    ticks: tuple[float, ...] = (8.0, 12.0, 14.0, 24.0, 20.0, 32.0),
-    slips: tuple[float | None, ...] = (2.0, 4.0, 3.5, 1.0, 3.0, 0.5),
-    falls: tuple[int, ...] = (0, 5, 4, 0, 2, 1),
+    ticks: tuple[float, ...] = (8.0, 12.0, 14.0, 24.0, 18.0, 32.0, 360.0),
+    slips: tuple[float | None, ...] = (2.0, 4.0, 3.5, 1.0, 3.0, 0.5, 0.5),
+    falls: tuple[int, ...] = (0, 5, 4, 0, 2, 1, 1),
     *,
     width: float = 0.1,
 ) -> dict[str, Any]:
@@ -54,7 +54,8 @@ def document_of(
     worst["governed/filter"]["slip_mm_per_step"] = spread(25.0)
     settings = {"duration": 2.5, "frictions": [0.15, 0.8]}
     times = {name: {"p50_us": tick, "p99_us": 2.0 * tick} for name, tick in zip(NAMES, ticks, strict=True)}
-    contenders = {name: entry | {"inside_c": entry} for name, entry in times.items()}
+    contenders = {name: entry | ({} if name == "wbc" else {"inside_c": entry}) for name, entry in times.items()}
+    contenders["wbc"]["own_timer"] = {"p50_us": 0.75 * ticks[-1]}
     return {
         "ticks": {"friction": 0.25, "contenders": contenders},
         "campaign": {"whole": whole, "settings": settings, "factors": {"friction": {"0.8": whole, "0.15": worst}}},
@@ -68,24 +69,21 @@ def words_of(document: dict[str, Any]) -> str:
 
 def test_words_follow_from_the_numbers() -> None:
     text = words_of(document_of())
-    assert "slip least with: whole-body QP, 0.5 mm per step; next contact-force filter, 1 (2.0×)." in text
+    assert "slip least with: whole-body QP by ProxQP, 0.5 mm per step; next contact-force filter, 1 (2.0×)." in text
     assert "The paper's governor makes more slip: 4 mm per step with it, 2 without, 3.5 in its best variant." in text
-    falls = "contact-force filter 0 of 10, no governor 0 of 10, whole-body QP 1 of 10, condensed WBC 2 of 10, "
-    assert falls + "paper's best variant 4 of 10, paper's governor 5 of 10." in text
-    cost = "no governor 8, paper's governor 12 (1.5×), paper's best variant 14 (1.8×), "
-    assert cost + "condensed WBC 20 (2.5×), contact-force filter 24 (3.0×), whole-body QP 32 (4.0×)." in text
+    cost = "A tick of the paper's governor takes 12 µs; that of the condensed WBC 1.5 times as long, of the whole-body "
+    cost += "QP 2.67 times by own search and 30 times by ProxQP (360 µs, of which 270 by ProxQP's own timer). "
+    assert cost + "The condensed WBC takes 0.562 of the QP's time by own search, and 0.05 by ProxQP." in text
     assert "Every timed command equals an untimed one." in text
 
 
 def test_other_numbers_turn_the_words_around() -> None:
-    ticks, slips = (90.0, 80.0, 75.0, 70.0, 60.0, 5.0), (3.0, 1.0, 4.0, 2.0, 50.0, 40.0)
-    text = words_of(document_of(ticks, slips, (10, 0, 4, 3, 10, 9)))
+    ticks, slips = (90.0, 80.0, 75.0, 70.0, 60.0, 5.0, 4.0), (3.0, 1.0, 4.0, 2.0, 50.0, 40.0, 40.0)
+    text = words_of(document_of(ticks, slips, (10, 0, 4, 3, 10, 9, 9)))
     assert "slip least with: paper's governor, 1 mm per step; next contact-force filter, 2 (2.0×)." in text
     assert "makes less slip: 1 mm per step with it, 3 without, 4 in its best variant." in text
-    falls = "fall: paper's governor 0 of 10, contact-force filter 3 of 10, paper's best variant 4 of 10, "
-    assert falls + "whole-body QP 9" in text
-    cost = "whole-body QP 5, condensed WBC 60 (12×), contact-force filter 70 (14×), "
-    assert cost + "paper's best variant 75 (15×), paper's governor 80 (16×), no governor 90 (18×)." in text
+    cost = "the condensed WBC 0.75 times as long, of the whole-body QP 0.0625 times by own search and 0.05 times by "
+    assert cost + "ProxQP (4 µs, of which 3 by ProxQP's own timer)." in text
 
 
 def test_what_the_spreads_do_not_tell_is_not_said() -> None:
@@ -108,22 +106,24 @@ def test_times_that_were_not_verified_are_refused() -> None:
 def test_the_best_of_each_row_is_marked_and_ties_are_shared() -> None:
     found = answer_of(document_of())
     marks = {heading: [best for _, best in cells] for heading, cells in found.rows}
-    assert marks["tick, median, µs"] == [True, False, False, False, False, False]
-    assert marks["slip, friction 0.15"] == [False, False, False, True, False, False]
-    assert marks["slip, all walks"] == [False, False, False, False, False, True]
-    assert marks["walks that fall, %"] == [True, False, False, True, False, False]
-    assert marks["in C, median, µs"] == [True, False, False, False, False, False]
-    assert marks["off target, rms mm"] == [True] * 6
+    assert marks["tick, median, µs"] == [True, *[False] * 6]
+    assert marks["slip, μ 0.15"] == [*[False] * 3, True, *[False] * 3]
+    assert marks["slip, all walks"] == [*[False] * 5, True, True]
+    assert marks["falls, % of walks"] == [True, False, False, True, *[False] * 3]
+    assert marks["in C, median, µs"] == [True, *[False] * 6]
+    assert marks["off target, mm"] == [True] * 7
+    inside = dict(found.rows)["in C, median, µs"]
+    assert inside[-1] == ("–", False)  # C cannot call ProxQP
 
 
 STRESS = (
     document_of(
-        (98765.4, 123456.7, 123456.8, 234567.8, 4.0, 345678.9),
-        (1234.5, 0.000123456, 0.000123457, 99999.9, 12.0, 1e-9),
-        (10,) * 6,
+        (98765.4, 123456.7, 123456.8, 234567.8, 4.0, 345678.9, 456789.1),
+        (1234.5, 0.000123456, 0.000123457, 99999.9, 12.0, 1e-9, 1e-9),
+        (10,) * 7,
     ),
-    document_of((1e-3, 2e-3, 3e-3, 6e-3, 5e-3, 4e-3), (None,) * 6, (0,) * 6),
-    document_of((7.0,) * 6, (0.0,) * 6),
+    document_of((1e-3, 2e-3, 3e-3, 6e-3, 5e-3, 4e-3, 7e-3), (None,) * 7, (0,) * 7),
+    document_of((7.0,) * 7, (0.0,) * 7),
     document_of(width=0.9),
 )
 
@@ -279,10 +279,10 @@ def test_times_and_slips_meet_in_one_table(document: dict[str, Any]) -> None:
     table = pareto_table(document)
     assert len(table.rows) == len(CONTENDERS)
     qp = document["ticks"]["contenders"]["wbc"]
-    assert table.number("whole-body QP", "tick, median") == qp["p50_us"]
+    assert table.number("whole-body QP, ProxQP", "tick, median") == qp["p50_us"]
     assert qp["low_us"] <= qp["p50_us"] <= qp["high_us"]
     assert (
-        table.number("whole-body QP", "slip per step")
+        table.number("whole-body QP, ProxQP", "slip per step")
         == document["campaign"]["whole"]["wbc"]["slip_mm_per_step"]["value"]
     )
 

@@ -13,8 +13,9 @@ from PIL import Image
 
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
+from comparison.contenders import OWN
 from comparison.measure.walking import Rows
-from comparison.studies import contacts, grounds, ice, limits, steering, thrusters, walking
+from comparison.studies import contacts, grounds, ice, limits, plants, steering, thrusters, walking
 from comparison.studies.crossings import CROSSINGS
 from comparison.studies.flights import FLIGHTS
 from comparison.studies.slopes import static_bound, what_happens
@@ -30,6 +31,7 @@ TINY: dict[str, dict[str, Any]] = {
     "flights": {"names": ("walk", "jump 0.4 m")},
     "ice": {"duration": 2.5},
     "limits": {"torque": (0.5,), "damping": (50.0,), "bandwidth": (), "viscous": (), "duration": 0.2},
+    "plants": {"walkers": ("governed/none", "condensed"), "duration": 0.1, "repetitions": 1, "laps": 4},
     "pushes": {"plants": ("compliant",)},
     "robots": {"robots": ("solo12", "solo8"), "duration": 1.0},
     "slopes": {"degrees": (0.0, 30.0), "frictions": (0.1, 0.8), "walkers": ("no_thrust", "go2"), "duration": 0.2},
@@ -83,11 +85,26 @@ def test_grounds_show_slip_or_when_a_walk_fell():
 
 
 def test_engines_that_are_not_installed_are_left_out(monkeypatch):
-    for study in (contacts, grounds, thrusters):
+    for study in (contacts, grounds, plants, thrusters):
         monkeypatch.setattr(study, "installed_version", lambda: None)
-    jobs = {name: list(STUDIES[name].jobs(STUDIES[name].settings())) for name in ("contacts", "grounds", "thrusters")}
+    names = ("contacts", "grounds", "plants", "thrusters")
+    jobs = {name: list(STUDIES[name].jobs(STUDIES[name].settings())) for name in names}
+    assert {job["plant"] for job in jobs["plants"]} == {"compliant", "0.1 ms", "pinocchio", "0.25 mm/s"}
     assert not any("MuJoCo" in str(job) for job in (*jobs["grounds"], *jobs["thrusters"]))
     assert {job["contact"] for job in jobs["contacts"]} == {"ours"}
+
+
+def test_plants_show_slip_or_how_many_fell():
+    rows = [dict(row) for row in rows_of("plants")]
+    walks = [row for row in rows if row.get("plant") == "pinocchio" and row["walker"] == "condensed"]
+    assert {row["friction"] for row in walks} == {0.8, 0.25}
+    (slick,) = (row for row in walks if row["friction"] == 0.25)
+    tables = tables_of("plants", rows)
+    assert tables["plants_0.25_path"].get("condensed", "pinocchio").value == f"{slick['path_mm']:.2f}"
+    slick["ending"] = "fell"
+    assert tables_of("plants", rows)["plants_0.25_net"].get("condensed", "pinocchio").value == "fell 1/1"
+    (times,) = (row for row in rows if row.get("robot") == "harpy")
+    assert tables["plants_times"].number("harpy", "pin.aba") == times["aba"]["p50"] > 0.0
 
 
 def on(contact: str, walker: str) -> Rows:
@@ -210,7 +227,8 @@ def test_thrusters_and_those_who_know_them_get_what_the_job_says():
     more = {"lags": (0.0, 0.1), "bandwidths": (None, 50.0), "plants": ("ours", "MuJoCo")}
     for job in STUDIES["thrusters"].jobs(STUDIES["thrusters"].settings(quick=True, **more)):
         scenario = thrusters.scenario(job)
-        actuators, known = scenario.disturbances.actuators, scenario.controller.parameters
+        actuators, known = scenario.disturbances.actuators, dict(scenario.controller.parameters)
+        assert known.pop("solver", None) == ("active_set" if "QP" in job["walker"] else None)
         assert actuators.bandwidth == job["bandwidth"]
         assert (actuators.thrusters.lag, actuators.thrusters.turning_lag) == (job["lag"], job["turning_lag"])
         assert (actuators.thrusters.failing or (0, 0, None))[2] == job["failing"]
@@ -228,7 +246,7 @@ def steered(**changes: Any) -> hp.Scenario:
 
 def test_steering_of_one_number_has_one_command_friction_and_push():
     scenario = steered()
-    for same in (steered(controller="wbc"), steered(plant="mujoco")):
+    for same in (steered(controller=OWN), steered(plant="mujoco")):
         for name in ("gait", "ground", "disturbances"):
             assert getattr(same, name) == getattr(scenario, name)
     assert np.linalg.norm(scenario.disturbances.pushes[0].impulse) == pytest.approx(10.0)
@@ -272,7 +290,7 @@ def test_jumps_are_measured():
 @pytest.mark.parametrize("name", list(FLIGHTS))
 def test_every_flight_is_as_its_row_says(name):
     one = FLIGHTS[name]
-    scenario = one.scenario("wbc", "mujoco", 7)
+    scenario = one.scenario("QP", "mujoco", 7)
     fans = scenario.disturbances.actuators.thrusters
     lag = next((k for k in (30, 100, 300) if f"{k} ms" in name), 0)
     assert fans.lag == one.lag == pytest.approx(1e-3 * lag)
@@ -290,7 +308,7 @@ def test_robots_stand_or_say_why_they_do_not():
     standing, times = tables_of("robots").values()
     assert standing.number("solo12", "mass") == pytest.approx(2.5, abs=0.01)
     assert "point foot must have 3 joints" in str(standing.get("solo8", "stands, condensed").value)
-    assert times.rows[:2] == ["solo12, QP", "solo12, condensed"]
+    assert times.rows[:2] == ["solo12, QP, own search", "solo12, condensed"]
 
 
 @needs_robots
@@ -313,7 +331,7 @@ def walked(**changes: Any) -> hp.Scenario:
 @needs_robots
 def test_walks_of_one_number_have_one_command_and_friction_and_pushes_come_from_every_side():
     scenario = walked(number=5)
-    for same in (walked(number=5, controller="wbc"), walked(number=5, plant="mujoco")):
+    for same in (walked(number=5, controller=OWN), walked(number=5, plant="mujoco")):
         for name in ("gait", "ground", "disturbances"):
             assert getattr(same, name) == getattr(scenario, name)
     assert walking.DRAWN[0] <= scenario.ground.mu_s <= walking.DRAWN[1]

@@ -1,14 +1,14 @@
 """Numbers and control flow in kernels: what C gives is what plain Python gives, in every bit."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from needs import needs_compiler
 from oracle import REALS, same
 
-from harpy_pin.compiled import BACKEND, kernel
+from harpy_pin.compiled import kernel
 
-pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
+pytestmark = needs_compiler
 wholes = st.integers(-50, 50)
 SCALE = 2.5
 

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 from long import long_but
-from needs import needs_robots
+from needs import needs_compiler, needs_robots
 from oracle import Comparison, compared
 from scenes import SCENES, library_kernels
 
-from harpy_pin.compiled import BACKEND, compiler
+from harpy_pin.compiled import compiler
 from harpy_pin.compiled.entry_points import entry_code
 from harpy_pin.compiled.unit import Unit
 from harpy_pin.model.catalogue import installed_data
 
-pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
+pytestmark = needs_compiler
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-Wno-unused-function")
 
 

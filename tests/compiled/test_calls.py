@@ -12,12 +12,13 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from needs import needs_compiler
 
-from harpy_pin.compiled import BACKEND, compiler, kernel
+from harpy_pin.compiled import compiler, kernel
 from harpy_pin.compiled.bridge import MAX_RESULTS
 from harpy_pin.errors import KernelError
 
-pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
+pytestmark = needs_compiler
 RECORD = np.dtype([("mass", np.float64), ("force", np.float64, (2,)), ("count", np.int64)], align=True)
 
 

@@ -8,11 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from harpy_pin.compiled import BACKEND
+from needs import needs_compiler
 
 ROOT = Path(__file__).resolve().parents[2]
-pytestmark = pytest.mark.skipif(BACKEND != "c", reason="needs a C compiler")
+pytestmark = needs_compiler
 
 
 def run(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:

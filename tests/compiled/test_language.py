@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from needs import needs_compiler
 
-from harpy_pin.compiled import BACKEND, kernel
+from harpy_pin.compiled import kernel
 from harpy_pin.compiled.types import Array
 from harpy_pin.errors import KernelError
 
-pytestmark = pytest.mark.skipif(BACKEND != "c", reason="C alone refuses")
+pytestmark = needs_compiler
 
 
 HEAD = "import math\n\nimport numpy as np\n\n\ndef sum_of(a):\n    return a[0]\n"

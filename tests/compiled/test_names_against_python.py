@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from needs import needs_compiler
 from oracle import REALS, four, same
 
-from harpy_pin.compiled import BACKEND, kernel
+from harpy_pin.compiled import kernel
 
-pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
+pytestmark = needs_compiler
 N = 3
 
 

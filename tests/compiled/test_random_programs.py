@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+from needs import needs_compiler
 from oracle import same
 
-from harpy_pin.compiled import BACKEND
-
-pytestmark = pytest.mark.skipif(BACKEND != "c", reason="no C compiler")
+pytestmark = needs_compiler
 
 
 class Writer:

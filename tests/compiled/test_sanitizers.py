@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-
-from harpy_pin.compiled import BACKEND, compiler
+from needs import sanitizer
 
 HERE = Path(__file__).resolve().parents[1] / "support"
 FLAGS = "-g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recover=all"
@@ -42,19 +41,7 @@ def beyond(a, n):
 """
 
 
-def sanitizer() -> tuple[str, str] | None:
-    """The compiler, and the libraries that must be loaded before Python."""
-    command = compiler.compiler()
-    if BACKEND != "c" or command is None or sys.platform != "linux" or "ziglang" in command:
-        return None
-    libraries = []
-    for name in ("libasan.so", "libstdc++.so"):  # the second one for exceptions of the first one's interceptors
-        found = subprocess.run([*command, f"-print-file-name={name}"], capture_output=True, text=True, check=False)
-        libraries.append(found.stdout.strip())
-    return (" ".join(command), " ".join(libraries)) if all(map(os.path.isabs, libraries)) else None
-
-
-pytestmark = pytest.mark.skipif(sanitizer() is None, reason="no sanitizers")
+pytestmark = pytest.mark.needs("sanitizers")
 
 
 def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:

@@ -10,11 +10,10 @@ import sys
 
 import numpy as np
 import pytest
-from needs import needs_mujoco, needs_robots
+from needs import needs_compiler, needs_mujoco, needs_robots
 from walks import scenario
 
 import harpy_pin as hp
-from harpy_pin.compiled import BACKEND
 
 SCRIPT = """
 import json, sys, numpy as np, harpy_pin as hp
@@ -25,19 +24,20 @@ PUSH = hp.Push(time=0.002, impulse=(0.5, 2.0, 0.0), duration=0.01)
 COMMAND = ((0.0, 0.3, 0.0, 0.0), (0.005, 0.1, 0.05, 0.4))
 CONTROLLERS = (
     *(hp.Condensed(), hp.Condensed(parameters={"estimate_friction": True})),
-    *(hp.WholeBody(parameters={"formulation": name}) for name in hp.wbc.FORMULATIONS),
+    *(hp.WholeBody(parameters={"formulation": name, "solver": "active_set"}) for name in hp.wbc.FORMULATIONS),
     *(hp.Governed(governor=name) for name in hp.controllers.GOVERNORS),
 )
 SLIPPERY = {"mu_s": 0.1, "pushes": (PUSH,), "start_velocity": (0.3, 0.2, 0.0, 0.0, 0.0, 0.5), "duration": 0.012}
 
 
 @pytest.mark.long
-@pytest.mark.skipif(BACKEND != "c", reason="compares with C")
+@needs_compiler
 @pytest.mark.parametrize(
     "settings",
     [
         *({"controller": controller} for controller in CONTROLLERS),
         {"gait": hp.Commanded(velocity=COMMAND)},
+        {"plant": "pinocchio"},
         pytest.param({"plant": "mujoco"}, marks=needs_mujoco),
         *(pytest.param({"robot": name, "duration": 0.003}, marks=needs_robots) for name in ("g1", "iris")),
     ],

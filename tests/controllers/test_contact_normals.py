@@ -32,7 +32,7 @@ def inputs_of(q, v, z):
 @pytest.mark.parametrize("name", FORMULATIONS)
 def test_commands_are_those_of_an_independent_program(name, fuzz):
     """The QP's; those of the condensed controller are looked at in ``test_optima_on_slopes.py``."""
-    controller = WholeBodyController(GivenTargets(), parameters(LIMITS, formulation=name, solver="daqp"))
+    controller = WholeBodyController(GivenTargets(), parameters(LIMITS, formulation=name, solver="active_set"))
     rng = np.random.default_rng(5)
     compared = binding = 0
     for _ in range(60 * fuzz):
@@ -78,7 +78,7 @@ def test_normals_that_are_vertical_change_no_bit(seed):
 
 def test_a_task_on_a_force_is_in_world_axes():
     """With a large weight the foot's force is the one asked for, where the cone allows it."""
-    controller = WholeBodyController(GivenTargets(), parameters(LIMITS, solver="daqp"))
+    controller = WholeBodyController(GivenTargets(), parameters(LIMITS, solver="active_set"))
     target = controller.gait.target
     rng = np.random.default_rng(8)
     desired = np.array([1.0, -2.0, 18.0])

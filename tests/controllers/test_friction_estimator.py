@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from random_states import draw
-from walks import scenario, walked
+from walks import own_search, scenario, walked
 from whole_body_oracle import wild_case
 
 import harpy_pin as hp
@@ -183,7 +183,7 @@ def test_a_controller_keeps_the_cones_of_its_estimate_at_every_tick(robot, kind)
     """Whatever is measured, tick after tick."""
     rng = np.random.default_rng(3)
     gait = hp.make_gait(robot)
-    parameters = WholeBodyParameters.for_gait(gait, estimate_friction=True, solver="daqp", limits={"mu": 0.8})
+    parameters = WholeBodyParameters.for_gait(gait, estimate_friction=True, solver="active_set", limits={"mu": 0.8})
     controller = kind(gait, parameters)
     lowest = 1.0
     for _ in range(300):
@@ -205,7 +205,7 @@ def test_it_holds_the_feet_on_ice(controller, plant):
     """A strip of 0.15 on ground of 0.8: without the estimate feet slide by decimetres, with it by millimetres."""
     slip = {}
     for estimate in (False, True):
-        part = {"name": controller, "parameters": {"estimate_friction": estimate}}
+        part = {"name": controller, "parameters": {"estimate_friction": estimate, **own_search(controller)}}
         run = walked(controller=part, plant=plant, mu_s=0.8, friction_strips=((0.3, 0.7, 0.15),), duration=3.0)
         assert run.ending == "completed"
         slip[estimate] = 1e3 * run["slip_path"][-1].sum()

@@ -1,7 +1,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from walks import started, states_of, walked
+from walks import OWN_SEARCH, started, states_of, walked
 
 import harpy_pin as hp
 from harpy_pin.controllers import GovernedController, JointGains, WholeBodyController, WholeBodyParameters
@@ -16,6 +16,7 @@ from harpy_pin.wbc import QPStatus
         ("governed", {"governor": "paper", "evaluate_at": "tracked"}),
         ("governed", {"governor": "paper", "limits": True}),
         ("wbc", {}),
+        ("wbc", {"parameters": OWN_SEARCH}),
     ],
 )
 @pytest.mark.parametrize("speed", [0.3, 0.0])
@@ -35,20 +36,21 @@ def test_walks_and_stands(robot, name, options, speed):
         assert (np.abs(run["torque"]) <= robot.torque_limit).all()
 
 
-def test_the_qps_step_is_the_chain_of_its_phases(robot):
+@pytest.mark.parametrize(("solver", "within"), [("active_set", 1e-9), ("proxqp", 1e-6)])
+def test_the_qps_step_is_the_chain_of_its_phases(robot, solver, within):
     """The phases called apart give the same commands as step, on the same states."""
-    run = walked(controller="wbc", mu_s=0.8, duration=0.3)
-    whole, apart = (hp.make_controller("wbc", hp.make_gait(robot), mu=0.8) for _ in range(2))
+    run = walked(controller=hp.WholeBody(parameters={"solver": solver}), mu_s=0.8, duration=0.3)
+    whole, apart = (hp.make_controller("wbc", hp.make_gait(robot), mu=0.8, solver=solver) for _ in range(2))
     for i, state in enumerate(states_of(run)):
         command = whole.step(state)
-        np.testing.assert_allclose(command.torque, run["torque"][i], atol=1e-9)
+        np.testing.assert_allclose(command.torque, run["torque"][i], atol=within)
         apart.prepare(state)
         apart.build(state)
         apart.solve()
         again = apart.finish(state)
         # ProxQP's vectorised sums depend on where its memory lies: equal to rounding, not to the bit.
-        np.testing.assert_allclose(again.torque, command.torque, atol=1e-9)
-        np.testing.assert_allclose(again.thrust, command.thrust, atol=1e-9)
+        np.testing.assert_allclose(again.torque, command.torque, atol=within)
+        np.testing.assert_allclose(again.thrust, command.thrust, atol=within)
 
 
 def test_governed_tick_against_its_formulas(robot):
@@ -121,10 +123,11 @@ def test_target_out_of_reach_is_reported(robot):
     assert np.max(controller.telemetry()["out_of_reach"]) > 0.5
 
 
-def test_failed_solves_fall_back_as_stated(robot):
+@pytest.mark.parametrize("solver", ["active_set", "proxqp"])
+def test_failed_solves_fall_back_as_stated(robot, solver):
     """The last good command is held, then the joints go soft without thrust; the failures are counted."""
     gait = hp.make_gait(robot, speed=0.0)
-    controller = WholeBodyController(gait, WholeBodyParameters.for_gait(gait, hold_ticks=3))
+    controller = WholeBodyController(gait, WholeBodyParameters.for_gait(gait, hold_ticks=3, solver=solver))
     simulator = started(hp.Simulator(robot, hp.Ground(mu_s=0.8)), gait)
     for _ in range(5):
         command = controller.step(simulator.state)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from long import long_but
 from needs import needs_robots
-from walks import walked
+from walks import own_search, walked
 
 import harpy_pin as hp
 from harpy_pin.controllers.tasks import BRAKE, MARGIN, NEAR, STIFFER, _stay_in_range
@@ -71,7 +71,15 @@ def test_pushed_forward_and_aside_the_torso_stays_in_its_range(kind, side):
     robot = hp.load_robot("icub")
     push = hp.Push(2.1, (0.28 * robot.mass, side * 0.28 * robot.mass, 0.0))
     gait = hp.Walking(schedule="step")
-    run = walked(robot="icub", plant="mujoco", controller=kind, gait=gait, mu_s=0.6, pushes=(push,), duration=3.5)
+    run = walked(
+        robot="icub",
+        plant="mujoco",
+        controller={"name": kind, "parameters": own_search(kind)},
+        gait=gait,
+        mu_s=0.6,
+        pushes=(push,),
+        duration=3.5,
+    )
     assert run.ending == "completed"
     torso = [j for j, name in enumerate(robot.joints) if "torso" in name]
     beyond = np.maximum(robot.joint_lower - run["q"][:, 7:], run["q"][:, 7:] - robot.joint_upper)[:, torso]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from walks import walked
+from walks import own_search, walked
 
 import harpy_pin as hp
 from harpy_pin.contrib.batch import CondensedBatch
@@ -13,7 +13,7 @@ from harpy_pin.controllers import WholeBodyParameters
 
 def estimating(name: str = "condensed", *, estimate: bool = True, mu_s: float = 0.5, **how: object) -> hp.Run:
     """A walk with an estimate, or without."""
-    part = {"name": name, "parameters": {"estimate_joint_friction": estimate}}
+    part = {"name": name, "parameters": {"estimate_joint_friction": estimate, **own_search(name)}}
     return walked(controller=part, mu_s=mu_s, duration=3.0, **how)
 
 

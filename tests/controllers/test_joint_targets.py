@@ -156,7 +156,7 @@ def test_the_law_of_the_condensed_controller_is_that_of_the_qp(formulation):
     assert worst < (1e-7 if formulation != "contact_force" else 1e-3)
 
 
-@pytest.mark.parametrize(("name", "more"), [("condensed", {}), ("wbc", {}), ("wbc", {"reuse": False})])
+@pytest.mark.parametrize(("name", "more"), [("condensed", {}), ("wbc", {"solver": "active_set"}), ("wbc", {})])
 def test_bad_samples_are_held_then_fade_and_targets_begin_anew(name, more):
     """Also where another solver's tick is Python's."""
     controller = make(name, **more)

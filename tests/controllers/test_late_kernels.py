@@ -8,9 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from harpy_pin.compiled.kernels import BACKEND
+from needs import needs_compiler
 
 TESTS = Path(__file__).parents[1]
 CASES = {
@@ -18,10 +16,12 @@ CASES = {
     "filter": ("governed", {"governor": "filter", "limits": True}),
     "condensed": ("condensed", {"estimate_friction": True}),
     "condensed, lag": ("condensed", {"thrust_lag": 0.1}),
-    "input_space": ("wbc", {}),
-    "input_space, lag": ("wbc", {"thrust_lag": 0.1}),
+    "input_space": ("wbc", {"solver": "active_set"}),
+    "input_space, ProxQP": ("wbc", {}),
+    "input_space, lag": ("wbc", {"solver": "active_set", "thrust_lag": 0.1}),
+    "full": ("wbc", {"formulation": "full", "solver": "active_set"}),
     "full, daqp": ("wbc", {"formulation": "full", "solver": "daqp"}),
-    "contact_force": ("wbc", {"formulation": "contact_force"}),
+    "contact_force": ("wbc", {"formulation": "contact_force", "solver": "active_set"}),
     "added": ("wbc", {}),
 }
 
@@ -43,7 +43,7 @@ for name, (kind, options) in json.loads(sys.argv[2]).items():
 """Runs the script for each of the cases, in a process of its own that begins with what the script imports."""
 
 
-@pytest.mark.skipif(BACKEND != "c", reason="only C is compiled")
+@needs_compiler
 def test_nothing_is_compiled_after_the_first_tick() -> None:
     command = [sys.executable, "-c", EACH, str(TESTS / "support" / "late_kernels.py"), json.dumps(CASES)]
     paths = os.pathsep.join([str(TESTS / "support"), *sys.path])

@@ -100,7 +100,9 @@ def test_condensed_is_the_quadratic_program(formulation, turning_lag, fuzz):
     rng = np.random.default_rng(3)
     parameters = {"thrust_lag": LAG, "thrust_turning_lag": turning_lag, "weights": {"posture": 1e-10}}
     law = hp.make_controller("condensed", GAIT, mu=MU, **parameters)
-    program = hp.make_controller("wbc", GAIT, mu=MU, **(parameters | {"formulation": formulation}))
+    program = hp.make_controller(
+        "wbc", GAIT, mu=MU, **(parameters | {"formulation": formulation, "solver": "active_set"})
+    )
     compared = 0
     for _ in range(300 * fuzz):
         state = draw(ROBOT, rng, legs="anyhow")

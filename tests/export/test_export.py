@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from long import long_but
-from needs import needs_robots
+from needs import needs_compiler, needs_robots
 
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
@@ -29,8 +29,7 @@ WARNINGS = (
 SANITIZERS = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-g")
 TWO = ("atan2", "hypot")
 INPUTS = ("gyroscope", "accelerometer", "joint_position", "joint_velocity", "joint_torque")
-needs_compiler = pytest.mark.skipif(compiler() is None, reason="needs a C compiler")
-needs_board = pytest.mark.skipif(missing_tools() is not None, reason=str(missing_tools()))
+needs_board = pytest.mark.needs("arm-none-eabi-gcc", "qemu-system-arm")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -86,7 +85,7 @@ def test_the_c_says_what_the_library_says(folders, controller, precision):
     assert done.returncode == 0
 
 
-@needs_compiler
+@pytest.mark.needs("sanitizers")
 @pytest.mark.parametrize(("controller", "precision"), long_but(ALL, [("paper", "float")]))
 def test_no_undefined_behaviour(folders, controller, precision):
     done = compile_and_run(folders("harpy", controller, precision), "-O1", *SANITIZERS)
@@ -94,13 +93,11 @@ def test_no_undefined_behaviour(folders, controller, precision):
     assert "all equal" in done.stdout
 
 
+@needs_robots
 @needs_compiler
 @pytest.mark.long
 @pytest.mark.parametrize("robot", ["solo12", "iris"])
 def test_other_robots(folders, robot):
-    pytest.importorskip("pinocchio")
-    if hp.model.catalogue.installed_data() is None:
-        pytest.skip("needs example-robot-data")
     assert compile_and_run(folders(robot, "condensed", "float"), "-O2").returncode == 0
 
 
@@ -114,7 +111,7 @@ def test_a_difference_is_found(folders, tmp_path):
     text = source.read_text()
     assert text.count("state->governor.alpha_r = 10.0f;") == 1
     source.write_text(text.replace("state->governor.alpha_r = 10.0f;", "state->governor.alpha_r = 10.5f;"))
-    changed = compile_and_run(type(done)(done.code, done.what, done.ticks, place), "-O0")
+    changed = compile_and_run(type(done)(done.code, done.what, done.ticks, place), "-O1")
     assert changed.returncode == 1
     assert "ticks differ" in changed.stdout
 
@@ -276,7 +273,7 @@ def test_portable_functions(tmp_path):
     head = "#include <math.h>\n#include <stdint.h>\ntypedef float real;\ntypedef int32_t integer;\n"
     source.write_text(head + "\n".join(texts) + "\n" + calls)
     library = tmp_path / "functions.so"
-    subprocess.run([*compiler(), *EXACT, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
+    subprocess.run([*compiler(), *EXACT, "-O1", "-shared", "-fPIC", str(source), "-o", str(library), "-lm"], check=True)
     lib, rng = ctypes.CDLL(str(library)), np.random.default_rng(0)
     truth = {"sin": np.sin, "cos": np.cos, "atan2": np.arctan2, "acos": np.arccos, "hypot": np.hypot}
     truth |= {"exp": np.exp, "tanh": np.tanh}
@@ -330,6 +327,7 @@ def test_what_is_not_exported_is_refused():
     for name, given, message in (
         ("condensed", {"thrust_lag": 0.1}, "a thrust_lag"),
         ("wbc", {"thrust_turning_lag": 0.1}, "a thrust_turning_lag"),
+        ("wbc", {}, "a whole-body QP by another solver than 'active_set'"),
         ("governed", {"legs": "feedforward"}, "leg control law 'feedforward'"),
         ("governed", {"governor": "none"}, "governors"),
     ):

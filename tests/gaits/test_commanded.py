@@ -7,7 +7,7 @@ from forward_dynamics import places
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_mujoco
-from walks import walked
+from walks import own_search, walked
 
 import harpy_pin as hp
 from harpy_pin import InputError
@@ -284,7 +284,7 @@ QUARTER = ((0.3, 0.3, 0.0, 0.0), (1.5, 0.2, 0.0, np.pi / 4), (3.5, 0.0, 0.0, 0.0
     [("condensed", "compliant"), ("wbc", "compliant"), pytest.param("condensed", "mujoco", marks=needs_mujoco)],
 )
 def test_a_walk_turns_by_a_quarter_and_stops(controller, plant):
-    part = {"name": controller, "parameters": {"solver": "daqp"} if controller == "wbc" else {}}
+    part = {"name": controller, "parameters": own_search(controller)}
     run = walked(controller=part, gait=hp.Commanded(velocity=QUARTER), mu_s=0.4, plant=plant, duration=6.5)
     measures = hp.measure(run)
     assert run.ending == "completed"

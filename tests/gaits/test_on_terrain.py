@@ -86,7 +86,7 @@ def test_g1_walks_up_across_and_down_15_degrees(degrees):
         (1.0, {"slope": -0.3, "mu_s": 0.6}),
         (1.0, {"terrain": Plane(slope=0.2, heading=1.2), "mu_s": 0.6}),
         (1.0, {"terrain": Rough(amplitude=0.02, resolution=0.2), "mu_s": 0.6}),
-        (1.0, {"slope": 0.2, "controller": hp.WholeBody(parameters={"solver": "daqp"})}),
+        (1.0, {"slope": 0.2, "controller": hp.WholeBody(parameters={"solver": "active_set"})}),
         (1.0, {"slope": 0.2, "controller": hp.Governed(governor="filter")}),
         (1.0, {"slope": 0.2, "gait": hp.Commanded(velocity=(0.3, 0.0, 0.2))}),
         (1.0, {"slope": 0.2, "normal_error": 0.087}),

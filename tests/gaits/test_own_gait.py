@@ -16,8 +16,8 @@ CONTROLLERS = {
     "paper": hp.Governed(governor="paper"),
     "filter": hp.Governed(governor="filter"),
     "feedforward": hp.Governed(governor="filter", parameters={"legs": "feedforward"}),
-    "QP": hp.WholeBody(parameters=EXACT),
-    "QP by phases": hp.WholeBody(parameters=EXACT | {"reuse": False}),
+    "QP": hp.WholeBody(parameters=EXACT | {"solver": "active_set"}),
+    "QP by phases": hp.WholeBody(parameters=EXACT),
     "condensed": hp.Condensed(),
 }
 

@@ -12,7 +12,7 @@ from forward_dynamics import places
 from long import long_but
 from needs import needs_robots
 from same_optimum import same_optimum
-from walks import walked
+from walks import own_search, walked
 
 import harpy_pin as hp
 from comparison.studies.robots import friction_used, run_standing, stood, terms_error
@@ -109,7 +109,7 @@ def test_two_feet_with_thrusters_stand():
     thrusters = ("FL_SHOULDER", "FR_SHOULDER")
     bolt = hp.load_robot("bolt", thrusters=thrusters, thrust_limit=20.0)
     gait = hp.Standing(bolt, BOLT, shift=(0.0, 0.01, 0.0))
-    parts = [{"name": name, "parameters": LIGHT} for name in ("condensed", "wbc")]
+    parts = [{"name": name, "parameters": {**LIGHT, **own_search(name)}} for name in ("condensed", "wbc")]
     pushes = (hp.Push(0.3, (0.1, 0.2, 0.0)),)
     runs = [walked(gait, controller=part, mu_s=0.4, duration=1.5, pushes=pushes) for part in parts]
     assert runs[0].ending == runs[1].ending == "completed"

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from long import long_but
-from needs import PLANTS, needs_robots
+from needs import QUICK_PLANTS, needs_robots
 from scipy.optimize import brentq
 from walks import made_state, slip_per_step, walk
 
@@ -65,7 +65,7 @@ def test_reaction_is_the_momentum_that_a_moving_foot_gives_the_pendulum():
 
 
 @needs_robots
-@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("plant", QUICK_PLANTS)
 def test_go2_trots_at_two_metres_per_second_with_shorter_steps(plant):
     gait = hp.WalkingGait(hp.load_robot("go2"), velocity=(2.0, 0.0, 0.0), max_speed=2.0)
     run = walk(gait, mu=0.8, duration=4.0, plant=plant)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from long import long_but
-from needs import PLANTS, needs_robots
+from needs import QUICK_PLANTS, needs_robots
 from walks import gap_of_soles, path_error, slip_per_step, walk
 
 import harpy_pin as hp
@@ -155,7 +155,7 @@ def test_feet_of_a_biped_do_not_cross_and_land_before_it_leans_too_far():
 
 @needs_robots
 @pytest.mark.parametrize("push", long_but(PUSHES, PUSHES[1:3]))
-@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("plant", QUICK_PLANTS)
 def test_a_pushed_biped_on_points_goes_on(plant, push):
     gait = hp.WalkingGait(hp.load_robot("bolt"), velocity=(0.2, 0.0, 0.0))
     run = walk(gait, mu=0.5, duration=4.0, pushes=((1.6, (*push, 0.0)),), plant=plant)

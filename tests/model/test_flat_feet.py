@@ -207,7 +207,7 @@ def test_law_of_a_humanoid_is_true_and_optimal(arms, torque_scale, fuzz):
     )
     limits = WholeBodyLimits(mu=0.5, torque_scale=torque_scale, give_way=1.0)
     law, problem = CondensedSolver(robot, weights, limits), make_problem("full", robot, weights, limits)
-    solver = make_solver("proxqp", problem.program, reuse=True)
+    solver = make_solver("active_set", problem.program)
     standing, nv = hp.Standing(robot).initial_state()[0], robot.model.nv
     targets, inputs = WholeBodyTargets(robot), np.empty(nv - 6)
     free = law.record["root"]["others"][0]

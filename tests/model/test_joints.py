@@ -4,9 +4,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from needs import needs_robots
-from walks import started
+from walks import own_search, started
 
 import harpy_pin as hp
+from harpy_pin.simulation import PinocchioPlant
 from harpy_pin.simulation.mujoco import MujocoPlant
 
 WITHOUT = {"armature": 0.0, "damping": 0.0, "friction": 0.0}
@@ -27,7 +28,7 @@ def moving(robot, seed=0):
 
 def controller(name, robot, **more):
     gait = hp.Standing(robot)
-    return hp.make_controller(name, gait, mu=0.6, **more)
+    return hp.make_controller(name, gait, mu=0.6, **own_search(name), **more)
 
 
 @needs_robots
@@ -65,7 +66,7 @@ def test_torque_limits_hold_with_friction(name):
     assert limited == pytest.approx(0.8 * free, rel=1e-6)
 
 
-@pytest.mark.parametrize("plant", [hp.Simulator, MujocoPlant])
+@pytest.mark.parametrize("plant", [hp.Simulator, PinocchioPlant, MujocoPlant])
 def test_plants_have_these_joints(plant):
     """A joint with dry friction holds under a smaller torque; one without does not."""
     if plant is MujocoPlant:
@@ -80,7 +81,7 @@ def test_plants_have_these_joints(plant):
     place.advance(hp.Command(np.full(6, 0.1), np.zeros((2, 3))), steps=100)
     moved = abs(place.q[7:] - q[7:])
     assert moved[friction == 0.0].min() > 3e-3
-    assert moved[friction > 0.0].max() < (1e-9 if plant is hp.Simulator else 1e-3)  # MuJoCo's friction creeps
+    assert moved[friction > 0.0].max() < (1e-9 if plant is hp.Simulator else 1e-3)  # that of the others creeps
 
 
 @needs_robots
@@ -91,7 +92,9 @@ def test_a_walk_with_known_joints_slips_less(name):
     for believed in (robot.with_joints(**KNOWN), robot):
         gait = hp.WalkingGait(believed, velocity=[(0.0, 0.4, 0.0, 0.2)])
         plant = started(MujocoPlant(robot.with_joints(**KNOWN), hp.Ground(mu_s=0.5)), gait)
-        slip.append(hp.measure(plant.run(hp.make_controller(name, gait, mu=0.45), 2.0)).slip_mm_per_step)
+        slip.append(
+            hp.measure(plant.run(hp.make_controller(name, gait, mu=0.45, **own_search(name)), 2.0)).slip_mm_per_step
+        )
     assert slip[0] < 0.5
     assert slip[1] > 4.0 * slip[0]
 

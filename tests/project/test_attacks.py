@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from needs import needs_robots
-from walks import states_of
+from walks import own_search, states_of
 
 import harpy_pin as hp
 from harpy_pin.contrib import flight
@@ -49,7 +49,7 @@ def together(work, count=3):
     return errors
 
 
-@pytest.mark.parametrize("controller", ["condensed", {"name": "wbc", "solver": "quadprog"}], ids=str)
+@pytest.mark.parametrize("controller", ["condensed", "wbc", {"name": "wbc", "solver": "quadprog"}], ids=str)
 def test_a_tick_waits_for_that_of_another_thread(controller):
     """Of a controller whose gait is Python in its first ticks, and with another solver in all."""
     scenario = hp.Scenario(controller=controller, gait={"name": "commanded", "velocity": "0.3 0 0"}, duration=0.3)
@@ -172,7 +172,12 @@ def test_targets_of_another_robot_are_refused():
 def test_a_first_sample_that_is_not_finite(controller, name):
     """It is answered as by other gaits, and the walk that follows is that without it."""
     robot = hp.load_robot("go2")
-    made = [hp.make_controller(controller, hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0)), mu=0.5) for _ in "12"]
+    made = [
+        hp.make_controller(
+            controller, hp.WalkingGait(robot, velocity=(0.3, 0.0, 0.0)), mu=0.5, **own_search(controller)
+        )
+        for _ in "12"
+    ]
     q, v = made[0].gait.initial_state()
     good = {"q": q, "v": v, "foot_position": np.zeros((4, 3)), "foot_velocity": np.zeros((4, 3))}
     good["foot_force"] = np.tile((0.0, 0.0, 37.0), (4, 1))

@@ -18,9 +18,9 @@ TABLES = {
 }
 FOUND = "paper's governor, tracked, PID, tuned"
 WRONG = "assumption/assumption_0.15"
-PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP"
+PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP, own search"
 PID, TIMING = "no governor, PID, tuned", "comparison/timing"
-ACTIVE = "WBC QP, active-set warm start"
+ACTIVE = "WBC QP, own search"
 
 
 def ratio(above: str, below: str, place: str = "") -> str:
@@ -81,7 +81,7 @@ SENTENCES = {
     "docs/results.md": [
         f"takes {OF_QP} of the time of the [WBC QP](glossary.md)'s, and {OF_PAPER} times that of the paper's governed "
         f"controller; inside C {OF_QP_C} and {OF_PAPER_C}.",
-        f"The solve of the WBC QP alone takes {solve('active-set warm start', 1)} times as long as the update of the "
+        f"The solve of the WBC QP alone takes {solve('own search', 1)} times as long as the update of the "
         f"paper's governor with an active-set warm start, {solve('DAQP from scratch', 2)} times with DAQP from "
         f"scratch, and {solve('ProxQP, warm', 2)} times with warm ProxQP;",
         "the gentle walk creeps {contacts/contacts_0.25_brief|MuJoCo default|gentle|1} mm instead of "
@@ -141,15 +141,18 @@ README_ROWS = {
 }
 """Rows of README's table: the table and column that they come from, and what one unit of it is in README."""
 
+PROXQP, OWN = "whole-body QP, ProxQP", "whole-body QP, own search"
+"""README's columns of the QP by its solvers; a column without one is the own search."""
 NAMES = {
-    "wide/variants": {"paper's governor": PRINTED, "whole-body QP": QP},
+    **{f"comparison/campaign{more}": {"whole-body QP": OWN} for more in ("", "_friction_slip_mm_per_step")},
+    "wide/variants": {"paper's governor": PRINTED, "whole-body QP": QP, OWN: QP, PROXQP: "WBC QP, ProxQP"},
     "comparison/ticks": {
         **{"paper's governor": PRINTED, BEST: "paper's governor, best variant"},
-        "whole-body QP": "WBC QP, active-set warm start",
+        **{"whole-body QP": ACTIVE, OWN: ACTIVE, PROXQP: "WBC QP, ProxQP"},
     },
     "embedded/embedded": {
         **{"paper's governor": "Harpy, paper's governor", "contact-force filter": "Harpy, contact-force filter"},
-        **{LAW: "Harpy, condensed WBC", "whole-body QP": "Harpy, WBC QP"},
+        **{LAW: "Harpy, condensed WBC", **dict.fromkeys(("whole-body QP", OWN), "Harpy, WBC QP, own search")},
     },
 }
 """Rows of tables that are called otherwise than in README."""

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import harpy
+from processes import living, needs_proc
 
 from comparison.campaign.store import Store
 from comparison.cli.program import main as comparison
@@ -140,7 +141,7 @@ def test_an_export_into_a_project_is_refused(tmp_path, monkeypatch, capsys):
     assert after == before
 
 
-@pytest.mark.skipif(shutil.which("cmake") is None, reason="needs cmake")
+@pytest.mark.needs("cmake")
 def test_printed_commands_work_in_a_folder_with_a_space(tmp_path, monkeypatch, capfd):
     """Exported twice into the same folder, beside a user's own file; then what is printed is run as it is."""
     monkeypatch.chdir(tmp_path)
@@ -158,6 +159,7 @@ def test_printed_commands_work_in_a_folder_with_a_space(tmp_path, monkeypatch, c
     assert "iris_wbc.c: OK" in names.stdout
 
 
+@needs_proc
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGKILL"])
 def test_compilers_end_with_the_command(name, tmp_path):
     """With the processes that they have started, whichever signal ends it."""
@@ -176,7 +178,7 @@ def test_compilers_end_with_the_command(name, tmp_path):
     process.send_signal(number)
     assert process.wait(60) == (-number if killed else 128 + number)
     deadline = time.monotonic() + 10.0
-    while left := subprocess.run(["pgrep", "-f", f"sleep {mark}"], capture_output=True, text=True).stdout:
+    while left := list(living(f"sleep {mark}")):
         assert time.monotonic() < deadline, left
         time.sleep(0.05)
 

@@ -10,7 +10,7 @@ from itertools import product
 import numpy as np
 import pytest
 from in_place import CHANGES, change_all, public_arrays
-from stateful import CASES, ROBOT, Q, V
+from stateful import CASES, ROBOT, Q, V, assert_equal
 
 import harpy_pin as hp
 from harpy_pin.contrib.batch import BatchTargets, CondensedBatch
@@ -113,7 +113,7 @@ def test_a_copy_goes_on_like_the_original_and_without_it(name, way):
     copied = COPIES[way](made)
     for _ in range(2):  # the second one after the first one has been used
         for answer, wanted in zip(use(copied), expected, strict=True):
-            np.testing.assert_array_equal(answer, wanted)
+            assert_equal(name, answer, wanted)
         copied = made
 
 
@@ -146,7 +146,7 @@ def test_what_is_reset_is_new(name):
     use(made)
     made.reset()
     for answer, wanted in zip(use(made), use(make()), strict=True):
-        np.testing.assert_array_equal(answer, wanted)
+        assert_equal(name, answer, wanted)
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
@@ -157,4 +157,4 @@ def test_samples_from_a_pickle_are_samples(name, monkeypatch):
     monkeypatch.setattr(hp, "State", lambda *parts: pickle.loads(pickle.dumps(hp.model.State(*parts))))
     monkeypatch.setattr(hp, "Command", lambda *parts: pickle.loads(pickle.dumps(hp.model.Command(*parts))))
     for answer, wanted in zip(use(make()), expected, strict=True):
-        np.testing.assert_array_equal(answer, wanted)
+        assert_equal(name, answer, wanted)

@@ -87,12 +87,14 @@ def test_nothing_imports_upward():
 
 
 def test_ci_runs_the_readmes_commands():
-    """The README's two commands are where .ci/run looks for them."""
+    """The README's two commands are where .ci/run looks for them, and the tests come before anything is installed."""
     readme = (ROOT / "README.md").read_text()
     blocks = dict(re.findall(r"<!-- (\w+) -->\n```bash\n(.*?)\n```", readme, re.S))
     assert "python -m comparison" in blocks["comparison"]
     assert "pytest" in blocks["tests"]
-    assert "readme tests" in (ROOT / ".ci" / "run").read_text()
+    check = (ROOT / ".ci" / "run").read_text()
+    assert "$(readme comparison)" in check
+    assert check.index("$(readme tests)") < min(check.index("apt-get"), check.index("pip install"))
 
 
 def test_ten_files_are_the_whole_way_of_a_state():

@@ -83,6 +83,7 @@ BAD = {
     partial(hp.Thrusters, least=5.0): {"largest": (4.0,)},
     SoftContact: {"solref": ((-1.0, 1.0),), "cone": ("disc",), "impratio": (0.0,)},
     hp.Mujoco: {"foot_radius": (-1.0,)},
+    hp.Pinocchio: {"stiction_tolerance": (0.0, math.nan, "small")},
     partial(Propulsion, thrust=1.0, power=1.0): {"thrust": (0.0,), "power": (-1.0,), "efficiency": (1.1,)},
     partial(Motors, constant=1.0): {"constant": (0.0,), "recovered": (2.0,)},
     Battery: {

@@ -40,7 +40,7 @@ EVERYTHING = hp.Scenario(
 )
 """A walk with something of everything."""
 WAVES = HeightField(heights=((0.0, 0.1), (0.0, -0.1), (0.2, 0.0)), resolution=0.2, corner=(-0.3, 0.4))
-PLANTS = (hp.Mujoco("default"), hp.Mujoco("menagerie", foot_radius=0.02))
+PLANTS = (hp.Pinocchio(stiction_tolerance=2e-3), hp.Mujoco("default"), hp.Mujoco("menagerie", foot_radius=0.02))
 
 positive = st.floats(1e-3, 1e3)
 small = st.floats(0.0, 2.0)
@@ -98,7 +98,7 @@ def scenarios(draw):
     return hp.Scenario(
         gait=draw(gaits(turning=controller.name != "governed")),
         controller=controller,
-        plant=draw(st.sampled_from(("compliant", "mujoco", hp.Mujoco("stiff")))),
+        plant=draw(st.sampled_from(("compliant", "pinocchio", "mujoco", hp.Mujoco("stiff")))),
         ground=hp.Ground(
             mu_s=mu, mu_c=draw(st.floats(0.0, mu)), stiffness=draw(positive), terrain=draw(terrains), **strips
         ),
@@ -136,7 +136,9 @@ def test_every_part_is_written_down(data):
         EVERYTHING,
         hp.Scenario(duration=0.3),
         hp.Scenario(controller=hp.Governed(governor="none"), duration=0.3),
-        scenario(controller=hp.WholeBody(parameters={"solver": "daqp"}), duration=0.3, noise=hp.Noise.typical(0.5)),
+        scenario(
+            controller=hp.WholeBody(parameters={"solver": "active_set"}), duration=0.3, noise=hp.Noise.typical(0.5)
+        ),
         *(hp.Scenario(plant=plant, duration=0.05) for plant in PLANTS),
         replace(EVERYTHING, plant=hp.Mujoco("stiff"), ground=hp.Ground(mu_s=0.6)),
     ],
@@ -156,7 +158,7 @@ def test_a_run_is_walked_again_from_its_file(given, tmp_path):
 def test_a_walk_is_what_its_parts_make_by_hand(robot, name):
     gait = hp.make_gait(robot, speed=0.2)
     # ProxQP's last digits depend on where its memory lies.
-    parameters = {"governed": {"limits": True}, "wbc": {"solver": "daqp"}}.get(name, {})
+    parameters = {"governed": {"limits": True}, "wbc": {"solver": "active_set"}}.get(name, {})
     governor = "paper" if name == "governed" else "none"
     controller = hp.make_controller(name, gait, mu=0.3, governor=governor, **parameters)
     part = {"name": name, "mu": 0.3}
@@ -279,7 +281,7 @@ def test_a_run_without_a_scenario(robot):
         ({"gait": {"speed": 0.3, "velocity": (0, 0, 0)}}, "'velocity'.* of the gait 'commanded'"),
         ({"gait": "commanded", "controller": "governed"}, "cannot turn"),
         ({"gait": {"name": "hand", "speed": "fast"}}, "speed must be a number"),
-        ({"plant": "bullet"}, "valid names: compliant, mujoco"),
+        ({"plant": "bullet"}, "valid names: compliant, mujoco, pinocchio"),
         ({"plant": "mujoco", "ground": hp.Ground(cone="per_axis")}, "MuJoCo's friction cone is circular"),
         ({"ground": 0.8}, "ground must be a Ground"),
         ({"ground": {"mu": 0.3}}, "unknown entry of the ground 'mu'; valid names: cone"),
@@ -370,6 +372,7 @@ def test_a_part_is_given_as_itself_its_name_or_its_mapping():
         ({"controller": {"legs": "feedforward"}}, hp.Governed(parameters={"legs": "feedforward"})),
         ({"controller": {"weights": {"swing": 1.0}}}, hp.Condensed(parameters={"weights": {"swing": 1.0}})),
         ({"plant": {"preset": "stiff"}}, hp.Mujoco("stiff")),
+        ({"plant": {"stiction_tolerance": 0.002}}, hp.Pinocchio(stiction_tolerance=0.002)),
     ],
 )
 def test_a_part_without_a_name_is_the_first_that_has_the_settings(settings, part):

@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 from guarded_walks import CONTROLLERS, controller_of
+from needs import needs_compiler
 from walks import started
 
 import harpy_pin as hp
@@ -326,11 +327,10 @@ def test_batches_go_on_in_a_forked_child(robot, state):
 
 
 @needs_fork
+@needs_compiler
 @pytest.mark.usefixtures("compiled_ahead")
 def test_kernels_that_are_being_compiled_are_compiled_in_a_forked_child(tmp_path, monkeypatch):
     """The parent's threads are not there to end what they have begun."""
-    if compiler.compiler() is None:
-        pytest.skip("needs a C compiler")
     monkeypatch.setattr(compiler, "folder", lambda: tmp_path)
     begun, forked, run = threading.Event(), threading.Event(), compiler.run_compiler
 

@@ -9,9 +9,7 @@ from pathlib import Path
 
 import pytest
 import wheel_alone
-from needs import needs_robots
-
-from harpy_pin.compiled import BACKEND
+from needs import needs_compiler, needs_robots
 
 
 def test_wheel_walks_in_an_empty_folder(wheel: Path, installed: Path, tmp_path: Path) -> None:
@@ -41,7 +39,7 @@ def test_wheel_walks_in_an_empty_folder(wheel: Path, installed: Path, tmp_path: 
 
 @pytest.mark.long
 @needs_robots
-@pytest.mark.skipif(BACKEND != "c", reason="needs a C compiler")
+@needs_compiler
 def test_kernels_in_the_wheel_walk_without_a_compiler(tmp_path: Path) -> None:
     """At once, and with the same digits as kernels compiled for this processor; other robots are refused in a line."""
     wheel = wheel_alone.build(tmp_path, ["harpy", "go2"])

@@ -10,6 +10,7 @@ from walks import put
 import harpy_pin as hp
 from harpy_pin.ground.terrain import HeightField, Plane, Ramp, Stairs
 from harpy_pin.model.state import Command
+from harpy_pin.simulation import PinocchioPlant
 from harpy_pin.simulation.mujoco import MujocoPlant
 from harpy_pin.simulation.simulator import Simulator
 
@@ -130,11 +131,11 @@ def test_mujoco_holds_and_slides_as_coulomb_says(sled, heading, degrees):
         assert np.linalg.norm(plant.q[:3]) == pytest.approx(way, rel=1e-2)
 
 
-def test_both_plants_have_the_same_stairs(sled):
+def test_all_plants_have_the_same_stairs(sled):
     """A block that falls on each tread comes to rest on it."""
     pytest.importorskip("mujoco")
     stairs = Stairs(rise=0.1, depth=0.4, steps=3, start=0.0)
-    for kind in (Simulator, MujocoPlant):
+    for kind in (Simulator, PinocchioPlant, MujocoPlant):
         for step in range(3):
             plant = put(kind(sled, hp.Ground(terrain=stairs)), x=0.4 * step + 0.2, z=0.1 * (step + 1) + 0.005)
             plant.advance(NOTHING, steps=4000)

@@ -9,8 +9,8 @@ from reproduction.margin import MarginGovernor
 
 CONTROLLERS = {
     **{name: ("governed", {"governor": name}) for name in GOVERNORS},
-    "wbc": ("wbc", {"solver": "daqp"}),
-    "wbc, full": ("wbc", {"solver": "daqp", "formulation": "full"}),
+    "wbc": ("wbc", {"solver": "active_set"}),
+    "wbc, full": ("wbc", {"solver": "active_set", "formulation": "full"}),
     "condensed": ("condensed", {}),
 }
 NAMES = ("none", "paper", "filter", "wbc")

@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from stateful import CASES, holders
+from stateful import CASES, assert_equal, holders
 
 import harpy_pin as hp
 
@@ -56,6 +56,8 @@ def change_all(name: str) -> int:
         except hp.HarpyError:
             continue
         for answer, wanted in zip(answers, expected, strict=True):
-            same = np.array_equal(answer, wanted, equal_nan=True)
-            assert same, f"{type(holder).__name__}.{attribute}, {' or '.join(changes)}"
+            try:
+                assert_equal(name, answer, wanted)
+            except AssertionError as error:
+                raise AssertionError(f"{type(holder).__name__}.{attribute}, {' or '.join(changes)}") from error
     return count

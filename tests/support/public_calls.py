@@ -136,7 +136,10 @@ def values() -> dict[str, Any]:
         "simulation.contact_step.ground": hp.Ground().record,
         "simulation.contact_step.force": np.zeros(6),
         "contrib.battery.Battery.plant": hp.Simulator(robot, actuators=hp.Actuators(thrusters={"largest": 40.0})),
-        **{f"{name}.part": Attached() for name in ("Simulator", "simulation.mujoco.MujocoPlant")},
+        **{
+            f"{name}.part": Attached()
+            for name in ("Simulator", "simulation.PinocchioPlant", "simulation.mujoco.MujocoPlant")
+        },
         "contrib.shield_batch.ShieldBatch.q": np.tile(q, (2, 1)),
         "contrib.shield_batch.ShieldBatch.v": np.tile(v, (2, 1)),
         **{f"contrib.shield_batch.ShieldBatch.{name}": np.zeros((2, 2, 3)) for name in ("foot_force", "thrust")},
@@ -204,6 +207,7 @@ NOT_CALLED = {
     "ground.Terrain": "is the base of the kinds of terrain",
     "view.show": "serves until it is closed",
     "view.ReplayServer": "serves until it is closed",
+    "view.Viewer": "serves until it is closed",
 }
 """Functions left out, and why."""
 METHODS_NOT_CALLED = (*("wait", "calls", "compile_loop", "log", "close", "close_extras"),)

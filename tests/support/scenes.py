@@ -86,7 +86,11 @@ BRIEF = {"duration": 0.01}
 WALKS: dict[str, list[dict[str, Any]]] = {
     **{f"governor {name}": [{"controller": hp.Governed(governor=name)}] for name in GOVERNORS},
     **{
-        f"formulation {name}": [{"controller": hp.WholeBody(parameters={"formulation": name})}] for name in FORMULATIONS
+        f"formulation {name}": [
+            {"controller": hp.WholeBody(parameters={"formulation": name, "solver": solver})}
+            for solver in ("active_set", "proxqp")
+        ]
+        for name in FORMULATIONS
     },
     "condensed": [{}],
     "commanded": [
@@ -156,7 +160,8 @@ SCENES |= {name: partial(all_of, walks) for name, walks in WALKS.items()}
 def joint_targets() -> None:
     """Motors' laws of all whole-body controllers, where a sample is bad, and where thrusts lag."""
     motors = {"joint_stiffness": 1.0, "joint_damping": 0.3}
-    parts = [hp.WholeBody(parameters=motors | {"formulation": name}) for name in FORMULATIONS]
+    own = motors | {"solver": "active_set"}
+    parts = [hp.WholeBody(parameters=own | {"formulation": name}) for name in FORMULATIONS]
     for part in (*parts, hp.Condensed(parameters=motors), hp.Condensed(parameters=motors | {"thrust_lag": 0.02})):
         motion = hp.build(hp.Scenario(controller=part, duration=0.01))
         motion.run()
@@ -300,7 +305,7 @@ def exported() -> None:
         motion = ready(hp.load_harpy(), name, duration=0.01)
         _tick_alone(motion)
     for formulation in ("full", "contact_force"):
-        part = hp.WholeBody(parameters={"formulation": formulation})
+        part = hp.WholeBody(parameters={"formulation": formulation, "solver": "active_set"})
         _tick_alone(hp.build(hp.Scenario(controller=part, duration=0.01)))
     if installed_data() is not None:
         for law in ({}, {"joint_stiffness": 20.0, "joint_damping": 0.5}):

@@ -10,6 +10,14 @@ import harpy_pin as hp
 PARTS = {"ground": hp.Ground, "disturbances": hp.Disturbances}
 SETTINGS = {field.name: part for part, kind in PARTS.items() for field in fields(kind)}
 
+OWN_SEARCH = {"solver": "active_set"}
+"""Settings with which a tick of the whole-body QP is one kernel."""
+
+
+def own_search(controller):
+    """Further settings of a controller by name: the whole-body QP by this library's own search."""
+    return OWN_SEARCH if controller == "wbc" else {}
+
 
 def scenario(**settings):
     """A scenario; settings of its ground and of its disturbances stand beside the others."""

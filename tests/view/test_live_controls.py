@@ -165,6 +165,7 @@ def test_a_page_whose_keys_move_the_camera_gets_it_back(page: Page, follows: boo
     moved = {**CAMERA, "position": (middle + away + twice).tolist(), "look_at": (middle + away).tolist()}
     assert page.panel.follows
     page.panel._follows.value = follows
+    wait_until(lambda: not page.page.server.get_clients())  # those of tests before have gone
     with connected(page.url) as browser:
         browser.send(msgspec.msgpack.encode(CAMERA))
         wait_until(page.page.server.get_clients)
@@ -175,7 +176,6 @@ def test_a_page_whose_keys_move_the_camera_gets_it_back(page: Page, follows: boo
         wait_until(lambda: np.allclose(client.camera.position, expected))
         np.testing.assert_allclose(client.camera.position, expected)
     page.panel._follows.value = True
-    wait_until(lambda: not page.page.server.get_clients())
 
 
 ODD_CAMERAS: list[dict[str, Any]] = [

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from forward_dynamics import constrained_dynamics, demand_of_centre
-from walks import states_of, walked
+from walks import OWN_SEARCH, own_search, states_of, walked
 from whole_body_oracle import NV, ROBOT, SUPPORTS, WEIGHTS, wild_case
 
 import harpy_pin as hp
@@ -175,9 +175,14 @@ def test_no_chattering():
 def test_walks_like_the_whole_body_program():
     """Torques of one second of a pushed walk on slippery ground; the same slip in the end."""
     pushes = (hp.Push(0.6, (0.0, 4.0, 0.0)),)
-    condensed, wbc = (walked(controller=name, mu_s=0.15, duration=2.0, pushes=pushes) for name in ("condensed", "wbc"))
-    assert condensed.ending == wbc.ending == "completed"
+    own = {"name": "wbc", "parameters": OWN_SEARCH}
+    condensed, proxqp, wbc = (
+        walked(controller=part, mu_s=0.15, duration=2.0, pushes=pushes) for part in ("condensed", "wbc", own)
+    )
+    assert condensed.ending == proxqp.ending == wbc.ending == "completed"
     np.testing.assert_allclose(condensed["q"], wbc["q"], rtol=0, atol=2e-4)
+    np.testing.assert_allclose(proxqp["q"], wbc["q"], rtol=0, atol=1e-6)
+    assert hp.measure(proxqp).solver_fallbacks == 0
     a, b = hp.measure(condensed), hp.measure(wbc)
     assert a.slip_mm_per_step == pytest.approx(b.slip_mm_per_step, abs=2e-3)
     assert a.thrust_max_n == pytest.approx(b.thrust_max_n, rel=1e-2)
@@ -192,7 +197,7 @@ def test_the_first_tick_has_no_command_to_hold(name):
     dynamics.update(q, fast)
     wild = hp.State(0.0, q, fast, dynamics.foot_position, dynamics.foot_velocity, np.zeros((2, 3)))
     for again in (False, True):
-        controller = hp.make_controller(name, gait, mu=0.3)
+        controller = hp.make_controller(name, gait, mu=0.3, **own_search(name))
         if again:
             controller.step(hp.State(0.0, q, v, wild.foot_position, wild.foot_velocity, wild.foot_force))
             controller.reset()
@@ -205,7 +210,9 @@ def test_where_no_forces_are_within_reach_the_last_command_is_held():
     """A foot in the air is taken for one on the ground: no motor can stop it within the tick. The QP has no solution
     there; both hold the last command for a while, and go on as if nothing had been."""
     states = states_of(walked(duration=0.53))
-    condensed, qp = (hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25) for name in ("condensed", "wbc"))
+    condensed, qp = (
+        hp.make_controller(name, hp.make_gait(ROBOT), mu=0.25, **own_search(name)) for name in ("condensed", "wbc")
+    )
     for state in states:
         good = condensed.step(state).torque.copy()
         qp.step(state)

@@ -130,13 +130,20 @@ def test_nothing_changes_where_no_limit_is_near():
     assert differ > 30
 
 
-@pytest.mark.parametrize("formulation", ["input_space", "full"])
-def test_controllers_agree_on_a_walk(formulation):
-    """On the states of a walk with the damping of the paper authors' model, whose torques are often at their limits."""
+@pytest.mark.parametrize(
+    ("solver", "formulation", "within"),
+    [("active_set", "input_space", 1e-4), ("active_set", "full", 1e-4), ("proxqp", "input_space", 1e-3)],
+)
+def test_controllers_agree_on_a_walk(solver, formulation, within):
+    """On the states of a walk with the damping of the paper authors' model, whose torques are often at their limits.
+
+    ProxQP ends within 1 mN·m of the optimum, and up to its tolerance of 1e-8 beyond a limit.
+    """
     gait = hp.make_gait(DAMPED)
     limits = WholeBodyLimits(mu=0.8)
     condensed = CondensedController(gait, WholeBodyParameters.for_gait(gait, limits=limits))
-    parameters = WholeBodyParameters.for_gait(gait, limits=limits, formulation=formulation, weights=WEIGHTS)
+    how = {"formulation": formulation, "solver": solver, "weights": WEIGHTS}
+    parameters = WholeBodyParameters.for_gait(gait, limits=limits, **how)
     general = WholeBodyController(gait, parameters)
     simulator = started(hp.Simulator(DAMPED, hp.Ground(mu_s=0.8)), gait)
     limited = 0
@@ -145,9 +152,9 @@ def test_controllers_agree_on_a_walk(formulation):
         state = simulator.state
         command = condensed.step(state)
         other = general.step(state)
-        np.testing.assert_allclose(other.torque, command.torque, rtol=0, atol=1e-4)
-        np.testing.assert_allclose(other.thrust, command.thrust, rtol=0, atol=1e-4)
-        assert (np.abs(other.torque) <= DAMPED.torque_limit + 1e-9).all()
+        np.testing.assert_allclose(other.torque, command.torque, rtol=0, atol=within)
+        np.testing.assert_allclose(other.thrust, command.thrust, rtol=0, atol=within)
+        assert (np.abs(other.torque) <= DAMPED.torque_limit + (2e-8 if solver == "proxqp" else 1e-9)).all()
         limited += bool(condensed.solver.status & CondensedStatus.TORQUE_LIMITED)
         simulator.advance(command, steps=2)
     assert limited > 200
@@ -173,5 +180,5 @@ def test_stands_with_weak_motors(name):
     part = {"name": name, "parameters": {"limits": {"torque_scale": 0.3}}}
     run = walked(controller=part, actuators=hp.Actuators(torque_share=0.3), duration=2.0)
     assert run.ending == "completed"
-    assert (np.abs(run["torque"]) <= 0.3 * ROBOT.torque_limit + 1e-9).all()
+    assert (np.abs(run["torque"]) <= 0.3 * ROBOT.torque_limit + (2e-8 if name == "wbc" else 1e-9)).all()
     assert hp.measure(run).slip_mm_per_step < 1.0

@@ -9,7 +9,7 @@ the spring k' and the damper d of the ground at the *end* of the step, as in thi
 brings a sticking foot to rest within a step, up to the creep that ``impratio`` leaves.
 
 **Terrain.** On ground that is not flat every foot has a plane of its own, which lies before each step where the tangent
-plane of the ground below the foot is: both plants walk on the same surface.
+plane of the ground below the foot is: all plants walk on the same surface.
 
 **Points.** A contact lies half-way between the plane and the deepest point of the sphere, so that a leg rolls over the
 sphere's radius and over half the penetration. Every step therefore moves the contacts to the feet's points before the
@@ -18,7 +18,7 @@ constraints are made.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -27,34 +27,24 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.ground.contact_frame import contact_frame
 from harpy_pin.ground.ground import Ground
-from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
-from harpy_pin.log.slip import note_slip
-from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import read_thrusts
-from harpy_pin.model.state import Command, Vector
-from harpy_pin.model.terms import write_thrusts
-from harpy_pin.simulation.actuators import Actuators, drive_motors
+from harpy_pin.model.state import Vector
+from harpy_pin.simulation.actuators import Actuators
 from harpy_pin.simulation.mujoco.conventions import from_mujoco, installed_version
 from harpy_pin.simulation.mujoco.mujoco_model import MujocoModel
 from harpy_pin.simulation.mujoco.soft_contact import SoftContact, write_contact
-from harpy_pin.simulation.plant import GRAVITY, Plant
-from harpy_pin.simulation.push import Push, push_forces
-from harpy_pin.simulation.step import PlantRecord
-from harpy_pin.simulation.thrusters import drive_thrusters
+from harpy_pin.simulation.plant import GRAVITY
+from harpy_pin.simulation.stepped_plant import SteppedPlant, tangent_planes
 
 FOOT_RADIUS = 1e-4  # radius of the spheres that find the contacts, m
 IMPRATIO = 1e4  # ratio of the regularisation of the normal force to that of friction
 ITERATIONS = 100
 TOLERANCE = 1e-12
-RUNAWAY = 1e6  # sum of speeds, m/s and rad/s, at which stepping on is of no use
 
 
-class MujocoPlant(Plant):
+class MujocoPlant(SteppedPlant):
     """A robot in MuJoCo: elliptic friction cones, Newton's solver, Euler steps that are implicit in the joint damping.
 
     Args:
@@ -101,7 +91,7 @@ class MujocoPlant(Plant):
         if (ground.surface is not None or ground.stiffness_strips) and (contact is not None or foot_radius):
             message = "on terrain or strips feet are points with the ground's own contact: no contact, no foot_radius"
             raise InputError(message, name="ground", value=ground)
-        feet, self._forces = len(robot.feet), np.zeros((len(robot.thrusters), 3))
+        feet = len(robot.feet)
         super().__init__(robot, ground, dt=dt, gravity=gravity, actuators=actuators)
         self._flat = bool(self._terrain["level"][0])
         self.contact, self.foot_radius = contact, checks.number("foot_radius", foot_radius, low=0.0, high=1.0)
@@ -134,13 +124,6 @@ class MujocoPlant(Plant):
         """See :class:`MujocoModel`."""
         self._geom_position = self.data.geom_xpos
 
-    def _prepare(self) -> None:
-        thrust, torque = self._record_["thrust"][0], np.zeros(len(self.robot.joints))
-        read_thrusts.prepare(self.dynamics._record_, self._forces, thrust)
-        drive_actuators.prepare(self.dynamics._record_, self._record_, torque, self.q, self.v, self.dt, self._forces)
-        _note.prepare(self._record_, self._terrain, self.dynamics.foot_position, self.v, self.dt)
-        super()._prepare()
-
     def describe(self) -> Mapping[str, Any]:
         """Version, and the contact's numbers."""
         model, contact = self.model, {}
@@ -157,19 +140,6 @@ class MujocoPlant(Plant):
         self._inside.reset(self.q, self.v)
         self._rolled[:] = 0.0
 
-    def advance(self, command: Command, pushes: Sequence[Push] = (), *, steps: int = 1) -> None:
-        """See :meth:`harpy_pin.simulation.plant.Plant.advance`."""
-        self._check_placed()
-        steps = checks.whole("steps", steps, high=checks.MAX_TICKS)
-        command = self.checked(command)
-        self._take_law(command)
-        self._counts_[2] += read_thrusts(self.dynamics._record_, command._thrust_, self._record_["thrust"][0])
-        push = push_forces(pushes, self.t, self.dt, steps) if pushes else None
-        for n in range(steps):
-            if not self._step(command._torque_, None if push is None else push[n]):
-                break
-        self.t += steps * self.dt
-
     def _step(self, torque: Vector, push: Vector | None) -> bool:
         """What ``mj_step`` does, with the contacts at the feet's points; returns whether it makes sense to go on."""
         inside, model, data = self._inside, self.model, self.data
@@ -185,7 +155,7 @@ class MujocoPlant(Plant):
         if contacts and not self.foot_radius:
             self._move_contacts()
         mj.mj_fwdVelocity(model, data)
-        drive_actuators(self.dynamics._record_, self._record_, torque, self._q_, self._v_, self.dt, self._forces)
+        self._drive(torque)
         inside.apply(self._record_["motors"]["mean_torque"][0], self._forces, push)
         mj.mj_fwdActuation(model, data)
         mj.mj_fwdAcceleration(model, data)
@@ -198,10 +168,7 @@ class MujocoPlant(Plant):
         if self.foot_radius:
             self._roll()
             position = position + self._rolled
-        goes_on = bool(_note(self._record_, self._terrain, position, self._v_, self.dt))
-        for part in self.attached:
-            part.after_step(self)
-        return goes_on
+        return self._note(position)
 
     def _roll(self) -> None:
         """Add what the contacts moved against the spheres' centres, so that rolling is no slip."""
@@ -283,38 +250,3 @@ def _set_options(mujoco: Any, option: Any) -> None:
     option.tolerance = TOLERANCE
     # One robot is one island. REFSAFE would bound the rates that are set on purpose.
     option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND) | int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
-
-
-@kernel
-def drive_actuators(
-    d: DynamicsRecord, s: PlantRecord, torque: Vector, q: Vector, v: Vector, dt: float, forces: Vector
-) -> None:
-    """Torques and thrusts of a step under a constant command; the latter as forces (thrusters, 3) in world axes, N."""
-    drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
-    write_thrusts(d, s.thrusters.mean_thrust, forces)
-    drive_motors(s.motors, torque, q, v, dt)
-
-
-@kernel
-def _note(s: PlantRecord, terrain: TerrainRecord, position: Vector, v: Vector, dt: float) -> bool:
-    """Take slip into account; returns whether the speeds are finite and within reason."""
-    note_slip(s.slip, terrain.level, s.frame, position, s.force, dt)
-    total = 0.0
-    for i in range(v.shape[0]):
-        total += abs(v[i])
-    return total < RUNAWAY
-
-
-@kernel
-def tangent_planes(s: PlantRecord, terrain: TerrainRecord, position: Vector, below: float, out: Vector) -> None:
-    """Frames of the contacts, into ``s``, and the ground's tangent planes ``below`` the feet's positions (feet, 3), m.
-
-    ``out`` (feet, 7) is a point of each plane, m, and its quaternion w, x, y, z.
-    """
-    for k in range(position.shape[0]):
-        x, y = position[k, 0], position[k, 1]
-        nx, ny, nz = surface_normal(terrain, x, y)
-        contact_frame(nx, ny, nz, s.frame[k])
-        size = np.sqrt(2.0 * (1.0 + nz))
-        out[k, 0], out[k, 1], out[k, 2] = x - below * nx, y - below * ny, surface_height(terrain, x, y) - below * nz
-        out[k, 3], out[k, 4], out[k, 5], out[k, 6] = 0.5 * size, -ny / size, nx / size, 0.0

@@ -171,19 +171,22 @@ def slip_marks(frames: Frames, size: float) -> tuple[list[Node], Motions]:
     return nodes, motions
 
 
-def pressure(frames: Frames, size: float) -> tuple[list[Node], Motions]:
-    """A disc at the centre of pressure. For arguments see :func:`marks`."""
-    point = centre_of_pressure(frames)
-    known = np.asarray(np.isfinite(point).all(axis=1))
-    if not known.any():
-        return [], {}
-    radius, place = 0.035 * size, np.where(known[:, None], point, 0.0)
-    nodes = [
+def pressure_nodes(size: float) -> list[Node]:
+    """A disc that stands for the centre of pressure of a robot of a height, m."""
+    radius = 0.035 * size
+    return [
         Node("pressure/edge", Cylinder(0.002, radius), Look("#1b2430")),
         Node("pressure/disc", Cylinder(0.003, 0.8 * radius), Look(PRESSURE)),
     ]
+
+
+def pressure_motions(frames: Frames) -> Motions:
+    """Where the centre of pressure is; hidden without contact."""
+    point = centre_of_pressure(frames)
+    known = np.asarray(np.isfinite(point).all(axis=1))
+    place = np.where(known[:, None], point, 0.0)
     height = SLIP_HEIGHT + _heights(frames.surface, place)
-    return nodes, {"pressure": Motion(position=np.column_stack((place, height)), visible=known)}
+    return {"pressure": Motion(position=np.column_stack((place, height)), visible=known)}
 
 
 def _heights(surface: Terrain | None, places: Vector) -> Vector:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from harpy_pin.errors import HarpyError, install_line
 from harpy_pin.model.state import Vector
@@ -17,7 +18,7 @@ try:
     import umsgpack
     from meshcat import geometry as g
 except ImportError as error:
-    raise HarpyError(f"replays need Meshcat ({error}): {install_line('view')}") from error
+    raise HarpyError(f"replays and viewers need Meshcat ({error}): {install_line('view')}") from error
 
 ROOT = "/meshcat/walk"
 """Path of the node that stands for the world's frame."""
@@ -42,6 +43,8 @@ LIGHTS = (
 """Bright background, soft light all round, and one lamp that casts the robot's shadow."""
 Y_TO_Z = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """Turns the axis of Meshcat's cylinders, y, to z."""
+IDENTITY = (0.0, 0.0, 0.0, 1.0)
+"""Quaternion of a node that does not turn."""
 KINDS = {"position": "vector3", "quaternion": "quaternion", "scale": "vector3", "visible": "boolean"}
 
 
@@ -74,6 +77,23 @@ def node_commands(nodes: Iterable[Node], motions: Motions) -> list[dict[str, Any
     return commands
 
 
+def move_commands(motions: Motions) -> list[dict[str, Any]]:
+    """Commands that put nodes where they are at the first moment of their motions: one of each type for a node."""
+    placed = {path: m for path, m in motions.items() if m.position is not None or m.scale is not None}
+    turns = [m.quaternion[0] if m.quaternion is not None else IDENTITY for m in placed.values()]
+    rotations = Rotation.from_quat(np.reshape(turns, (-1, 4))).as_matrix()
+    commands: list[dict[str, Any]] = []
+    for (path, motion), rotation in zip(placed.items(), rotations, strict=True):
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation if motion.scale is None else rotation * motion.scale[0]
+        matrix[:3, 3] = 0.0 if motion.position is None else motion.position[0]
+        commands.append({"type": "set_transform", "path": _full(path), "matrix": matrix.T.ravel().tolist()})
+    for path, motion in motions.items():
+        if motion.visible is not None:
+            commands.append(_property(_full(path), "visible", bool(motion.visible[0])))
+    return commands
+
+
 def keyframes(motions: Motions) -> list[dict[str, Any]]:
     """Tracks of motions.
 
@@ -100,7 +120,11 @@ def _tracks(motions: Motions) -> Iterable[tuple[str, str, Vector]]:
         for name in KINDS:
             values = getattr(motion, name)
             if values is not None:
-                yield f"{ROOT}/{path}" if path else ROOT, name, values
+                yield _full(path), name, values
+
+
+def _full(path: str) -> str:
+    return f"{ROOT}/{path}" if path else ROOT
 
 
 def _property(path: str, name: str, value: Any) -> dict[str, Any]:

@@ -6,20 +6,25 @@ that stands still, and turning the view with the mouse turns it about the robot.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.view.palette import APPLIED, BODY, ESTIMATE, TARGET
 from harpy_pin.view.scene.forces import Forces, Scales
 from harpy_pin.view.scene.frames import Frames, normal_floor
-from harpy_pin.view.scene.ground import ground_nodes, marks, pressure, slip_marks
+from harpy_pin.view.scene.ground import ground_nodes, marks, pressure_motions, pressure_nodes, slip_marks
 from harpy_pin.view.scene.nodes import Lines, Look, Motion, Motions, Node, Sphere
 from harpy_pin.view.scene.robot_nodes import RobotNodes
 
 FLIES, MOST_RISE = 0.2, 5.0
 """Rise of the body above the ground from which on the picture shows more, m, and up to which it does."""
+MIDDLE = 0.32
+"""Height of the picture's middle above the ground, as a share of what fits."""
 WINDOW = 1.5
 """Time over which the camera's path is averaged, s: two steps of the gait."""
 BALLS = (("target", TARGET, 0.030), ("applied", APPLIED, 0.023), ("estimate", ESTIMATE, 0.019), ("body", BODY, 0.016))
@@ -36,31 +41,79 @@ class Scene:
     motions: Motions = field(default_factory=dict)
 
 
+class RobotScene:
+    """What shows a robot at any moment: links, forces in their friction cones, centre of pressure, references.
+
+    Args:
+        robot: who is drawn.
+        height: of its body above the ground, m: the size of all that is not a link.
+        cones: draw friction cones.
+        references: places that are drawn, of those in :data:`BALLS`; the body is one where there is any.
+        cone: further arguments of :class:`~harpy_pin.view.scene.forces.Forces`.
+
+    Attributes:
+        scales: of forces.
+        nodes: of everything.
+    """
+
+    def __init__(
+        self, robot: Robot, height: float, *, cones: bool, references: Collection[str] = (), **cone: Any
+    ) -> None:
+        self.scales = Scales.of(robot, height)
+        self._robot = RobotNodes(robot, height)
+        self._forces = Forces(robot, self.scales, cones=cones, **cone)
+        self._balls = [label for label, *_ in BALLS if label in references]
+        self._balls += ["body"] if self._balls else []
+        balls = [
+            Node(
+                f"reference/{label}",
+                Sphere(radius * self.scales.height),
+                Look(colour, light="bright", in_front=10 + order),  # through the body that they are in
+            )
+            for order, (label, colour, radius) in enumerate(BALLS)
+            if label in self._balls
+        ]
+        self.nodes = [*pressure_nodes(self.scales.height), *self._robot.nodes, *self._forces.nodes, *balls]
+
+    def motions(self, frames: Frames) -> Motions:
+        """Where everything is at each of the frames."""
+        contacts, surface = frames.contacts[frames.rows], frames.surface
+        x, y = (contacts.position[..., axis].copy() for axis in range(2))
+        normal = None if surface is None else surface.normal(x, y)
+        forces = (frames["foot_force"], normal, frames.mount, frames["thrust"])
+        motions = pressure_motions(frames) | self._robot.motions(frames.joints)
+        motions |= self._forces.motions(contacts, *forces)
+        places = {label: points[frames.rows] for label, points in frames.references.items()}
+        known = {label: np.asarray(np.isfinite(points).all(axis=1)) for label, points in places.items()}
+        if places:
+            places["body"], known["body"] = frames["q"][:, :3], np.any(list(known.values()), axis=0)
+        for label in self._balls:
+            points, shown = places[label], known[label]
+            motions[f"reference/{label}"] = Motion(position=np.where(shown[:, None], points, 0.0), visible=shown)
+        return motions
+
+
 def scene_of(frames: Frames) -> Scene:
     """The scene of a run."""
     height = float(frames["q"][0, 2])
-    scales, size = Scales.of(frames.robot, height), picture_size(frames)
-    path, body = follow(frames), frames["q"][:, 2]
+    path, body, mu = follow(frames), frames["q"][:, 2], frames.contacts.mu
+    drawn = RobotScene(
+        frames.robot,
+        height,
+        cones=mu is not None and bool(np.any(mu[frames.rows] > 0.0)),
+        per_axis=frames.contacts.per_axis,
+        floor=normal_floor(frames.run),
+        references=frames.references,
+    )
+    size, scales = picture_size(frames), drawn.scales
     rise = float((body - path[:, 2]).max() - body[0] + path[0, 2])
     scene = Scene(size + rise if FLIES < rise < MOST_RISE else size)
-    scene.motions[""] = Motion(position=-path - (0.0, 0.0, 0.32 * scene.size))
+    scene.motions[""] = Motion(position=-path - (0.0, 0.0, MIDDLE * scene.size))
     scene.nodes += ground_nodes(path, frames.ground)
     scene.nodes += marks(frames, scales.height)
-    for nodes, motions in (slip_marks(frames, scales.height), pressure(frames, scales.height)):
-        scene.nodes += nodes
-        scene.motions |= motions
-    drawn = RobotNodes(frames.robot, height)
-    scene.nodes += drawn.nodes
-    scene.motions |= drawn.motions(frames.joints)
-    contacts, surface = frames.contacts[frames.rows], frames.surface
-    rubs = contacts.mu is not None and bool(np.any(contacts.mu > 0.0))
-    floor = normal_floor(frames.run)
-    forces = Forces(frames.robot, scales, cones=rubs, per_axis=contacts.per_axis, floor=floor)
-    x, y = (contacts.position[..., axis].copy() for axis in range(2))
-    normal = None if surface is None else surface.normal(x, y)
-    scene.nodes += forces.nodes
-    scene.motions |= forces.motions(contacts, frames["foot_force"], normal, frames.mount, frames["thrust"])
-    _add_references(scene, frames, scales)
+    slips, appear = slip_marks(frames, scales.height)
+    scene.nodes += [*slips, *drawn.nodes, *_trails(frames)]
+    scene.motions |= appear | drawn.motions(frames)
     return scene
 
 
@@ -88,23 +141,15 @@ def follow(frames: Frames) -> Vector:
     return path
 
 
-def _add_references(scene: Scene, frames: Frames, scales: Scales) -> None:
-    """Balls at the target, the applied reference and the body itself, and the lines on which the first two move.
-
-    The balls are drawn through the body that they are in.
-    """
-    if not frames.references:
-        return
-    places = {**{label: points[frames.rows] for label, points in frames.references.items()}, "body": frames["q"][:, :3]}
-    for order, (label, colour, radius) in enumerate(BALLS):
-        points = places.get(label)
-        if points is None:
+def _trails(frames: Frames) -> list[Node]:
+    """The lines on which the references move."""
+    trails = []
+    for label, colour, _ in BALLS:
+        if label not in frames.references:
             continue
-        known = np.asarray(np.isfinite(points).all(axis=1))
-        look = Look(colour, light="bright", in_front=10 + order)
-        scene.nodes.append(Node(f"reference/{label}", Sphere(radius * scales.height), look))
-        scene.motions[f"reference/{label}"] = Motion(position=np.where(known[:, None], points, 0.0), visible=known)
-        line = points[known]
-        if label != "body" and len(line) > 1:
+        points = frames.references[label][frames.rows]
+        line = points[np.isfinite(points).all(axis=1)]
+        if len(line) > 1:
             pieces = Lines(np.stack((line[:-1], line[1:]), axis=1))
-            scene.nodes.append(Node(f"trail/{label}", pieces, Look(colour, 0.7)))
+            trails.append(Node(f"trail/{label}", pieces, Look(colour, 0.7)))
+    return trails

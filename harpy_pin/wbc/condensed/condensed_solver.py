@@ -15,7 +15,7 @@ from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Record, Records, field, make_record, same_layout
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.wbc.active_set_warm_start import DualActiveSet, WarmStartedActiveSet
+from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.condensed.active_set import SearchRecord
 from harpy_pin.wbc.condensed.condense import CondensationRecord
 from harpy_pin.wbc.condensed.solve import CondensedRecord, solve_condensed
@@ -68,7 +68,7 @@ def _search_record(pyramid: Vector, feet: int, *, bounded: int, more: int) -> Re
     rows = len(pyramid) + 1
     program = QuadraticProgram(bounded + 3 * feet, equalities=0, inequalities=rows * feet + more, bounded=bounded)
     enter_pyramids(program, pyramid, feet, force=bounded)
-    search = WarmStartedActiveSet(program, DualActiveSet(program))
+    search = WarmStartedActiveSet(program)
     return make_record(SearchRecord, program=program._record_, exchange=search._record_, dual=search.dual._record_)
 
 
