@@ -28,6 +28,7 @@ DURATION = 0.6
 def compile_ahead(
     robots: Annotated[list[str] | None, typer.Argument(metavar="[ROBOT]...", help=options.ROBOTS)] = None,
     feet: options.FeetOption = None,
+    flat_feet: options.FlatFeetOption = None,
     posture: options.PostureOption = None,
     clear: Annotated[
         bool, typer.Option("--clear", help="Remove compiled libraries; only robots that are named are compiled again.")
@@ -48,7 +49,7 @@ def compile_ahead(
     from harpy_pin.compiled.kernels import wait_for_all
     from harpy_pin.scenario import walk
 
-    walkers = [options.read_robot_options(name, feet, posture) for name in dict.fromkeys(robots or [HARPY])]
+    walkers = [options.read_robot_options(name, feet, posture, flat_feet) for name in dict.fromkeys(robots or [HARPY])]
     if clear:
         console.print(f"removed {_count(compiler.clear())} from {compiler.folder()}", soft_wrap=True)
         if not robots:
@@ -113,6 +114,7 @@ def export(
     ] = "condensed",
     precision: Annotated[str, typer.Option("--precision", help="float or double.")] = "float",
     feet: options.FeetOption = None,
+    flat_feet: options.FlatFeetOption = None,
     posture: options.PostureOption = None,
     force: Force = False,
 ) -> None:
@@ -126,7 +128,7 @@ def export(
     """
     from harpy_pin.export import export as write
 
-    walker = options.read_robot_options(robot, feet, posture)
+    walker = options.read_robot_options(robot, feet, posture, flat_feet)
     done = write(walker, to, controller=controller, precision=precision, force=force)
     name, folder = done.code.name, done.folder
     console.print(f"{folder}/{name}.h, {name}.c, {name}.hpp: {done.what.title}, in {precision}", soft_wrap=True)

@@ -25,6 +25,7 @@ LONGEST = 1e6
 def live(
     robot: options.RobotOption = "harpy",
     feet: options.FeetOption = None,
+    flat_feet: options.FlatFeetOption = None,
     posture: options.PostureOption = None,
     friction: Annotated[float, typer.Option(help="Static friction coefficient; sliding friction is 0.9 of it.")] = 0.8,
     speed: Annotated[float, typer.Option(help="Forward velocity at the start, m/s.")] = 0.0,
@@ -55,7 +56,7 @@ def live(
     harpy live --robot anymal_c --set schedule=crawl --speed 0.3
     harpy live --duration 20 --speed 0.3 --no-browser --json times.json
     """
-    walker = options.read_robot_options(robot, feet, posture)
+    walker = options.read_robot_options(robot, feet, posture, flat_feet)
     if urdf is not None and walker != "harpy":
         raise InputError("--urdf is a variant of Harpy: it does not go with --robot", name="urdf")
     checks.whole("port", port, high=65535)

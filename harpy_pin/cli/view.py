@@ -118,6 +118,7 @@ def film(
     path: Annotated[Path, typer.Argument(metavar="FILE.gif", help="The film to save: .gif, or .mp4 (extra: film).")],
     robot: options.RobotOption = "go2",
     feet: options.FeetOption = None,
+    flat_feet: options.FlatFeetOption = None,
     posture: options.PostureOption = None,
     friction: options.FrictionOption = None,
     speed: options.SpeedOption = None,
@@ -142,7 +143,8 @@ def film(
 
     pixels = _pixels(size)
     walk: dict[str, Any] = {"friction": friction, "speed": speed, "push": push or (), "duration": duration}
-    scenario = options.read_scenario(settings or (), robot=robot, feet=feet, posture=posture, **walk)
+    walk |= {"feet": feet, "flat_feet": flat_feet, "posture": posture}
+    scenario = options.read_scenario(settings or (), robot=robot, **walk)
     with walking_bar(duration) as on_piece:
         run = build(scenario).run(on_piece=on_piece)
     with Film(run, words=False) as shot:

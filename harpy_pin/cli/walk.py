@@ -27,6 +27,7 @@ NAME_WIDTH = 22  # columns of a controller's name
 def walk(
     robot: Annotated[str | None, typer.Option(help=options.ROBOTS, show_default=False)] = None,
     feet: options.FeetOption = None,
+    flat_feet: options.FlatFeetOption = None,
     posture: options.PostureOption = None,
     friction: options.FrictionOption = None,
     speed: options.SpeedOption = None,
@@ -52,18 +53,19 @@ def walk(
     harpy walk --robot go2 --set gait.velocity="0.5 0 0; 3s 0 0 0.5" --set plant.preset=stiff
     harpy walk --set plant=pinocchio --friction 0.8
     harpy walk --robot my.urdf --feet lf_foot,rf_foot,lh_foot,rh_foot
+    harpy walk --robot humanoid.urdf --feet '*_sole' --flat-feet 0.2x0.09
     harpy walk --again a.npz
     """
     journal = None if save is None else journal_path(save)
     check_outputs({"--html": html, "--json": json}, inputs={"--again": again, "the journal of --save": journal})
     check_outputs({"--save": save, "--html": html, "--json": json})
     choices: dict[str, Any] = {"robot": robot, "feet": feet, "posture": posture, "friction": friction}
-    choices |= {"speed": speed, "push": push, "duration": duration}
+    choices |= {"flat_feet": flat_feet, "speed": speed, "push": push, "duration": duration}
     given = {name: value for name, value in choices.items() if value is not None}
     if again is None:
         scenario = options.read_scenario(settings or (), **given)
     elif given or settings:
-        named = ", ".join(f"--{name}" for name in (*given, *(("set",) if settings else ())))
+        named = ", ".join(f"--{name}".replace("_", "-") for name in (*given, *(("set",) if settings else ())))
         raise InputError(f"--again walks the scenario of its file: leave out {named}", name="again")
     else:
         from harpy_pin.log.run import Run

@@ -3,23 +3,35 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 
+from harpy_pin.cli.output import stderr
 from harpy_pin.errors import InputError
 
 if TYPE_CHECKING:
+    from harpy_pin.model.flat_foot import FlatFoot
     from harpy_pin.model.robot import Robot
     from harpy_pin.scenario import Scenario
 
+LEG_OF_SOLE = 6
+"""Joints of a leg that can hold a sole level."""
+HUB = 1e-3
+"""Distance from the axis of an endless joint within which a foot is the hub of a wheel, m."""
 ROBOTS = "harpy (by default), a robot that `harpy robots` lists, or a URDF or MJCF file with --feet."
 RobotOption = Annotated[str, typer.Option(help=ROBOTS.replace(" (by default)", ""))]
 FrictionOption = Annotated[float | None, typer.Option(help="Static friction.  [default: 0.25]", show_default=False)]
 FeetOption = Annotated[
-    str | None, typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a URDF or MJCF file.")
+    str | None,
+    typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a URDF or MJCF file, or '*_foot'."),
+]
+FlatFeetOption = Annotated[
+    str | None, typer.Option("--flat-feet", metavar="LxW[@X,Y,Z]", help="The feet are soles: sides, and middle, m.")
 ]
 PostureOption = Annotated[
     str | None, typer.Option("--posture", metavar="RAD,...", help="Standing angles, of all joints or of one leg.")
@@ -42,12 +54,13 @@ UrdfOption = Annotated[
 JsonOption = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the numbers as JSON.")]
 
 
-def read_robot_options(robot: str, feet: str | None, posture: str | None) -> str | Robot:
+def read_robot_options(robot: str, feet: str | None, posture: str | None, flat_feet: str | None = None) -> str | Robot:
     """The robot of the options: its name where it is known, else read from its file."""
+    from harpy_pin.model.catalogue import catalogue_robot
     from harpy_pin.model.robot import load_robot
     from harpy_pin.model.source import named_robot
 
-    if feet is None and posture is None and not Path(robot).suffix:
+    if feet is None and posture is None and flat_feet is None and not Path(robot).suffix:
         return named_robot(robot)
     frames = None if feet is None else [name.strip() for name in feet.split(",") if name.strip()]
     try:
@@ -55,11 +68,64 @@ def read_robot_options(robot: str, feet: str | None, posture: str | None) -> str
     except ValueError:
         raise InputError(f"--posture takes angles in rad, got '{posture}'", name="posture") from None
     if robot == "harpy":
-        raise InputError("--feet and --posture are of a robot that --robot names", name="feet")
-    known = load_robot(robot, feet=frames)
+        raise InputError("--feet, --flat-feet and --posture are of a robot that --robot names", name="feet")
+    if frames is not None and any(set("*?[") & set(name) for name in frames):
+        model = load_robot(robot, feet=()).model
+        frames = [name for pattern in frames for name in _matching(model, pattern)]
+    if flat_feet is not None and frames is None and (listed := catalogue_robot(robot)):
+        frames = list(listed.feet)
+    flat = None if flat_feet is None else dict.fromkeys(frames or (), _sole(flat_feet))
+    known = load_robot(robot, feet=frames, flat_feet=flat)
+    for line in _notes(known):
+        stderr.print(line, soft_wrap=True)
     if not angles:
         return named_robot(known)
-    return named_robot(load_robot(robot, feet=frames, posture=angles * max(len(known.joints) // len(angles), 1)))
+    return named_robot(
+        load_robot(robot, feet=frames, flat_feet=flat, posture=angles * max(len(known.joints) // len(angles), 1))
+    )
+
+
+def _matching(model: Any, pattern: str) -> list[str]:
+    """Names of links that a pattern fits, or of other frames; the pattern itself where there are none."""
+    names = [frame.name for frame in model.frames]
+    links = [name for name in names if model.existBodyName(name)]
+    for some in (links, names):
+        if found := [name for name in some if fnmatchcase(name, pattern)]:
+            return list(dict.fromkeys(found))
+    return [pattern]
+
+
+def _sole(text: str) -> FlatFoot:
+    """A flat foot from ``LxW`` or ``LxW@X,Y,Z``."""
+    from harpy_pin.model.flat_foot import FlatFoot
+
+    sides, _, centre = text.partition("@")
+    try:
+        length, width = (float(side) for side in sides.split("x"))
+        x, y, z = (float(part) for part in (centre or "0,0,0").split(","))
+    except ValueError:
+        message = f"--flat-feet must look like 0.2x0.09 or 0.2x0.09@0.03,0,-0.05 (m), got '{text}'"
+        raise InputError(message, name="flat_feet", value=text) from None
+    return FlatFoot(length=length, width=width, centre=(x, y, z))
+
+
+def _notes(robot: Robot) -> Iterator[str]:
+    """What may be otherwise with the feet of a robot from a file than its user thinks."""
+    from harpy_pin.model.tree import tree_record
+
+    model, axes = robot.model, tree_record(robot.model)["axis"][0]
+    frames = {foot: model.frames[robot.frame_id(foot)] for foot in robot.feet}
+    joints = {foot: frame.parentJoint for foot, frame in frames.items()}
+    wheels = []
+    for foot, joint in joints.items():
+        endless = joint > 1 and np.isinf(model.upperPositionLimit[model.joints[joint].idx_q])
+        if endless and np.linalg.norm(np.cross(axes[joint - 1], frames[foot].placement.translation)) < HUB:
+            wheels.append(foot)
+    if wheels:
+        yield f"{', '.join(wheels)} on joints that turn without end: wheels do not roll here, they are feet"
+    legs = [foot for foot, joint in joints.items() if len(model.supports[joint]) - 2 == LEG_OF_SOLE]
+    if legs and not robot.flat_feet and not wheels:
+        yield f"{', '.join(legs)} behind six joints, taken as points: for soles give --flat-feet, such as 0.2x0.09"
 
 
 def read_scenario(
@@ -69,6 +135,7 @@ def read_scenario(
     robot: str = "harpy",
     feet: str | None = None,
     posture: str | None = None,
+    flat_feet: str | None = None,
     speed: float | None = None,
     push: Sequence[str] = (),
     duration: float = 6.0,
@@ -76,7 +143,7 @@ def read_scenario(
     """The scenario of the options; what ``--set`` says comes last."""
     from harpy_pin.scenario.settings import scenario_of
 
-    walker = read_robot_options(robot, feet, posture)
+    walker = read_robot_options(robot, feet, posture, flat_feet)
     settings: dict[str, Any] = {"robot": walker, "duration": duration}
     if friction is not None:
         settings["ground.mu_s"] = friction

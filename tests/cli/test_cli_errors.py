@@ -61,7 +61,7 @@ def files(tmp_path):
         ("walk --set 'gait.velocity=0.3 0 0' --set gait=hand", "velocity"),
         ("walk --set 'gait.velocity=0.3 0 0' --set controller=governed", "commanded"),
         ("walk --robot x.urdf", "no URDF at 'x.urdf'"),
-        ("walk --feet left_foot", "--feet and --posture are of a robot that --robot names"),
+        ("walk --feet left_foot", "--feet, --flat-feet and --posture are of a robot that --robot names"),
         ("walk --robot go2 --posture 0,up,0", "--posture takes angles in rad"),
         ("walk --robot go2 --posture 0,0.8,-5", "beyond its limits"),
         ("gait --search everything", "valid names"),

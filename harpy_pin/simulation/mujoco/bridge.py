@@ -11,22 +11,22 @@ from numpy.typing import NDArray
 
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import HarpyError, InputError, shown
+from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.mjcf import plain_name
-from harpy_pin.model.record import RecordOf, make_record, sized
+from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.model.terms import all_finite, place_bodies, point_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_of, motors_record
 from harpy_pin.simulation.mujoco.conventions import Conventions, ConventionsRecord, from_mujoco, import_mujoco
-from harpy_pin.simulation.mujoco.differences import differences
+from harpy_pin.simulation.mujoco.differences import AtZero, differences, enabled_actuators, tendon_trees
 
-CLOSING = {0: "connect", 1: "weld", 2: "joint"}
-"""Equality constraints that hold bodies or joints together, ``mujoco.mjtEq``."""
+CLOSING = {0: "connect", 1: "weld", 2: "joint", 3: "tendon", 7: "distance"}
+"""Equality constraints that hold bodies, joints or tendons together, ``mujoco.mjtEq``."""
 
 
 class BridgeRecord(RecordOf):
@@ -35,15 +35,16 @@ class BridgeRecord(RecordOf):
     conventions: ConventionsRecord
     dynamics: DynamicsRecord
     motors: MotorsRecord
-    q: Vector
-    v: Vector
-    qpos: Vector  # of MuJoCo's data, with a unit quaternion
     link: NDArray[np.int64]  # (geoms, feet) 1 where a geom is on the link of a foot
     reach: Vector  # (feet,) distance from a foot's point within which contacts are its, m
     entry: NDArray[np.int64]  # (joints,) of each joint's actuator in ``ctrl``, or of the joint in ``qfrc_applied``
-    gear: Vector  # (joints,) torque per force of the actuator
-    gain: Vector  # (joints,) force per control
-    bias: Vector = sized("joints", 3)  # force at no control, N; per length, and per velocity of the actuator
+    output: NDArray[np.int64]  # (joints,) of each joint's actuator among the gears
+    number: NDArray[np.int64]  # (joints,) of each joint's actuator
+    affine: NDArray[np.int64]  # (joints,) 1 where the force has a bias
+    control: Vector  # of MuJoCo's data: ``ctrl`` or ``qfrc_applied``
+    gear: Vector  # (outputs, 6) torque per force of the actuator
+    gain: Vector  # (actuators, 10) force per control, first
+    bias: Vector  # (actuators, 10) force at no control, N; per length, and per velocity of the actuator
 
 
 class MujocoBridge(Conventions):
@@ -54,10 +55,13 @@ class MujocoBridge(Conventions):
     those within twice its size do, so that a knee is no foot.
 
     Actuators are motors or servos of position or velocity; without any, torques are written into ``qfrc_applied``.
+    Their gears and gains are those that the model has when a command is written. Data may be of the model, or of a copy
+    of it; several threads may use one bridge, each with data of its own.
 
     Args:
         model: ``mujoco.MjModel`` of the robot.
         robot: as the controller knows it.
+        prefix: of the robot's joints in the model, where there are several robots, such as ``"a/"``.
 
     Attributes:
         foot_radius: (feet,) of the spheres around the feet's points, m; 0 where there is none.
@@ -68,10 +72,9 @@ class MujocoBridge(Conventions):
     """
 
     @checked
-    def __init__(self, model: Any, robot: Robot) -> None:
+    def __init__(self, model: Any, robot: Robot, *, prefix: str = "") -> None:
         self._mujoco = import_mujoco()
-        super().__init__(model, robot)
-        self.model, self.robot = model, robot
+        super().__init__(model, robot, prefix=prefix)
         self._check_joints()
         self._check_loops()
         nq, nv, self.foot_radius = robot.model.nq, robot.model.nv, np.zeros(len(robot.feet))
@@ -81,24 +84,23 @@ class MujocoBridge(Conventions):
             conventions=self._record_,
             dynamics=dynamics_record(robot),
             motors=motors_record(Actuators(), **motors_of(robot)),
-            q=np.zeros(nq),
-            v=np.zeros(nv),
-            qpos=np.zeros(model.nq),
             **self._find_feet(),
             **self._find_actuators(),
         )
         self._shapes = (nq, nv, (len(robot.feet), 3))
         self._no_law = np.zeros((4, len(robot.joints)))
-        self._make_room(16)
 
-    @cached_property
+    @property
     def differences(self) -> str:
-        """In which numbers model and robot differ, one line each; empty where they agree.
+        """What the model has otherwise than the robot, as it is now, one line each; empty where they agree.
 
         Compared are masses, centres and inertias of the links, places and axes of the joints with all angles at zero,
-        armature, damping, dry friction, and largest torques.
+        their ends, armature, damping, dry friction and largest torques. Named is what the robot has not: gravity of
+        another size, springs, weights that are compensated, air, tendons, actuators with a delay or whose range of
+        control cuts torques off, contacts with a margin, trees that sleep, and solvers that are wrong.
         """
-        return differences(self._at_zero)
+        here = AtZero(self._mujoco, self.model, self.robot, self.joints, self.free)
+        return differences(here, self._record["link"][0], self._actuators)
 
     def read(self, data: Any) -> State:
         """The state of MuJoCo's data.
@@ -107,23 +109,20 @@ class MujocoBridge(Conventions):
 
         Args:
             data: ``mujoco.MjData`` of the model.
+
+        Raises:
+            InputError: data of another model.
         """
+        model = self._check_data(data)
         nq, nv, feet = self._shapes
         q, v, position, velocity, force = np.empty(nq), np.empty(nv), np.empty(feet), np.empty(feet), np.zeros(feet)
-        try:
-            count = data.ncon
-            read_state(self._record, data.qpos, data.qvel, q, v, position, velocity)
-        except AttributeError:
-            raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data) from None
-        if count:
-            if count > len(self._rows):
-                self._make_room(2 * count)
-            model, contact_force, rows = self.model, self._mujoco.mj_contactForce, self._rows
-            for number in range(count):
-                contact_force(model, data, number, rows[number])
-            contact = data.contact
+        read_state(self._record, data.qpos, data.qvel, q, v, position, velocity)
+        if count := data.ncon:
+            wrench, contact, contact_force = np.empty((count, 6)), data.contact, self._mujoco.mj_contactForce
+            for number, row in enumerate(wrench):
+                contact_force(model, data, number, row)
             geoms, frames, places = contact.geom.astype(np.int64), contact.frame.copy(), contact.pos.copy()
-            read_contacts(self._record, geoms, frames, places, self._wrench, position, force)
+            read_contacts(self._record, geoms, frames, places, wrench, position, force)
         return State(data.time, q, v, position, velocity, force)
 
     @cached_property
@@ -142,15 +141,13 @@ class MujocoBridge(Conventions):
             data: ``mujoco.MjData`` of the model.
 
         Raises:
-            InputError: as of :attr:`imu`, or data that are none.
+            InputError: as of :attr:`imu`, or data of another model.
         """
+        self._check_data(data)
         (gyroscope, accelerometer), places = self._sensors[1], self._record["conventions"]["position"][0]
-        try:
-            turning, felt = (data.sensordata[n : n + 3].copy() for n in (gyroscope, accelerometer))
-            torque = (data.qfrc_actuator if self._driven else data.qfrc_applied)[self.velocity]
-            return Readings(data.time, turning, felt, data.qpos[places], data.qvel[self.velocity], torque)
-        except AttributeError:
-            raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data) from None
+        turning, felt = (data.sensordata[n : n + 3].copy() for n in (gyroscope, accelerometer))
+        torque = (data.qfrc_actuator if len(self._actuators) else data.qfrc_applied)[self.velocity]
+        return Readings(data.time, turning, felt, data.qpos[places], data.qvel[self.velocity], torque)
 
     @cached_property
     def _sensors(self) -> tuple[Imu, tuple[int, int]]:
@@ -185,27 +182,25 @@ class MujocoBridge(Conventions):
             data: ``mujoco.MjData`` of the model.
 
         Raises:
-            InputError: a command of another robot, with thrusts, or that is not finite.
+            InputError: a command of another robot, with thrusts, or that is not finite; or data of another model.
         """
+        self._check_data(data)
         try:
-            law, out = command.law, data.ctrl if self._driven else data.qfrc_applied
+            law, out = command.law, data.ctrl if len(self._actuators) else data.qfrc_applied
             given = (command.torque, self._no_law if law is None else law, law is not None)
-            fits = write_controls(self._record, *given, data.qpos, data.qvel, out)
+            fits = write_controls(self._record, *given, data.qpos, data.qvel, *self._gains, out)
         except (AttributeError, TypeError, HarpyError):
             fit = as_command(command, self.robot)
             if fit is command:
-                raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data) from None
+                raise
             return self.write(fit, data)
         if not fits:
-            raise InputError("the command is not finite", name="command", value=command)
+            raise InputError(
+                "the command is not finite, or a gear or gain of the model is zero", name="command", value=command
+            )
         if len(command.thrust) and np.any(command.thrust):
             raise InputError("thrusts are not written into MuJoCo's data", name="command", value=command)
         return None
-
-    def _make_room(self, contacts: int) -> None:
-        """Have room for the wrenches of contacts."""
-        self._wrench = np.zeros((contacts, 6))
-        self._rows = list(self._wrench)
 
     def _check_joints(self) -> None:
         """The robot's joints are all joints of its tree."""
@@ -224,37 +219,45 @@ class MujocoBridge(Conventions):
             objects = [item for item in pair if item >= 0]
             if model.eq_objtype[number] == of_site:
                 objects = model.site_bodyid[objects]
-            bodies = model.jnt_bodyid[objects] if kind == "joint" else objects
-            if kind is not None and root in model.body_rootid[bodies]:
+            if kind == "tendon":
+                roots = [tree for item in objects for tree in tendon_trees(model, item)]
+            else:
+                roots = model.body_rootid[model.jnt_bodyid[objects] if kind == "joint" else objects]
+            if kind is not None and root in roots:
                 message = f"the MuJoCo model has the equality constraint '{kind}' on the robot"
                 raise InputError(f"{message}: closed loops and couplings are not supported", name="model")
 
     def _find_actuators(self) -> dict[str, NDArray[Any]]:
-        """Entry, gear, gain and bias of each joint's actuator."""
+        """Each joint's actuator, its place in the controls, and gears, gains and biases of all."""
         model, size = self.model, len(self.joints)
-        on_joint = model.actuator_trntype <= 1
+        on_joint = (model.actuator_trntype <= 1) & enabled_actuators(model)
         found = [np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint)) for joint in self.joints]
-        self._driven = any(len(numbers) for numbers in found)
-        if not self._driven:
+        if not any(map(len, found)):
             if model.nu and size:
-                raise InputError("no actuator of the MuJoCo model drives a joint of the robot", name="model")
-            return {"entry": self.velocity, "gear": np.ones(size), "gain": np.ones(size)}
-        for name, numbers in zip(self.robot.joints, found, strict=True):
-            if len(numbers) != 1:
-                message = f"joint '{name}' has {len(numbers) or 'no'} actuators in the MuJoCo model; it needs one"
-                raise InputError(message, name="model")
-        entry = np.concatenate(found).astype(np.int64)
-        gear, gain, kind = (
-            model.actuator_gear[entry, 0],
-            model.actuator_gainprm[entry, 0],
-            model.actuator_biastype[entry],
-        )
-        other = (model.actuator_dyntype[entry] != 0) | (model.actuator_gaintype[entry] != 0) | (kind > 1)
-        for number in entry[other | (gear * gain == 0.0)]:
-            message = f"actuator '{model.actuator(number).name}' of the MuJoCo model is neither motor nor servo"
-            raise InputError(f"{message}: with a fixed gain, a constant or affine bias, no state", name="model")
-        bias = np.where(kind[:, None] == 1, model.actuator_biasprm[entry, :3], 0.0)
-        return {"entry": entry, "gear": gear, "gain": gain, "bias": bias}
+                raise InputError(
+                    "no actuator of the MuJoCo model drives a joint of the robot, or all are disabled", name="model"
+                )
+            self._actuators, numbers = np.zeros(0, np.int64), np.arange(size)
+            self._gains = np.ones((size, 6)), np.ones((size, 10)), np.zeros((size, 10))
+            entry, output, affine, control = self.velocity, numbers, np.zeros(size, np.int64), np.zeros(model.nv)
+        else:
+            for name, own in zip(self.robot.joints, found, strict=True):
+                if len(own) != 1:
+                    message = f"joint '{name}' has {len(own) or 'no'} actuators that are enabled in the MuJoCo model"
+                    raise InputError(f"{message}; it needs one", name="model")
+            self._actuators = numbers = np.concatenate(found).astype(np.int64)
+            self._gains = model.actuator_gear, model.actuator_gainprm, model.actuator_biasprm
+            entry, output = model.actuator_ctrladr[numbers], model.actuator_outadr[numbers]
+            kind, control = model.actuator_biastype[numbers], np.zeros(model.nu)
+            affine = (kind == 1).astype(np.int64)
+            factor = model.actuator_gear[output, 0] * model.actuator_gainprm[numbers, 0]
+            other = (model.actuator_dyntype[numbers] != 0) | (model.actuator_gaintype[numbers] != 0) | (kind > 1)
+            for number in numbers[other | (factor == 0.0)]:
+                message = f"actuator '{model.actuator(number).name}' of the MuJoCo model is neither motor nor servo"
+                raise InputError(f"{message}: with a fixed gain, a constant or affine bias, no state", name="model")
+        places = {"entry": entry, "output": output, "number": numbers, "affine": affine}
+        gear, gain, bias = self._gains
+        return places | {"control": control, "gear": gear, "gain": gain, "bias": bias}
 
     def _find_feet(self) -> dict[str, NDArray[Any]]:
         """Radii of the feet's spheres, reach of each foot, and which geoms are on its link."""
@@ -279,18 +282,18 @@ class MujocoBridge(Conventions):
         return {"link": link, "reach": reach}
 
 
-@kernel
+@kernel(qpos="r.conventions.qpos", qvel="r.conventions.qvel", q="r.conventions.q", v="r.conventions.v")
 def read_state(
     r: BridgeRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector, position: Vector, velocity: Vector
 ) -> None:
     """The state q, v of MuJoCo's arrays, and places and velocities of the feet (feet, 3)."""
     c, first, length = r.conventions, r.conventions.base_position + 3, 0.0
-    r.qpos[:] = qpos
+    c.qpos[:] = qpos  # with a unit quaternion
     for i in range(4):
         length += qpos[first + i] * qpos[first + i]
     for i in range(4):
-        r.qpos[first + i] /= np.sqrt(length)
-    from_mujoco(c, r.qpos, qvel, q, v)
+        c.qpos[first + i] /= np.sqrt(length)
+    from_mujoco(c, c.qpos, qvel, q, v)
     place_bodies(r.dynamics.tree, q, v)
     point_terms(r.dynamics, q)
     for k in range(position.shape[0]):
@@ -326,21 +329,44 @@ def read_contacts(
                         force[nearest, i] += part if side == 1 else -part
 
 
-@kernel(torque="r.gear", law="r.motors.law")
+@kernel(
+    torque="r.motors.mean_torque",
+    law="r.motors.law",
+    qpos="r.conventions.qpos",
+    qvel="r.conventions.qvel",
+    gear="r.gear",
+    gain="r.gain",
+    bias="r.bias",
+    out="r.control",
+)
 def write_controls(
-    r: BridgeRecord, torque: Vector, law: Vector, has_law: bool, qpos: Vector, qvel: Vector, out: Vector
+    r: BridgeRecord,
+    torque: Vector,
+    law: Vector,
+    has_law: bool,
+    qpos: Vector,
+    qvel: Vector,
+    gear: Vector,
+    gain: Vector,
+    bias: Vector,
+    out: Vector,
 ) -> bool:
-    """Controls that bring about torques (joints,), N·m, and a law (4, joints); whether these are finite."""
+    """Controls that bring about torques (joints,), N·m, and a law (4, joints); whether these are finite and can be."""
     c, m = r.conventions, r.motors
     m.has_law = has_law
     if has_law:
         m.law[:] = law
-        from_mujoco(c, qpos, qvel, r.q, r.v)
-    drive_motors(m, torque, r.q, r.v, 1.0)
-    if not all_finite(m.mean_torque):
+        from_mujoco(c, qpos, qvel, c.q, c.v)
+    drive_motors(m, torque, c.q, c.v, 1.0)
+    fits = all_finite(m.mean_torque)
+    for j in range(torque.shape[0]):
+        fits = fits and gear[r.output[j], 0] * gain[r.number[j], 0] != 0.0
+    if not fits:
         return False
     for j in range(torque.shape[0]):
-        length, speed = r.gear[j] * qpos[c.position[j]], r.gear[j] * qvel[c.velocity[j]]
-        bias = r.bias[j, 0] + r.bias[j, 1] * length + r.bias[j, 2] * speed
-        out[r.entry[j]] = (m.mean_torque[j] / r.gear[j] - bias) / r.gain[j]
+        ratio, number, force = gear[r.output[j], 0], r.number[j], 0.0
+        if r.affine[j]:
+            length, speed = ratio * qpos[c.position[j]], ratio * qvel[c.velocity[j]]
+            force = bias[number, 0] + bias[number, 1] * length + bias[number, 2] * speed
+        out[r.entry[j]] = (m.mean_torque[j] / ratio - force) / gain[number, 0]
     return True

@@ -11,16 +11,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from importlib.metadata import version
 from importlib.util import find_spec
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
+from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError, install_line
+from harpy_pin.errors import InputError, install_line, shown
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.mjcf import find_joints, free_joint
 from harpy_pin.model.record import RecordOf, Records, make_record
@@ -28,6 +31,10 @@ from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.terms import body_rotation
 from harpy_pin.simulation.mujoco.differences import ROOT, AtZero
+
+OF_BODIES = ("body_parentid", "jnt_type", "jnt_bodyid", "geom_bodyid", "site_bodyid", "sensor_adr")
+OF_ACTUATORS = ("actuator_trnid", "actuator_ctrladr", "actuator_gear", "actuator_gainprm", "actuator_biasprm")
+"""Arrays of a model by which its data are read and written."""
 
 
 def installed_version() -> str | None:
@@ -54,6 +61,10 @@ class ConventionsRecord(RecordOf):
     unbounded: NDArray[np.int64]  # (joints,) 1 for a joint without limits, whose q is a cosine and a sine
     position: NDArray[np.int64]  # (joints,) in MuJoCo's ``qpos``
     velocity: NDArray[np.int64]  # (joints,) in MuJoCo's ``qvel``
+    q: Vector
+    v: Vector
+    qpos: Vector  # of MuJoCo's data
+    qvel: Vector
 
 
 @fixed_arrays("record")
@@ -61,13 +72,18 @@ class Conventions:
     """Turns states and forces of one robot from one convention into the other, in any MuJoCo model of it.
 
     Joints are found by name. A prefix that ends in ``:`` or ``/``, as MuJoCo gives it to attached models, does not
-    count. The free joint is that of the joints' tree; the frame of its body has to be that of the URDF's root link.
+    count, unless it is given. The free joint is that of the joints' tree; the frame of its body has to be that of the
+    URDF's root link. Pickles and copies are made anew.
 
     Args:
         model: ``mujoco.MjModel`` of the robot; its joints have the names of the URDF.
         robot: whose states these are.
+        prefix: of the robot's joints in the model, where there are several robots, such as ``"a/"``.
 
     Attributes:
+        model: the MuJoCo model.
+        robot: the robot.
+        prefix: of its joints in the model.
         record: where base and joints are, for :func:`to_mujoco` and :func:`from_mujoco`.
         joints: (joints,) numbers of the robot's joints in the model.
         free: that of the free joint.
@@ -78,12 +94,18 @@ class Conventions:
     """
 
     _record_: Records[ConventionsRecord]
+    model = property(attrgetter("_model"))
+    robot = property(attrgetter("_robot"))
+    prefix = property(attrgetter("_prefix"))
 
-    def __init__(self, model: Any, robot: Robot) -> None:
-        self._robot = robot
-        self.joints = find_joints(model, robot.joints)
+    @checked
+    def __init__(self, model: Any, robot: Robot, *, prefix: str = "") -> None:
+        self._model, self._robot, self._prefix = model, robot, prefix
+        self.joints = find_joints(model, [prefix + name for name in robot.joints])
         self.free = free_joint(model, self.joints)
-        self._at_zero = AtZero(import_mujoco(), model, robot, self.joints, self.free)
+        mujoco = import_mujoco()
+        self._data_kind, self._seen, self._arrays = mujoco.MjData, model, _arrays_of(model)
+        self._at_zero = AtZero(mujoco, model, robot, self.joints, self.free)
         self._at_zero.check_joints()
         ours = list(robot.model.joints)[ROOT + 1 :]
         self.velocity = model.jnt_dofadr[self.joints].astype(np.int64)
@@ -96,10 +118,14 @@ class Conventions:
             unbounded=np.array([joint.nq > 1 for joint in ours], dtype=np.int64),
             position=model.jnt_qposadr[self.joints].astype(np.int64),
             velocity=self.velocity,
+            q=np.zeros(robot.model.nq),
+            v=np.zeros(robot.model.nv),
+            qpos=np.zeros(model.nq),
+            qvel=np.zeros(model.nv),
         )
-        q, v = np.zeros(robot.model.nq), np.zeros(robot.model.nv)
-        to_mujoco.prepare(self._record_, q, v, q, v)
-        from_mujoco.prepare(self._record_, q, v, q, v)
+        q, v, qpos, qvel = (self._record_[name][0] for name in ("q", "v", "qpos", "qvel"))
+        to_mujoco.prepare(self._record_, q, v, qpos, qvel)
+        from_mujoco.prepare(self._record_, qpos, qvel, q, v)
 
     def place(self, state: State | tuple[Vector, Vector], data: Any) -> None:
         """Write configuration, velocity and time into MuJoCo's data; ``mujoco.mj_forward`` is the caller's.
@@ -109,12 +135,33 @@ class Conventions:
             data: ``mujoco.MjData``, written in place.
 
         Raises:
-            InputError: the state is of another robot.
+            InputError: the state is of another robot, or the data are of another model.
         """
+        self._check_data(data)
         q, v = state if isinstance(state, tuple) else (state.q, state.v)
         q, v = checks.vector("q", q, self._robot.model.nq), checks.vector("v", v, self._robot.model.nv)
         to_mujoco(self._record_, q, v, data.qpos, data.qvel)
         data.time = data.time if isinstance(state, tuple) else state.t
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return partial(type(self), prefix=self.prefix), (self.model, self.robot)
+
+    def _check_data(self, data: Any) -> Any:
+        """The model of data; refuses one that is not this model, nor has its bodies and actuators, as its pickle."""
+        if not isinstance(data, self._data_kind):
+            raise InputError(f"data must be a mujoco.MjData, got {shown(data)}", name="data", value=data)
+        model = data.model
+        if model is not self._seen:
+            if _arrays_of(model) != self._arrays:
+                message = "the data are of another MuJoCo model than the bridge: make a bridge to that model"
+                raise InputError(message, name="data", value=data)
+            self._seen = model
+        return model
+
+
+def _arrays_of(model: Any) -> list[bytes]:
+    """Names of a model, and what places its state and its controls."""
+    return [model.names, *(getattr(model, name).tobytes() for name in (*OF_BODIES, *OF_ACTUATORS))]
 
 
 @kernel
@@ -128,7 +175,7 @@ def _turn(q: Vector, given: Vector, out: Vector, back: bool) -> None:
             out[i] += (r[j, i] if back else r[i, j]) * given[j]
 
 
-@kernel
+@kernel(q="c.q", v="c.v", qpos="c.qpos", qvel="c.qvel")
 def to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
     """Write a state q (nq,), v (nv,) into MuJoCo's arrays."""
     base, moving = qpos[c.base_position : c.base_position + 7], qvel[c.base_velocity : c.base_velocity + 6]
@@ -143,7 +190,7 @@ def to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Ve
         qvel[c.velocity[k]] = v[c.column[k]]
 
 
-@kernel
+@kernel(q="c.q", v="c.v", qpos="c.qpos", qvel="c.qvel")
 def from_mujoco(c: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
     """Read a state q (nq,), v (nv,) from MuJoCo's arrays."""
     base, moving = qpos[c.base_position : c.base_position + 7], qvel[c.base_velocity : c.base_velocity + 6]

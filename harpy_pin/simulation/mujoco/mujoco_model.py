@@ -12,6 +12,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError
 from harpy_pin.model.entry import as_array
+from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, tree_record
@@ -23,12 +24,12 @@ MIN_MASS, MIN_INERTIA = 1e-12, 1e-12
 joint's armature."""
 
 
-class MujocoModel:
+class MujocoModel(KeepsViews):
     """A robot above the plane z = 0, which only its feet touch, and its state in MuJoCo. It has no other geometry.
 
     A foot is a massless sphere about the foot's point, and the plane lies lower by its radius: they touch where the
     point is at z = 0. On request every foot has a plane of its own, which may be moved. Joints end where
-    the robot's do; solver, integrator and contact are MuJoCo's defaults.
+    the robot's do; solver, integrator and contact are MuJoCo's defaults, with dense Jacobians.
 
     Args:
         robot: any that :func:`harpy_pin.model.robot.load_robot` takes.
@@ -54,15 +55,18 @@ class MujocoModel:
         RobotError: MuJoCo refuses the robot.
     """
 
+    _made_anew = ("mujoco", "qpos", "qvel", "_applied", "_body_position", "_mounts")
+
     @checked
     def __init__(
         self, robot: Robot, *, friction: float, dt: float, gravity: Vector, foot_radius: float, own_planes: bool = False
     ) -> None:
-        self.mujoco = mujoco = import_mujoco()
+        mujoco, self._robot = import_mujoco(), robot
         tree = tree_record(robot.model)
         planes = [f"ground:{foot}" for foot in robot.feet] if own_planes else ["ground"]
         spec = _describe(mujoco, robot, tree, friction=friction, foot_radius=foot_radius, planes=planes)
         spec.option.timestep = dt
+        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE  # Newton's solver is wrong with sparse ones in 4.0.0
         spec.option.gravity = checks.vector("gravity", gravity, 3)
         try:
             self.model: Any = spec.compile()
@@ -78,11 +82,14 @@ class MujocoModel:
         self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]
         self._sizes = (robot.model.nq, robot.model.nv)
         self._base = int(self.model.jnt_bodyid[self.model.joint(f"joint:{robot.model.names[1]}").id])
-        sites = [self.model.site(f"thruster:{name}") for name in robot.thrusters]
-        # The arrays of MuJoCo's data stay where they are; asking for them anew costs as much as half a step.
-        data = self.data
+        self._make_anew()
+
+    def _make_anew(self) -> None:
+        """Views of MuJoCo's data, which stay where they are; asking for them anew costs as much as half a step."""
+        data, robot, self.mujoco = self.data, self._robot, import_mujoco()
         self.qpos, self.qvel, self._applied = data.qpos, data.qvel, data.qfrc_applied
         self._body_position = data.xpos[self._base]
+        sites = [self.model.site(f"thruster:{name}") for name in robot.thrusters]
         drags = [0.0] * (len(sites) - len(robot.rotors)) + [rotor.drag for rotor in robot.rotors]
         self._mounts = [
             (int(site.bodyid[0]), data.site_xpos[int(site.id)], drag) for site, drag in zip(sites, drags, strict=True)

@@ -1,0 +1,182 @@
+"""What a bridge says of a user's model: what MuJoCo does otherwise than the robot that the controller knows."""
+
+import mujoco
+import numpy as np
+import pytest
+from needs import needs_robots
+from own_models import described
+
+import harpy_pin as hp
+from harpy_pin import InputError, MujocoBridge
+
+pytestmark = needs_robots
+CALF = "FL_calf_joint"
+PLANE, SPHERE = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_SPHERE
+
+
+@pytest.fixture(scope="module")
+def go2():
+    return hp.load_robot("go2")
+
+
+def changed(robot, change, **how):
+    """A bridge to a model of the robot after a change of its description."""
+    spec = described(robot, **{"actuators": "motor", **how})
+    change(spec)
+    return MujocoBridge(spec.compile(), robot)
+
+
+def give(thing, **values):
+    for name, value in values.items():
+        setattr(thing, name, value)
+
+
+def tendon(spec):
+    made = spec.add_tendon(name="band", stiffness=[40.0, 0.0, 0.0])
+    made.wrap_joint(CALF, 1.0)
+
+
+def asleep(spec, policy=mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED):
+    spec.body("base").sleep = policy
+    spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+
+
+def sparse(spec):
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        (
+            lambda s: give(s.joint(CALF), range=(-2.0, -0.84)),
+            f"lower end of joint of {CALF}: -2 rad in the model, -2.7",
+        ),
+        (lambda s: give(s.joint(CALF), limited=0), f"upper end of joint of {CALF}: inf rad in the model, -0.8"),
+        (lambda s: give(s.joint(CALF), stiffness=[30.0, 0, 0]), f"spring of {CALF}: 30 N·m/rad in the model, none"),
+        (
+            lambda s: give(s.option, gravity=(0, 0, -3.71)),
+            "gravity of the world: [ 0.    0.   -3.71] m/s² in the model",
+        ),
+        (lambda s: give(s.body("base"), gravcomp=1.0), "compensated share of the weight of base: 1 in the model, none"),
+        (lambda s: give(s.option, wind=(3, 0, 0), density=1.2), "the air resists in the model: density 1.2 kg/m³"),
+        (lambda s: give(s.actuators[2], delay=0.005, nsample=4), f"delay of the actuator of {CALF}: 0.005 s in the"),
+        (lambda s: give(s.joint(CALF), damping=[0.0, 0.02, 0]), f"further damping of {CALF}: 0.02 N·m·s²/rad² in the"),
+        (tendon, "tendons pull at the robot in the model: band"),
+        (asleep, "the robot may sleep in the model, and then has no contacts"),
+        (sparse, "Newton's solver is wrong with sparse Jacobians in MuJoCo 4.0.0"),
+        (lambda s: give(s.option, disableflags=16), "the model has the flag contact='disable'"),
+        (lambda s: give(s.option, disableflags=128), "gravity of the world: [0. 0. 0.] m/s² in the model"),
+    ],
+)
+def test_what_the_robot_has_not_is_named(go2, change, line):
+    assert changed(go2, lambda spec: None).differences == ""
+    assert any(said.startswith(line) for said in changed(go2, change).differences.splitlines())
+
+
+def test_a_change_of_the_model_is_said_at_once(go2):
+    bridge = changed(go2, lambda spec: None)
+    bridge.model.opt.gravity[2] = -1.62
+    assert "gravity" in bridge.differences
+
+
+def test_a_base_that_never_sleeps_has_its_contacts(go2):
+    never = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+    assert changed(go2, lambda spec: asleep(spec, never)).differences == ""
+
+
+def test_armature_and_damping_of_actuators_are_mujocos(go2):
+    """Through gears, against MuJoCo's inertia matrix and its passive forces."""
+
+    def change(spec):
+        give(spec.joint(CALF), armature=0.01, damping=[0.1, 0.2, 0.0])
+        give(spec.actuators[2], armature=0.02, damping=[0.3, 0.4, 0.5])
+
+    plain, bridge = changed(go2, lambda spec: None).model, changed(go2, change)
+    model = bridge.model
+    place, said = model.joint(CALF).dofadr[0], bridge.differences
+    matrices = []
+    for one in (plain, model):
+        data, full = mujoco.MjData(one), np.zeros((one.nv, one.nv))
+        data.qvel[place] = 2.0
+        mujoco.mj_forward(one, data)
+        mujoco.mj_fullM(one, data, full)
+        matrices.append(full[place, place])
+    assert f"armature of {CALF}: {matrices[1] - matrices[0]:.4g} kg·m² in the model" in said
+    first, second, third = 0.1 + 9.0 * 0.3, 0.2 + 9.0 * 0.4, 9.0 * 0.5
+    assert -data.qfrc_damper[place] == pytest.approx(first * 2.0 + second * 4.0 + third * 8.0)
+    assert f"damping of {CALF}: {first:.4g} N·m·s/rad in the model" in said
+    assert f"further damping of {CALF}: {second:.4g}, {third:.4g} N·m·s²/rad²" in said
+
+
+def test_a_range_of_control_that_cuts_torques_off(go2):
+    """A servo gives what the line says at the end where MuJoCo cuts off most."""
+    bridge = changed(go2, lambda s: give(s.actuators[2], ctrllimited=1, ctrlrange=(-7, -1)), actuators="position")
+    model, data, limit = bridge.model, mujoco.MjData(bridge.model), float(go2.torque_limit[2])
+    number, place, given = model.joint(CALF).id, model.joint(CALF).dofadr[0], []
+    for angle in model.jnt_range[number]:
+        for torque in (limit, -limit):
+            data.qpos[model.joint(CALF).qposadr[0]] = angle
+            mujoco.mj_forward(model, data)
+            bridge.write(hp.Command(np.eye(12)[2] * torque), data)
+            mujoco.mj_forward(model, data)
+            given.append(max(data.qfrc_actuator[place] * np.sign(torque), 0.0))
+    least = min(given)
+    assert least < limit - 1.0
+    line = f"torque that ranges of control and force leave at the ends of {CALF}: {least:.4g} N·m in the model"
+    assert line in bridge.differences
+
+
+@pytest.mark.parametrize("override", [False, True])
+def test_a_robot_hovers_on_the_margins_of_feet_and_floor(go2, override):
+    def change(spec):
+        for geom in spec.geoms:
+            geom.margin, geom.gap = 0.02, 0.02
+        if override:
+            spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
+            spec.option.o_margin = 0.03
+
+    bridge = changed(go2, change)
+    model, data, gait = bridge.model, mujoco.MjData(bridge.model), hp.Standing(go2)
+    bridge.place(gait.initial_state(penetration=-0.1), data)
+    mujoco.mj_forward(model, data)
+    assert data.nefc == 0
+    while data.nefc < 16:  # four edges of each foot's pyramid; a gap finds contacts earlier, which push later
+        data.qpos[2] -= 1e-4
+        mujoco.mj_forward(model, data)
+    said = 0.03 if override else 0.04
+    assert data.contact.dist.max() == pytest.approx(said, abs=1e-3)
+    assert f"on which it hovers, of FL_foot: {said} m in the model, none in the robot; and 3 more" in bridge.differences
+
+
+def test_disabled_actuators_do_not_count(go2):
+    """A servo and a motor in a joint, one of which is off; and joints whose only actuator is."""
+    spec = described(go2, actuators="motor")
+    for joint in go2.joints:
+        spec.add_actuator(name=f"servo {joint}", target=joint, trntype=0, group=3).set_to_position(kp=10.0)
+    spec.option.disableactuator = 1 << 3
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    MujocoBridge(model, go2).write(hp.Command(np.full(12, 6.0)), data)
+    np.testing.assert_allclose(data.ctrl, [*[2.0] * 12, *[0.0] * 12])
+    model.opt.disableactuator = 1 | 1 << 3
+    with pytest.raises(InputError, match="no actuator of the MuJoCo model drives a joint of the robot, or"):
+        MujocoBridge(model, go2)
+    model.opt.disableactuator, model.actuator_group[3] = 1 << 3, 3
+    with pytest.raises(InputError, match="'FR_hip_joint' has no actuators that are enabled"):
+        MujocoBridge(model, go2)
+
+
+def test_tendons_that_couple_joints_are_refused(go2):
+    def change(spec):
+        tendon(spec)
+        spec.add_equality(type=mujoco.mjtEq.mjEQ_TENDON, name1="band", objtype=mujoco.mjtObj.mjOBJ_TENDON)
+
+    with pytest.raises(InputError, match="'tendon' on the robot: closed loops and couplings"):
+        changed(go2, change)
+
+
+def test_plants_of_this_library_have_dense_jacobians(go2):
+    plant = hp.build(hp.Scenario(robot="go2", plant="mujoco", controller="condensed")).simulator
+    assert not mujoco.mj_isSparse(plant.model)
+    assert plant.model.opt.jacobian == mujoco.mjtJacobian.mjJAC_DENSE
