@@ -34,11 +34,12 @@ def test_the_condensed_controller_has_one_name(command):
     assert "condensed" in printed
     assert " law" not in printed
     assert "law's" not in printed
-    assert set(CONTROLLERS) == {"QP", "condensed"}
+    assert set(CONTROLLERS) == {"QP, own search", "condensed"}
 
 
 def test_every_name_fits_its_column_of_the_demo():
-    assert max(len(controller.label) for controller in identity.CONTROLLERS.values()) <= NAME_WIDTH
+    longest = max(len(controller.label) for controller in identity.CONTROLLERS.values())
+    assert max(longest, len("Whole-body QP, ProxQP")) <= NAME_WIDTH
 
 
 def test_the_help_of_walk_says_how_settings_are_set_and_the_default_of_friction():

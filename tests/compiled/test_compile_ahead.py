@@ -20,6 +20,9 @@ def run(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
 
 
+QP = ("--set", "controller=wbc")
+
+
 def libraries(folder: Path) -> set[str]:
     return {path.name for path in folder.glob("*.so")}
 
@@ -32,13 +35,14 @@ def test_what_is_compiled_ahead_is_not_compiled_again(tmp_path: Path) -> None:
     names = {line.partition(":")[0] for line in parts}
     assert {
         "harpy, condensed controller, gait 'hand'",
-        "harpy, whole-body QP, gait 'hand'",
+        "harpy, whole-body QP, ProxQP, gait 'hand'",
+        "harpy, whole-body QP, own search, gait 'hand'",
         "harpy, governor 'filter'",
     } <= names
     assert str(tmp_path) in summary
     before = libraries(tmp_path)
     assert int(summary.split()[0]) == len(before)
-    for options in ([], ["--set", "controller=wbc"], ["--set", "controller=governed"]):
+    for options in ([], [*QP], [*QP, "--set", "controller.solver=active_set"], ["--set", "controller=governed"]):
         assert run("walk", "--duration", "0.01", *options, folder=tmp_path).returncode == 0
     assert libraries(tmp_path) == before
     assert run("compile", folder=tmp_path).stdout.splitlines()[-2].startswith("0 libraries")
