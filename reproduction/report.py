@@ -18,7 +18,7 @@ from harpy_pin.model.robot import Robot
 from reproduction import figures
 from reproduction.chattering import Chattering
 from reproduction.claims import DEPARTURES, Finding, Verdict
-from reproduction.vlip_claims import VlipCase, VlipStudy, study_inside, study_vlip
+from reproduction.vlip_claims import VlipCase, VlipStudy, study_vlip
 from reproduction.walk_claims import MU, WALKS, WalkStudy, study_cost, study_gait, study_walk
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ class Reproduction:
     """Everything the report shows."""
 
     vlip: VlipStudy  # first simulation
-    vlip_inside: Mapping[str, Mapping[str, Any]]  # the same from a start inside the friction cone, by governor
     walks: Mapping[str, WalkStudy]  # second simulation, by gait; the first is as the paper prints it
     findings: tuple[Finding, ...]  # Q1 to Q8; Q4 to Q7 once for each gait
     gait: Mapping[str, str]  # what the optimised gait does in the plane
@@ -52,7 +51,7 @@ def reproduce(
         on_stage: called with what is about to be done.
     """
     on_stage("VLIP simulation")
-    vlip, inside = study_vlip(), study_inside()
+    vlip = study_vlip()
     walks = {}
     for name in SETTINGS:
         on_stage(f"3D walks, gait {name}")
@@ -62,7 +61,7 @@ def reproduce(
     on_stage("cost")
     cost = study_cost(walks["optimised"].runs["measured"], robot, "optimised", mu=MU)
     by_claim = zip(*(walk.findings for walk in walks.values()), strict=True)
-    return Reproduction(vlip, inside, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)
+    return Reproduction(vlip, walks, (*vlip.findings, *(f for group in by_claim for f in group), cost), gait)
 
 
 def write_report(result: Reproduction, folder: OwnFolder) -> Path:
@@ -156,7 +155,7 @@ def numbers_of(result: Reproduction) -> dict[str, Any]:
         ],
         "gait": dict(result.gait),
         "vlip": {case.command: vars(run.summary()) for case, run in result.vlip.runs.items()},
-        "vlip_inside": dict(result.vlip_inside),
+        "vlip_inside": result.vlip.inside,
         "walk": {
             setting: {name: measures.as_dict() for name, measures in walk.measures.items()}
             for setting, walk in result.walks.items()

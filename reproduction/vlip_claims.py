@@ -57,6 +57,7 @@ class VlipStudy:
     # of the applied reference's position and of the normal force, by case and divisor of the step
     chattering: dict[tuple[VlipCase, int], tuple[Chattering, Chattering]]
     findings: tuple[Finding, ...]  # Q1, Q2, Q3
+    inside: dict[str, dict[str, Any]]  # see :func:`study_inside`
 
 
 def polar_of(position: Vector) -> Vector:
@@ -87,7 +88,7 @@ def study_vlip() -> VlipStudy:
                 chattering(run.x_w[:, :3], period=period),
                 chattering(run.force[:, 2], period=period),
             )
-    return VlipStudy(runs, measured, (_q1(runs), _q2(runs), _q3(runs)))
+    return VlipStudy(runs, measured, (_q1(runs), _q2(runs), _q3(runs)), study_inside())
 
 
 INSIDE = {
