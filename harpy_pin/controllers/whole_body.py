@@ -79,6 +79,7 @@ class WholeBodyController(TaskController):
     """
 
     _made_anew = (*TaskController._made_anew, "_kernels_of_tick", "_parts_of_program", "_opening")
+    _fell_back = False  # whether the dual method followed the solver in this tick
 
     @checked
     def __init__(
@@ -132,19 +133,23 @@ class WholeBodyController(TaskController):
         self._make_anew()
         example, kernels, parts = State(0.0, *self._sample), self._kernels_of_tick, self._parts_of_program
         first = (self._record_, self.target._record_, *self._measured(example))
-        self._step.prepare(*first, *self._parts)
+        if self._lag is None:
+            self._step.prepare(*first, *self._parts)
+        else:
+            begin_tick.prepare(*first)
+            self.problem.prepare(self.dynamics, self.targets)
         if not self._in_python:
             return
         for solver in (made, self._second):
             if isinstance(solver, QPSolver):
                 solver.prepare(program)
-        if self._lag is not None:
-            begin_tick.prepare(*first)
-            self.problem.prepare(self.dynamics, self.targets)
         for one in (kernels.relax, kernels.give_way):
             one.prepare(self._record_, *parts, False)
         kernels.settle.prepare(self._record_, *parts[1:], False)
         kernels.finish.prepare(self._record_, *parts, False, example.q, example.v)
+        if self._command.law is not None:
+            kernels.targets.prepare(self._record_, parts[1], False, example.q, example.v)
+            keep_targets.prepare(self._record_, self._record_["motors"])
 
     def _make_anew(self) -> None:
         """See :meth:`GaitController._make_anew`: one kernel where nothing of the program is Python's."""
@@ -340,7 +345,6 @@ class WholeBodyController(TaskController):
     def _solve(self, *, gives_way: bool) -> bool:
         """The solutions of a tick as its kernel has them, by a solver that may be Python's; whether there is one."""
         kernels, record, parts = self._kernels_of_tick, self._record_, self._parts_of_program
-        fallbacks = int(self._fallbacks)
         usable = self._solve_once(further=False)
         self._gave_way = False
         if gives_way and kernels.relax(record, *parts, usable):
@@ -350,8 +354,6 @@ class WholeBodyController(TaskController):
             usable = kernels.settle(record, *parts[1:], self._gave_way and self._solve_once(further=True))
         elif usable and not gives_way:
             self.problem.kernels.inputs(*parts[1:], self._solution._z_, self._inputs)
-        if self._fallbacks > fallbacks:
-            self._fallbacks[...] = fallbacks + 1  # ticks are counted, not solves
         return usable
 
     def _solve_once(self, *, further: bool) -> bool:
@@ -365,7 +367,7 @@ class WholeBodyController(TaskController):
         else:
             solution = solver.solve(program)
         if solution.status is not QPStatus.SOLVED and self._second is not None:
-            self._fallbacks += 1
+            self._fell_back = True
             second = self._second.solve(program)
             solution = second if second.usable else solution
         self._solution._z_[:] = solution._z_
@@ -389,6 +391,9 @@ class WholeBodyController(TaskController):
 
     def _finish(self, state: State, usable: bool) -> None:
         """As :meth:`finish`, of a state that was checked."""
+        if self._fell_back:
+            self._fallbacks += 1
+            self._fell_back = False
         if usable:
             if self._lag is not None:
                 add_kept(self._lag, self._inputs)

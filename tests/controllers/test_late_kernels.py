@@ -19,6 +19,7 @@ CASES = {
     "input_space": ("wbc", {"solver": "active_set"}),
     "input_space, ProxQP": ("wbc", {}),
     "input_space, lag": ("wbc", {"solver": "active_set", "thrust_lag": 0.1}),
+    "motors, ProxQP": ("wbc", {"joint_stiffness": 1.0, "joint_damping": 0.3}),
     "full": ("wbc", {"formulation": "full", "solver": "active_set"}),
     "full, daqp": ("wbc", {"formulation": "full", "solver": "daqp"}),
     "contact_force": ("wbc", {"formulation": "contact_force", "solver": "active_set"}),
