@@ -164,7 +164,7 @@ def standing_problem(
     )
     how: dict[str, Any] = {"friction": _FRICTION, "warm_up": warm_up, "most": most, "weights": weights}
     problem = make_problem(robot, [sequence], gait=Standing(robot, posture), **how)
-    tree, urdf = ElementTree.parse(robot.urdf), folder / f"{name}.urdf"
+    tree, urdf = ElementTree.parse(str(robot.urdf)), folder / f"{name}.urdf"
     for link in tree.getroot().iter("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
             link.remove(shape)

@@ -96,7 +96,7 @@ def build_model(path: Path) -> pin.Model:
 
 
 @contextmanager
-def robot_errors(path: Path, kind: str) -> Iterator[None]:
+def robot_errors(path: Path, kind: str, reader: str = "Pinocchio") -> Iterator[None]:
     """A block in which a file of this kind is read: its errors become :class:`RobotError`."""
     try:
         yield
@@ -106,7 +106,7 @@ def robot_errors(path: Path, kind: str) -> Iterator[None]:
         raise RobotError(f"cannot read {_shown(path)}: {error.strerror or error}", path=path) from error
     except (RuntimeError, ValueError, IndexError) as error:
         reason = " ".join(str(error).split())
-        raise RobotError(f"{_shown(path)} is not {kind} that Pinocchio can read: {reason}", path=path) from error
+        raise RobotError(f"{_shown(path)} is not {kind} that {reader} can read: {reason}", path=path) from error
 
 
 def check_file(path: Path) -> None:
