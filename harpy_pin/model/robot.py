@@ -268,7 +268,8 @@ def load_robot(
             Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet, in an MJCF file bodies, sites or geoms; () for none.
         flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
-            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given.
+            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given. In an
+            MJCF file soles are found (:func:`harpy_pin.model.mjcf.read_mujoco`), unless they are given; {} for none.
         thrusters: frame names of the mounts of free thrusters, which push in any direction.
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
@@ -308,7 +309,9 @@ def load_robot(
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
-    model, angles = _read(urdf, path, (*feet, *mounts))
+    model, angles, soles = _read(urdf, path, (*feet, *mounts))
+    if flat_feet is None:
+        flat_feet = {name: soles[name] for name in feet if name in soles}
     if known is not None:
         known.add_frames(model)
         model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
@@ -317,7 +320,7 @@ def load_robot(
             if not model.existFrame(name):
                 where = "the MuJoCo model" if path is None else shown(str(path), 300)
                 raise RobotError(f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path)
-    points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
+    points, corners = add_flat_feet(model, feet, flat_feet)
     angles = angles if known is None else known.posture(model)
     if posture is not None:
         angles = checks.vector("posture", posture, model.nq - 7)
@@ -346,13 +349,15 @@ def load_robot(
     return robot
 
 
-def _read(urdf: Any, path: Path | None, frames: Sequence[str]) -> tuple[pin.Model, Vector | None]:
-    """The model of a file, or of a ``mujoco.MjModel``, with these frames; and its posture, if it has one."""
+def _read(
+    urdf: Any, path: Path | None, frames: Sequence[str]
+) -> tuple[pin.Model, Vector | None, Mapping[str, FlatFoot]]:
+    """The model of a file, or of a ``mujoco.MjModel``, with these frames; its posture, if it has one, and its soles."""
     if path is None:
         return read_mujoco(urdf, frames, "the MuJoCo model")
     with robot_errors(path, "an MJCF file"):
         if read_xml(path).tag != "mujoco":
-            return build_model(path), None
+            return build_model(path), None, {}
         return read_mujoco(compile_mjcf(path), frames, str(path))
 
 

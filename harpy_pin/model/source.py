@@ -46,8 +46,9 @@ def read_robot(source: Mapping[str, Any]) -> Robot:
     given = plain_source(source)
     arrays = checks.mapping("model", given.pop("model", {}))
     try:
-        feet = checks.mapping("flat_feet", given.get("flat_feet", {}))
-        given["flat_feet"] = {name: FlatFoot(**foot) for name, foot in feet.items()} or None
+        if given.get("flat_feet") is not None:
+            feet = checks.mapping("flat_feet", given["flat_feet"])
+            given["flat_feet"] = {name: FlatFoot(**foot) for name, foot in feet.items()}
         for rotor in given.get("rotors", ()):
             rotor["limit"] = _infinite(rotor["limit"])
         given["rotors"] = [Rotor(**rotor) for rotor in given.get("rotors", ())] or None

@@ -387,3 +387,60 @@ def test_without_mujoco_the_extra_is_said(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(RobotError, match=r"dog.xml': no MuJoCo .*pip install .*\[mujoco\]"):
         hp.load_robot(file, feet=FEET)
+
+
+def leg(foot, joints=6):
+    """A base on one leg of some joints, whose last body has these shapes and the frame ``sole``."""
+    inertia, axes = PAYLOAD.format(1), ("1 0 0", "0 1 0", "0 0 1")
+    bodies = "".join(
+        f'<body name="link{k}" pos="0 0 -0.1"><joint name="joint{k}" axis="{axes[k % 3]}"/>{inertia}'
+        for k in range(joints)
+    )
+    base = f'<body name="base"><freejoint/>{PAYLOAD.format(5)}{bodies}{foot}{"</body>" * joints}</body>'
+    return mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{base}</worldbody></mujoco>")
+
+
+FOUR = "".join(f'<geom size="0.01" pos="{x} {y} -0.05"/>' for x in (-0.05, 0.12) for y in (-0.03, 0.03))
+TWO = "".join(f'<geom type="capsule" size="0.01" fromto="-0.05 {y} -0.05 0.12 {y} -0.05"/>' for y in (-0.03, 0.03))
+BOX = '<geom name="box" type="box" size="0.085 0.03 0.02" pos="0.035 0 -0.04"/>'
+
+
+@pytest.mark.parametrize("shapes", [FOUR, TWO, BOX])
+@pytest.mark.parametrize("sole", ["", '<site name="sole" pos="0.035 0 -0.06"/>'])
+def test_soles_are_found(shapes, sole):
+    """Of four spheres, two capsules, or a box, which all reach from x = −0.05 to 0.12 m, y = ±0.03 m, z = −0.06 m."""
+    shank = '<geom type="capsule" size="0.02" fromto="0 0 0 0 0 0.1"/>'
+    robot = hp.load_robot(leg(shank + shapes + sole), feet=("sole" if sole else "link5",))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
+    corners = [data.oMf[robot.frame_id(name)].translation for name in robot.feet]
+    expected = [(x, y, -0.66) for x in (0.12, -0.05) for y in (0.03, -0.03)]
+    np.testing.assert_allclose(corners, expected, atol=1e-12)
+    assert robot.flat_feet == (4,)
+    assert hp.load_robot(leg(shapes), feet=("link5",), flat_feet={}).flat_feet == ()
+    own = hp.FlatFoot(length=0.1, width=0.1)
+    assert hp.load_robot(leg(shapes), feet=("link5",), flat_feet={"link5": own}).flat_feet == (4,)
+
+
+@pytest.mark.parametrize(
+    ("foot", "joints", "name"),
+    [
+        ('<geom size="0.02" pos="0 0 -0.05"/>', 6, "link5"),
+        ('<geom type="capsule" size="0.02" fromto="-0.1 0 -0.05 0.1 0 -0.05"/>', 6, "link5"),
+        (FOUR.replace("<geom", '<geom contype="0" conaffinity="0"'), 6, "link5"),
+        (BOX, 3, "link2"),
+        (BOX + '<site name="tilted" euler="90 0 0"/>', 6, "tilted"),
+        (BOX + '<site name="down" euler="180 0 0"/>', 6, "down"),
+        ("", 6, "link5"),
+    ],
+)
+def test_points_lines_and_short_legs_have_no_sole(foot, joints, name):
+    assert hp.load_robot(leg(foot, joints), feet=(name,)).feet == (name,)
+
+
+def test_a_box_is_a_sole_by_its_own_name():
+    robot = hp.load_robot(leg(BOX), feet=("box",))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
+    corner = data.oMf[robot.frame_id("box_0")].translation
+    np.testing.assert_allclose(corner, (0.12, 0.03, -0.66), atol=1e-12)
