@@ -342,10 +342,15 @@ def load_robot(
         label="" if known is None else str(known_name(urdf)),
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
     )
-    if unknown:
-        more = f" and {len(unknown) - 1} more" if len(unknown) > 1 else ""
-        message = f"{shown(str(path), 300)}: joints of effort 0, taken as without a limit: {shown(unknown[0])}{more}"
-        warnings.warn(message, stacklevel=2)
+    bodies = zip(list(model.names)[1:], list(model.inertias)[1:], strict=True)
+    points = [name for name, body in bodies if body.mass > 0.0 and not body.inertia.any() and known is None]
+    for what, names in (
+        ("of effort 0, taken as without a limit", unknown),
+        ("whose body has a mass, no inertia", points),
+    ):
+        if names:
+            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
+            warnings.warn(f"{shown(str(path), 300)}: joints {what}: {shown(names[0])}{more}", stacklevel=2)
     return robot
 
 

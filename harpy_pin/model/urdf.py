@@ -6,6 +6,7 @@ entities, answers most of what it refuses with errors of Python's, and brings lx
 
 from __future__ import annotations
 
+import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +25,10 @@ _MAX_NAME = 200
 _MAX_DEPTH = 50  # most levels of elements inside elements; readers call themselves once for each
 _LARGEST = 1e6
 """Largest masses, lengths and inertias, SI; larger ones overflow in the equations of motion."""
+UNLIMITED = 1e300
+"""Torques and speeds from here on have no limit."""
+TURNS, DEGREES = 4.0 * np.pi, 720.0
+"""Angles between these, rad, which are taken for degrees."""
 _ROUNDING = 1e-12  # what files made by programs have below zero, kg·m²
 
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed")
@@ -52,6 +57,9 @@ def build_model(path: Path) -> pin.Model:
 
     - A ``continuous`` joint is a revolute one with infinite position limits, where Pinocchio keeps cosine and sine.
       If it has no ``<limit>``, its torque and speed are unlimited too.
+    - The base is the first link with a mass or a joint: of massless links that are fixed above it (``base_footprint``)
+      frames are left.
+    - Of a link and a joint of one name the link's frame has it, and the joint's has ``joint:`` before it.
     - A joint that mimics another moves on its own, as by Pinocchio's default: the coupling is not held.
     - A fixed joint has a place only: axis, limits and dynamics in it are ignored.
 
@@ -71,14 +79,19 @@ def build_model(path: Path) -> pin.Model:
         _check_tree(links, joints)
         for joint in joints:
             _drop_ignored(joint)
+            _make_limited(joint)
         materials = root.findall("material")
         _check_names([material for material in materials if material.get("name")], "material")
         for element in (*links, *joints, *materials):
             _check_numbers(element)
         for joint in joints:
             _check_joint(joint)
-        unbounded = _make_revolute(joints)
+        _warn_of_ranges(path, joints)
+        unbounded = [joint.get("name") for joint in joints if joint.get("type") == "continuous"]
+        for joint in joints:
+            joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
         _drop_shapes(root, links)
+        dropped = _drop_dummy_roots(root)
         # The text that was checked, not the file: two readers of XML need not agree on the same bytes.
         model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer())
         for joint in joints:
@@ -86,11 +99,14 @@ def build_model(path: Path) -> pin.Model:
             if dynamics is not None and joint.get("type") != "fixed":
                 index = model.joints[model.getJointId(joint.get("name"))].idx_v
                 model.armature[index] = float(dynamics.get("armature", "0"))
-        for name, limited in unbounded.items():
+        for name in unbounded:
             joint = model.joints[model.getJointId(name)]
             model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = -np.inf, np.inf
-            if not limited:
-                model.effortLimit[joint.idx_v] = model.velocityLimit[joint.idx_v] = np.inf
+        for limits in (model.effortLimit[6:], model.velocityLimit[6:]):
+            limits[limits >= UNLIMITED] = np.inf
+        for name, place in dropped.items():
+            model.addFrame(pin.Frame(name, 1, 1, place, pin.FrameType.BODY))
+        _name_frames(model)
         check_bodies(model)
     return model
 
@@ -198,17 +214,67 @@ def _drop_shapes(root: ElementTree.Element, links: Sequence[ElementTree.Element]
                 owner.remove(element)
 
 
-def _make_revolute(joints: Sequence[ElementTree.Element]) -> dict[str, bool]:
-    """Make continuous joints revolute; returns their names, and whether torque and speed are limited."""
-    limited = {}
+def _make_limited(joint: ElementTree.Element) -> None:
+    """Give a continuous joint without limits one, and numbers to limits of torque and speed that are infinite."""
+    if joint.get("type") == "continuous" and joint.find("limit") is None:
+        ElementTree.SubElement(joint, "limit", effort="inf", velocity="inf")
+    for limit in joint.iter("limit"):
+        for name in ("effort", "velocity"):
+            if number_in(limit.get(name, "")) == np.inf:
+                limit.set(name, str(UNLIMITED))
+
+
+def _drop_dummy_roots(root: ElementTree.Element) -> dict[str, pin.SE3]:
+    """Remove massless links above the base that hold it by fixed joints, elsewhere than it is (``base_footprint``).
+
+    Returns their places in the base's frame, by name: the floating base has the frame of the first link with a mass.
+    """
+    joints, place, dropped = root.findall("joint"), pin.SE3.Identity(), {}
+    children = {joint.find("child").get("link") for joint in joints}  # type: ignore[union-attr]
+    link = next(link for link in root.findall("link") if link.get("name") not in children)
+    while True:
+        below = [joint for joint in joints if joint.find("parent").get("link") == link.get("name")]  # type: ignore[union-attr]
+        if link.find("inertial") is not None or [joint.get("type") for joint in below] != ["fixed"]:
+            break
+        origin = below[0].find("origin")
+        xyz, rpy = (
+            np.array((("0 0 0" if origin is None else origin.get(name)) or "0 0 0").split(), float)
+            for name in ("xyz", "rpy")
+        )
+        step = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+        dropped[link.get("name", "")] = (link, below[0], place)
+        place = place * step
+        name = below[0].find("child").get("link")  # type: ignore[union-attr]
+        link = next(link for link in root.findall("link") if link.get("name") == name)
+    if place.isIdentity(0.0):
+        return {}
+    for above, joint, _ in dropped.values():
+        root.remove(above)
+        root.remove(joint)
+    return {name: place.actInv(at) for name, (_, _, at) in dropped.items()}
+
+
+def _name_frames(model: pin.Model) -> None:
+    """Of a link and a joint of one name the link's frame keeps it."""
+    links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
+    for frame in model.frames:
+        if frame.type != pin.FrameType.BODY and frame.name in links:
+            frame.name = f"joint:{frame.name}"
+
+
+def _warn_of_ranges(path: Path, joints: Sequence[ElementTree.Element]) -> None:
+    """Say which angles are further from zero than a joint goes, which they may be in degrees or by a turn."""
+    far = []
     for joint in joints:
-        if joint.get("type") == "continuous":
-            limit = joint.find("limit")
-            limited[joint.get("name", "")] = limit is not None
-            if limit is None:
-                ElementTree.SubElement(joint, "limit", effort="0", velocity="0")  # replaced once the model is built
-            joint.set("type", "revolute")
-    return limited
+        limit = joint.find("limit")
+        if joint.get("type") == "revolute" and limit is not None:
+            low, high = (float(limit.get(name, "0")) for name in ("lower", "upper"))
+            if low > np.pi or high < -np.pi or TURNS < max(-low, high) <= DEGREES:
+                far.append(f"'{joint.get('name')}' ({low:g} to {high:g} rad)")
+    if far:
+        more = f" and {len(far) - 1} more" if len(far) > 1 else ""
+        message = f"{_shown(path)}: range of joint {far[0]}{more} is far from zero: is it in degrees, or off by a turn?"
+        warnings.warn(message, stacklevel=5)
 
 
 def _check_numbers(owner: ElementTree.Element) -> None:
