@@ -343,10 +343,10 @@ def load_robot(
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
     )
     bodies = zip(list(model.names)[1:], list(model.inertias)[1:], strict=True)
-    points = [name for name, body in bodies if body.mass > 0.0 and not body.inertia.any() and known is None]
+    no_inertia = [name for name, body in bodies if body.mass > 0.0 and not body.inertia.any() and known is None]
     for what, names in (
         ("of effort 0, taken as without a limit", unknown),
-        ("whose body has a mass, no inertia", points),
+        ("whose body has a mass, no inertia", no_inertia),
     ):
         if names:
             more = f" and {len(names) - 1} more" if len(names) > 1 else ""

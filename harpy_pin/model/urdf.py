@@ -91,7 +91,6 @@ def build_model(path: Path) -> pin.Model:
         for joint in joints:
             joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
         _drop_shapes(root, links)
-        dropped = _drop_dummy_roots(root)
         # The text that was checked, not the file: two readers of XML need not agree on the same bytes.
         model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer())
         for joint in joints:
@@ -104,8 +103,7 @@ def build_model(path: Path) -> pin.Model:
             model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = -np.inf, np.inf
         for limits in (model.effortLimit[6:], model.velocityLimit[6:]):
             limits[limits >= UNLIMITED] = np.inf
-        for name, place in dropped.items():
-            model.addFrame(pin.Frame(name, 1, 1, place, pin.FrameType.BODY))
+        _move_base(model, links, joints)
         _name_frames(model)
         check_bodies(model)
     return model
@@ -150,12 +148,28 @@ def read_xml(path: Path) -> ElementTree.Element:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise RobotError(f"{_shown(path)} is not well-formed XML: {error}", path=path) from error
+    if any("/xacro}" in element.tag for element in root.iter() if isinstance(element.tag, str)):
+        root = _expand_xacro(path)
     level = [root]
     for _ in range(_MAX_DEPTH):
         level = [inner for element in level for inner in element]
     if level:
         raise InputError("its elements are nested too deeply")
     return root
+
+
+def _expand_xacro(path: Path) -> ElementTree.Element:
+    """The root of the URDF that a xacro file makes."""
+    try:
+        from xacrodoc import XacroDoc
+    except ImportError as error:
+        message = "it is a xacro file: pip install xacrodoc, or make a URDF of it by xacro robot.xacro > robot.urdf"
+        raise InputError(message) from error
+    try:
+        text = XacroDoc.from_file(str(path), resolve_packages=False).to_urdf_string()
+    except Exception as error:  # a file with expressions of Python's, whose errors are of all kinds
+        raise InputError(f"xacro cannot expand it: {' '.join(str(error).split())}") from error
+    return ElementTree.fromstring(text)
 
 
 def _check_names(elements: Sequence[ElementTree.Element], kind: str) -> None:
@@ -224,34 +238,23 @@ def _make_limited(joint: ElementTree.Element) -> None:
                 limit.set(name, str(UNLIMITED))
 
 
-def _drop_dummy_roots(root: ElementTree.Element) -> dict[str, pin.SE3]:
-    """Remove massless links above the base that hold it by fixed joints, elsewhere than it is (``base_footprint``).
-
-    Returns their places in the base's frame, by name: the floating base has the frame of the first link with a mass.
-    """
-    joints, place, dropped = root.findall("joint"), pin.SE3.Identity(), {}
-    children = {joint.find("child").get("link") for joint in joints}  # type: ignore[union-attr]
-    link = next(link for link in root.findall("link") if link.get("name") not in children)
-    while True:
-        below = [joint for joint in joints if joint.find("parent").get("link") == link.get("name")]  # type: ignore[union-attr]
-        if link.find("inertial") is not None or [joint.get("type") for joint in below] != ["fixed"]:
+def _move_base(model: pin.Model, links: Sequence[ElementTree.Element], joints: Sequence[ElementTree.Element]) -> None:
+    """Give the floating base the frame of the first link with a mass or a moving child (not ``base_footprint``)."""
+    ends = [[str(joint.find(end).get("link")) for end in ("parent", "child")] for joint in joints]  # type: ignore[union-attr]
+    massive = {link.get("name") for link in links if link.find("inertial") is not None}
+    base = model.frames[2].name
+    while base not in massive:
+        below = [k for k, (parent, _) in enumerate(ends) if parent == base]
+        if [joints[k].get("type") for k in below] != ["fixed"]:
             break
-        origin = below[0].find("origin")
-        xyz, rpy = (
-            np.array((("0 0 0" if origin is None else origin.get(name)) or "0 0 0").split(), float)
-            for name in ("xyz", "rpy")
-        )
-        step = pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
-        dropped[link.get("name", "")] = (link, below[0], place)
-        place = place * step
-        name = below[0].find("child").get("link")  # type: ignore[union-attr]
-        link = next(link for link in root.findall("link") if link.get("name") == name)
-    if place.isIdentity(0.0):
-        return {}
-    for above, joint, _ in dropped.values():
-        root.remove(above)
-        root.remove(joint)
-    return {name: place.actInv(at) for name, (_, _, at) in dropped.items()}
+        base = ends[below[0]][1]
+    place = model.frames[model.getFrameId(base, pin.FrameType.BODY)].placement.inverse()
+    if not place.isIdentity(0.0):
+        model.inertias[1] = place.act(model.inertias[1])
+        for k in [k for k in range(2, model.njoints) if model.parents[k] == 1]:
+            model.jointPlacements[k] = place * model.jointPlacements[k]
+        for frame in [frame for frame in list(model.frames)[2:] if frame.parentJoint == 1]:
+            frame.placement = place * frame.placement
 
 
 def _name_frames(model: pin.Model) -> None:

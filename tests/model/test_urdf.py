@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -308,7 +309,8 @@ def test_the_base_is_the_first_link_that_is_something(robot, tmp_path):
     path = own(robot, tmp_path, (name, name + roots))
     with_roots = hp.load_robot(path, feet=robot.feet, thrusters=robot.thrusters)
     for i, body in enumerate(robot.model.inertias):
-        assert with_roots.model.inertias[i] == body
+        assert with_roots.model.inertias[i].isApprox(body, 1e-14)
+        assert with_roots.model.jointPlacements[i].isApprox(robot.model.jointPlacements[i], 1e-14)
     place = with_roots.model.frames[with_roots.frame_id("base_footprint")].placement
     turn, up = pin.rpy.rpyToMatrix(0.0, 0.0, 0.5), np.array((0.0, 0.1, 0.5))
     expected = pin.SE3(turn, up).inverse()
@@ -360,3 +362,27 @@ def test_a_moving_mass_without_inertia_is_said(robot, tmp_path):
     path.write_text(text)
     with pytest.warns(UserWarning, match=r"points.urdf': joints whose body has a mass, no inertia: "):
         hp.load_robot(path, feet=robot.feet)
+
+
+XACRO = """<robot name="harpy" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="half" value="{half}"/>
+  <xacro:macro name="body" params="name"><link name="${{name}}"><inertial><mass value="${{2 * half}}"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></xacro:macro>
+  <xacro:body name="base"/></robot>"""
+
+
+def test_a_xacro_file_is_expanded(tmp_path):
+    pytest.importorskip("xacrodoc")
+    path = tmp_path / "robot.urdf.xacro"
+    path.write_text(XACRO.format(half=1.5))
+    assert hp.load_robot(path, feet=()).mass == 3.0
+    path.write_text(XACRO.format(half="${nothing}"))
+    with pytest.raises(RobotError, match=r"xacro cannot expand it: .*nothing"):
+        hp.load_robot(path, feet=())
+
+
+def test_without_xacrodoc_a_xacro_file_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    path = tmp_path / "robot.xacro"
+    path.write_text(XACRO.format(half=1.5))
+    with pytest.raises(RobotError, match=r"robot.xacro': it is a xacro file: pip install xacrodoc, or"):
+        hp.load_robot(path, feet=())

@@ -7,8 +7,10 @@ leads from its end to the foot, parallel to the thigh: a parallelogram whose oth
 
 from __future__ import annotations
 
+import re
 import warnings
-from collections.abc import Iterable
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -118,24 +120,73 @@ class RobotNodes:
 
 
 def load_visuals(robot: Robot) -> list[pin.GeometryObject]:
-    """Visual shapes of a robot's URDF, whose mesh files are looked for in the folders above it, or of its MJCF file.
+    """Visual shapes of a robot's URDF, or of its MJCF file: those that MuJoCo's viewer shows.
 
-    Of an MJCF file they are those that MuJoCo's viewer shows. There are none, with a warning, where a mesh file cannot
-    be read.
+    Files of meshes are looked for in the folders above the URDF, also by the names of the packages that these are. A
+    mesh that cannot be read is left out, with a warning; without any shape there are none.
     """
     if robot.urdf is None:
         return []
-    folders = [str(folder) for folder in robot.urdf.resolve().parents]
+    root = read_xml(robot.urdf)
+    if root.tag == "mujoco":
+        return _mujoco_shapes(robot, compile_mjcf(robot.urdf))
+    folders = list(robot.urdf.resolve().parents)
+    packages = {name: folder for folder in reversed(folders) if (name := _package_in(folder))}
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", _file_of(mesh.get("filename", ""), folders[0], packages))
+    for geometry in root.iter("geometry"):
+        for capsule in geometry.findall("capsule"):  # which Pinocchio's reader does not know
+            radius, length = (float(capsule.get(name, "0")) for name in ("radius", "length"))
+            geometry.remove(capsule)
+            ElementTree.SubElement(geometry, "cylinder", radius=str(radius), length=str(length + 2.0 * radius))
     try:
-        if read_xml(robot.urdf).tag == "mujoco":
-            return _mujoco_shapes(robot, compile_mjcf(robot.urdf))
-        shapes = pin.buildGeomFromUrdf(robot.model, str(robot.urdf), pin.GeometryType.VISUAL, package_dirs=folders)
-    except (ValueError, RuntimeError) as error:
-        reason = str(error).strip().splitlines()[0] if str(error).strip() else "unreadable mesh"
-        warnings.warn(f"visuals of '{robot.urdf}' not drawn ({reason}); drawing a skeleton; {HINT}", stacklevel=2)
-        return []
-    _stand_up(robot.model, list(shapes.geometryObjects))
-    return list(shapes.geometryObjects)
+        shapes = _urdf_shapes(robot.model, root, folders)
+    except (ValueError, RuntimeError):
+        missing = _drop_unreadable(root, folders)
+        shapes = _urdf_shapes(robot.model, root, folders)
+        names = f"'{missing[0]}'{f' and {len(missing) - 1} more' if len(missing) > 1 else ''}"
+        instead = "" if shapes else "; drawing a skeleton"
+        warnings.warn(f"'{robot.urdf}' without meshes that cannot be read: {names}{instead}; {HINT}", stacklevel=2)
+    _stand_up(robot.model, shapes)
+    return shapes
+
+
+def _urdf_shapes(model: pin.Model, root: ElementTree.Element, folders: Sequence[Path]) -> list[pin.GeometryObject]:
+    """Visual shapes of a URDF; Pinocchio's error where a mesh cannot be read."""
+    text, where = ElementTree.tostring(root, encoding="unicode"), [str(folder) for folder in folders]
+    return list(pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL, package_dirs=where).geometryObjects)
+
+
+def _drop_unreadable(root: ElementTree.Element, folders: Sequence[Path]) -> list[str]:
+    """Remove the visuals whose meshes cannot be read; returns the names of their files."""
+    missing: list[str] = []
+    for link in root.iter("link"):
+        for visual in link.findall("visual"):
+            alone = ElementTree.Element("robot", name="alone")
+            ElementTree.SubElement(alone, "link", name="link").append(visual)
+            try:
+                _urdf_shapes(pin.buildModelFromXML(ElementTree.tostring(alone, encoding="unicode")), alone, folders)
+            except (ValueError, RuntimeError):
+                link.remove(visual)
+                missing += [mesh.get("filename", "") for mesh in visual.iter("mesh")]
+    return list(dict.fromkeys(missing))
+
+
+def _package_in(folder: Path) -> str | None:
+    """Name of the ROS package in a folder; None where there is none."""
+    file = folder / "package.xml"
+    found = re.search(r"<name>\s*(.*?)\s*</name>", file.read_text(errors="replace")) if file.is_file() else None
+    return found[1] if found else None
+
+
+def _file_of(name: str, folder: Path, packages: Mapping[str, Path]) -> str:
+    """Path of a mesh file; its name in the URDF, which Pinocchio looks for, where it is not there."""
+    package, _, rest = name.removeprefix("package://").partition("/")
+    if name.startswith("package://"):
+        found = packages.get(package, folder / "nowhere") / rest
+    else:
+        found = folder / name.removeprefix("file://")
+    return str(found) if found.is_file() else name
 
 
 def _mujoco_shapes(robot: Robot, model: Any) -> list[pin.GeometryObject]:
