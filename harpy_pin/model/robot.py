@@ -344,13 +344,13 @@ def load_robot(
     )
     bodies = zip(list(model.names)[1:], list(model.inertias)[1:], strict=True)
     no_inertia = [name for name, body in bodies if body.mass > 0.0 and not body.inertia.any() and known is None]
-    for what, names in (
+    for what, some in (
         ("of effort 0, taken as without a limit", unknown),
         ("whose body has a mass, no inertia", no_inertia),
     ):
-        if names:
-            more = f" and {len(names) - 1} more" if len(names) > 1 else ""
-            warnings.warn(f"{shown(str(path), 300)}: joints {what}: {shown(names[0])}{more}", stacklevel=2)
+        if some:
+            more = f" and {len(some) - 1} more" if len(some) > 1 else ""
+            warnings.warn(f"{shown(str(path), 300)}: joints {what}: {shown(some[0])}{more}", stacklevel=2)
     return robot
 
 
