@@ -359,7 +359,10 @@ def _read(
 ) -> tuple[pin.Model, Vector | None, Mapping[str, FlatFoot]]:
     """The model of a file, or of a ``mujoco.MjModel``, with these frames; its posture, if it has one, and its soles."""
     if path is None:
-        return read_mujoco(urdf, frames, "the MuJoCo model")
+        try:
+            return read_mujoco(urdf, frames, "the MuJoCo model")
+        except InputError as error:
+            raise InputError(f"the MuJoCo model: {error}", name="urdf") from error
     with robot_errors(path, "an MJCF file"):
         if read_xml(path).tag != "mujoco":
             return build_model(path), None, {}

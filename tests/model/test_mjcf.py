@@ -306,6 +306,8 @@ def test_feet_are_sites_geoms_or_bodies(tmp_path):
         hp.load_robot(model, feet=("toe",))
     with pytest.raises(InputError, match=r"needs feet: .* FL_calf"):
         hp.load_robot(model)
+    with pytest.raises(InputError, match="the MuJoCo model: it has no free joint"):
+        hp.load_robot(mujoco.MjModel.from_xml_string("<mujoco/>"), feet=())
 
 
 def test_of_several_robots_the_feet_choose_one():
