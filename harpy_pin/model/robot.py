@@ -20,10 +20,18 @@ from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, catalogue_robot, installed_data, known_name
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
-from harpy_pin.model.mjcf import build_any_model, find_joints, free_joint, known_joints, peak_torques
+from harpy_pin.model.mjcf import (
+    compile_mjcf,
+    find_joints,
+    free_joint,
+    is_model,
+    known_joints,
+    peak_torques,
+    read_mujoco,
+)
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
-from harpy_pin.model.urdf import check_file
+from harpy_pin.model.urdf import build_model, read_xml, robot_errors
 
 HARPY_FEET = ("left_foot", "right_foot")
 HARPY_THRUSTERS = ("left_thruster", "right_thruster")
@@ -38,7 +46,7 @@ class Robot:
 
     Attributes:
         model: Pinocchio model, root joint a free flyer, armature set.
-        urdf: the file it was read from.
+        urdf: the file it was read from; None for one that was read from a ``mujoco.MjModel``.
         feet: frame names of the contact points: point feet, and the corners of flat ones.
         thrusters: frame names of the mounts of all thrusters: the free ones, then the rotors.
         thrust_limit: largest magnitude of one free thruster's force, N.
@@ -53,7 +61,7 @@ class Robot:
     """
 
     model: pin.Model
-    urdf: Path
+    urdf: Path | None
     feet: tuple[str, ...]
     thrusters: tuple[str, ...]
     thrust_limit: float
@@ -242,7 +250,7 @@ def load_harpy(urdf: str | Path | None = None) -> Robot:
 
 
 def load_robot(
-    urdf: str | Path,
+    urdf: str | Path | Any,
     *,
     feet: Sequence[str] | None = None,
     flat_feet: Mapping[str, FlatFoot] | None = None,
@@ -254,12 +262,14 @@ def load_robot(
     """Any floating-base robot, with point feet, flat ones or none, and with thrusters or rotors.
 
     Args:
-        urdf: path of the URDF, or of an MJCF file (:mod:`harpy_pin.model.mjcf`), whose keyframe ``home`` is the
-            standing posture; or the name of a robot of :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as
-            ``"solo12"``, whose files are the extra ``robots``. Its feet, its standing posture and its rotors are known.
-        feet: frame names of the feet; () for none.
+        urdf: path of the URDF, or of an MJCF file, which MuJoCo compiles (:mod:`harpy_pin.model.mjcf`), and whose
+            keyframe ``home`` is the standing posture; or a ``mujoco.MjModel``; or the name of a robot of
+            :data:`~harpy_pin.model.catalogue.CATALOGUE`, such as ``"solo12"``, whose files are the extra ``robots``.
+            Its feet, its standing posture and its rotors are known.
+        feet: frame names of the feet, in an MJCF file bodies, sites or geoms; () for none.
         flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
-            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given.
+            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given. In an
+            MJCF file soles are found (:func:`harpy_pin.model.mjcf.read_mujoco`), unless they are given; {} for none.
         thrusters: frame names of the mounts of free thrusters, which push in any direction.
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
@@ -276,17 +286,17 @@ def load_robot(
     """
     if not isinstance(thrust_limit, float) or thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
-    known, path = catalogue_robot(urdf), checks.path("urdf", urdf)
-    path = path if known is None else known.path()
+    known = None if is_model(urdf) else catalogue_robot(urdf)
+    path = None if is_model(urdf) else checks.path("urdf", urdf) if known is None else known.path()
     told: dict[str, Any] = {"feet": feet, "flat_feet": flat_feet, "rotors": rotors, "posture": posture}
     told["thrusters"] = checks.names("thrusters", thrusters) or None
     told["thrust_limit"] = thrust_limit if thrust_limit < np.inf else None
-    told["file"] = str(known_name(urdf)) if known else os.path.abspath(path)
+    if path is not None:
+        told["file"] = str(known_name(urdf)) if known else os.path.abspath(path)
     if feet is None:
         if known is None:
-            check_file(path)
             message = "a robot read from a file needs feet: names of frames, or () for none"
-            raise InputError(f"{message}; {_links(build_any_model(path)[0])}", name="feet")
+            raise InputError(f"{message}; {_links(_read(urdf, path, ())[0])}", name="feet")
         feet = known.feet
         flat_feet = known.flat_feet if flat_feet is None else flat_feet
     if rotors is None:
@@ -299,16 +309,18 @@ def load_robot(
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
-    model, angles = build_any_model(path)
+    model, angles, soles = _read(urdf, path, (*feet, *mounts))
+    if flat_feet is None:
+        flat_feet = {name: soles[name] for name in feet if name in soles}
     if known is not None:
         known.add_frames(model)
         model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         for name in names:
             if not model.existFrame(name):
-                where = shown(str(path), 300)
+                where = "the MuJoCo model" if path is None else shown(str(path), 300)
                 raise RobotError(f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path)
-    points, corners = add_flat_feet(model, feet, {} if flat_feet is None else flat_feet)
+    points, corners = add_flat_feet(model, feet, flat_feet)
     angles = angles if known is None else known.posture(model)
     if posture is not None:
         angles = checks.vector("posture", posture, model.nq - 7)
@@ -330,11 +342,31 @@ def load_robot(
         label="" if known is None else str(known_name(urdf)),
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
     )
-    if unknown:
-        more = f" and {len(unknown) - 1} more" if len(unknown) > 1 else ""
-        message = f"{shown(str(path), 300)}: joints of effort 0, taken as without a limit: {shown(unknown[0])}{more}"
-        warnings.warn(message, stacklevel=2)
+    bodies = zip(list(model.names)[1:], list(model.inertias)[1:], strict=True)
+    no_inertia = [name for name, body in bodies if body.mass > 0.0 and not body.inertia.any() and known is None]
+    for what, some in (
+        ("of effort 0, taken as without a limit", unknown),
+        ("whose body has a mass, no inertia", no_inertia),
+    ):
+        if some:
+            more = f" and {len(some) - 1} more" if len(some) > 1 else ""
+            warnings.warn(f"{shown(str(path), 300)}: joints {what}: {shown(some[0])}{more}", stacklevel=2)
     return robot
+
+
+def _read(
+    urdf: Any, path: Path | None, frames: Sequence[str]
+) -> tuple[pin.Model, Vector | None, Mapping[str, FlatFoot]]:
+    """The model of a file, or of a ``mujoco.MjModel``, with these frames; its posture, if it has one, and its soles."""
+    if path is None:
+        try:
+            return read_mujoco(urdf, frames, "the MuJoCo model")
+        except InputError as error:
+            raise InputError(f"the MuJoCo model: {error}", name="urdf") from error
+    with robot_errors(path, "an MJCF file"):
+        if read_xml(path).tag != "mujoco":
+            return build_model(path), None, {}
+        return read_mujoco(compile_mjcf(path), frames, str(path))
 
 
 def _links(model: pin.Model) -> str:

@@ -41,15 +41,18 @@ def read_robot(source: Mapping[str, Any]) -> Robot:
     """
     for name in source:
         checks.one_of("entry of the robot", name, ENTRIES)
+    if "file" not in source:
+        raise InputError("this robot was read from a MuJoCo model, not from a file: give the file", name="robot")
     given = plain_source(source)
     arrays = checks.mapping("model", given.pop("model", {}))
     try:
-        feet = checks.mapping("flat_feet", given.get("flat_feet", {}))
-        given["flat_feet"] = {name: FlatFoot(**foot) for name, foot in feet.items()} or None
+        if given.get("flat_feet") is not None:
+            feet = checks.mapping("flat_feet", given["flat_feet"])
+            given["flat_feet"] = {name: FlatFoot(**foot) for name, foot in feet.items()}
         for rotor in given.get("rotors", ()):
             rotor["limit"] = _infinite(rotor["limit"])
         given["rotors"] = [Rotor(**rotor) for rotor in given.get("rotors", ())] or None
-        robot = load_robot(given.pop("file", None), **given)
+        robot = load_robot(given.pop("file"), **given)
     except (TypeError, LookupError) as error:
         raise InputError(f"this describes no robot: {reason(error)}", name="robot", value=source) from error
     for name, values in arrays.items():
@@ -72,7 +75,7 @@ def named_robot(robot: Any) -> str | Robot:
         name = known_name(robot)
         check_robot_name(name)
         return str(name)
-    if not robot.source or read_robot(robot.source).model != robot.model:
+    if "file" not in robot.source or read_robot(robot.source).model != robot.model:
         message = f"'{robot.name}' is not what its file says, which no scenario can write down: change it by"
         raise InputError(f"{message} with_joints, or give hp.walk a gait of it", name="robot", value=robot)
     if robot.source == {"file": robot.label}:

@@ -6,6 +6,7 @@ entities, answers most of what it refuses with errors of Python's, and brings lx
 
 from __future__ import annotations
 
+import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +25,10 @@ _MAX_NAME = 200
 _MAX_DEPTH = 50  # most levels of elements inside elements; readers call themselves once for each
 _LARGEST = 1e6
 """Largest masses, lengths and inertias, SI; larger ones overflow in the equations of motion."""
+UNLIMITED = 1e300
+"""Torques and speeds from here on have no limit."""
+TURNS, DEGREES = 4.0 * np.pi, 720.0
+"""Angles between these, rad, which are taken for degrees."""
 _ROUNDING = 1e-12  # what files made by programs have below zero, kg·m²
 
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed")
@@ -52,6 +57,9 @@ def build_model(path: Path) -> pin.Model:
 
     - A ``continuous`` joint is a revolute one with infinite position limits, where Pinocchio keeps cosine and sine.
       If it has no ``<limit>``, its torque and speed are unlimited too.
+    - The base is the first link with a mass or a joint: of massless links that are fixed above it (``base_footprint``)
+      frames are left.
+    - Of a link and a joint of one name the link's frame has it, and the joint's has ``joint:`` before it.
     - A joint that mimics another moves on its own, as by Pinocchio's default: the coupling is not held.
     - A fixed joint has a place only: axis, limits and dynamics in it are ignored.
 
@@ -71,13 +79,17 @@ def build_model(path: Path) -> pin.Model:
         _check_tree(links, joints)
         for joint in joints:
             _drop_ignored(joint)
+            _make_limited(joint)
         materials = root.findall("material")
         _check_names([material for material in materials if material.get("name")], "material")
         for element in (*links, *joints, *materials):
             _check_numbers(element)
         for joint in joints:
             _check_joint(joint)
-        unbounded = _make_revolute(joints)
+        _warn_of_ranges(path, joints)
+        unbounded = [joint.get("name") for joint in joints if joint.get("type") == "continuous"]
+        for joint in joints:
+            joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
         _drop_shapes(root, links)
         # The text that was checked, not the file: two readers of XML need not agree on the same bytes.
         model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer())
@@ -86,17 +98,19 @@ def build_model(path: Path) -> pin.Model:
             if dynamics is not None and joint.get("type") != "fixed":
                 index = model.joints[model.getJointId(joint.get("name"))].idx_v
                 model.armature[index] = float(dynamics.get("armature", "0"))
-        for name, limited in unbounded.items():
+        for name in unbounded:
             joint = model.joints[model.getJointId(name)]
             model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = -np.inf, np.inf
-            if not limited:
-                model.effortLimit[joint.idx_v] = model.velocityLimit[joint.idx_v] = np.inf
+        for limits in (model.effortLimit[6:], model.velocityLimit[6:]):
+            limits[limits >= UNLIMITED] = np.inf
+        _move_base(model, links, joints)
+        _name_frames(model)
         check_bodies(model)
     return model
 
 
 @contextmanager
-def robot_errors(path: Path, kind: str) -> Iterator[None]:
+def robot_errors(path: Path, kind: str, reader: str = "Pinocchio") -> Iterator[None]:
     """A block in which a file of this kind is read: its errors become :class:`RobotError`."""
     try:
         yield
@@ -106,7 +120,7 @@ def robot_errors(path: Path, kind: str) -> Iterator[None]:
         raise RobotError(f"cannot read {_shown(path)}: {error.strerror or error}", path=path) from error
     except (RuntimeError, ValueError, IndexError) as error:
         reason = " ".join(str(error).split())
-        raise RobotError(f"{_shown(path)} is not {kind} that Pinocchio can read: {reason}", path=path) from error
+        raise RobotError(f"{_shown(path)} is not {kind} that {reader} can read: {reason}", path=path) from error
 
 
 def check_file(path: Path) -> None:
@@ -134,12 +148,28 @@ def read_xml(path: Path) -> ElementTree.Element:
         root = ElementTree.fromstring(data)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise RobotError(f"{_shown(path)} is not well-formed XML: {error}", path=path) from error
+    if any("/xacro}" in element.tag for element in root.iter() if isinstance(element.tag, str)):
+        root = _expand_xacro(path)
     level = [root]
     for _ in range(_MAX_DEPTH):
         level = [inner for element in level for inner in element]
     if level:
         raise InputError("its elements are nested too deeply")
     return root
+
+
+def _expand_xacro(path: Path) -> ElementTree.Element:
+    """The root of the URDF that a xacro file makes."""
+    try:
+        from xacrodoc import XacroDoc
+    except ImportError as error:
+        message = "it is a xacro file: pip install xacrodoc, or make a URDF of it by xacro robot.xacro > robot.urdf"
+        raise InputError(message) from error
+    try:
+        text = XacroDoc.from_file(str(path), resolve_packages=False).to_urdf_string()
+    except Exception as error:  # a file with expressions of Python's, whose errors are of all kinds
+        raise InputError(f"xacro cannot expand it: {' '.join(str(error).split())}") from error
+    return ElementTree.fromstring(text)
 
 
 def _check_names(elements: Sequence[ElementTree.Element], kind: str) -> None:
@@ -198,17 +228,56 @@ def _drop_shapes(root: ElementTree.Element, links: Sequence[ElementTree.Element]
                 owner.remove(element)
 
 
-def _make_revolute(joints: Sequence[ElementTree.Element]) -> dict[str, bool]:
-    """Make continuous joints revolute; returns their names, and whether torque and speed are limited."""
-    limited = {}
+def _make_limited(joint: ElementTree.Element) -> None:
+    """Give a continuous joint without limits one, and numbers to limits of torque and speed that are infinite."""
+    if joint.get("type") == "continuous" and joint.find("limit") is None:
+        ElementTree.SubElement(joint, "limit", effort="inf", velocity="inf")
+    for limit in joint.iter("limit"):
+        for name in ("effort", "velocity"):
+            if number_in(limit.get(name, "")) == np.inf:
+                limit.set(name, str(UNLIMITED))
+
+
+def _move_base(model: pin.Model, links: Sequence[ElementTree.Element], joints: Sequence[ElementTree.Element]) -> None:
+    """Give the floating base the frame of the first link with a mass or a moving child (not ``base_footprint``)."""
+    ends = [[str(joint.find(end).get("link")) for end in ("parent", "child")] for joint in joints]  # type: ignore[union-attr]
+    massive = {link.get("name") for link in links if link.find("inertial") is not None}
+    base = model.frames[2].name
+    while base not in massive:
+        below = [k for k, (parent, _) in enumerate(ends) if parent == base]
+        if [joints[k].get("type") for k in below] != ["fixed"]:
+            break
+        base = ends[below[0]][1]
+    place = model.frames[model.getFrameId(base, pin.FrameType.BODY)].placement.inverse()
+    if not place.isIdentity(0.0):
+        model.inertias[1] = place.act(model.inertias[1])
+        for k in [k for k in range(2, model.njoints) if model.parents[k] == 1]:
+            model.jointPlacements[k] = place * model.jointPlacements[k]
+        for frame in [frame for frame in list(model.frames)[2:] if frame.parentJoint == 1]:
+            frame.placement = place * frame.placement
+
+
+def _name_frames(model: pin.Model) -> None:
+    """Of a link and a joint of one name the link's frame keeps it."""
+    links = {frame.name for frame in model.frames if frame.type == pin.FrameType.BODY}
+    for frame in model.frames:
+        if frame.type != pin.FrameType.BODY and frame.name in links:
+            frame.name = f"joint:{frame.name}"
+
+
+def _warn_of_ranges(path: Path, joints: Sequence[ElementTree.Element]) -> None:
+    """Say which angles are further from zero than a joint goes, which they may be in degrees or by a turn."""
+    far = []
     for joint in joints:
-        if joint.get("type") == "continuous":
-            limit = joint.find("limit")
-            limited[joint.get("name", "")] = limit is not None
-            if limit is None:
-                ElementTree.SubElement(joint, "limit", effort="0", velocity="0")  # replaced once the model is built
-            joint.set("type", "revolute")
-    return limited
+        limit = joint.find("limit")
+        if joint.get("type") == "revolute" and limit is not None:
+            low, high = (float(limit.get(name, "0")) for name in ("lower", "upper"))
+            if low > np.pi or high < -np.pi or TURNS < max(-low, high) <= DEGREES:
+                far.append(f"'{joint.get('name')}' ({low:g} to {high:g} rad)")
+    if far:
+        more = f" and {len(far) - 1} more" if len(far) > 1 else ""
+        message = f"{_shown(path)}: range of joint {far[0]}{more} is far from zero: is it in degrees, or off by a turn?"
+        warnings.warn(message, stacklevel=5)
 
 
 def _check_numbers(owner: ElementTree.Element) -> None:

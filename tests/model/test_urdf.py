@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,8 @@ from hostile import outcome, spoil_urdf
 
 import harpy_pin as hp
 from harpy_pin import RobotError, load_harpy, load_robot
+from harpy_pin.model.ik import find_posture
+from harpy_pin.view.scene.robot_nodes import load_visuals
 
 ROOT = Path(__file__).resolve().parents[2]
 HARPY = (ROOT / "urdf" / "harpy.urdf").read_text()
@@ -273,3 +277,112 @@ def test_shapes_that_no_reader_knows_are_read_over_in_silence(robot, tmp_path, c
     path.write_text(robot.urdf.read_text().replace("</robot>", "<material/><material name='a'/></robot>"))
     assert hp.load_harpy(path).model == robot.model
     assert capfd.readouterr() == ("", "")
+
+
+def own(robot, tmp_path, *changes):
+    """Harpy's file with pairs of texts replaced."""
+    text = robot.urdf.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / "own.urdf"
+    path.write_text(text)
+    return path
+
+
+def test_of_a_link_and_a_joint_with_one_name_the_link_is_the_frame(robot, tmp_path):
+    """Also of feet, in flat ones and in a drawing."""
+    path = own(robot, tmp_path, ('<joint name="left_foot_fixed"', '<joint name="left_foot"'))
+    same = hp.load_robot(path, feet=robot.feet, flat_feet={"left_foot": hp.FlatFoot(length=0.1, width=0.1)})
+    assert same.model.frames[same.frame_id("left_foot")].type == pin.FrameType.BODY
+    assert same.model.frames[same.frame_id("joint:left_foot")].type == pin.FrameType.FIXED_JOINT
+    assert load_visuals(same)
+
+
+def test_the_base_is_the_first_link_that_is_something(robot, tmp_path):
+    """``base_footprint`` and another link are frames below it, and a posture of the robot is as without them."""
+    name = '<robot name="harpy">'
+    roots = """<link name="base_footprint"/><link name="stand"/>
+      <joint name="a" type="fixed"><parent link="base_footprint"/><child link="stand"/><origin xyz="0 0 0.2"/></joint>
+      <joint name="b" type="fixed"><parent link="stand"/><child link="base"/><origin xyz="0 0.1 0.3" rpy="0 0 0.5"/>
+      </joint>"""
+    path = own(robot, tmp_path, (name, name + roots))
+    with_roots = hp.load_robot(path, feet=robot.feet, thrusters=robot.thrusters)
+    for i, body in enumerate(robot.model.inertias):
+        assert with_roots.model.inertias[i].isApprox(body, 1e-14)
+        assert with_roots.model.jointPlacements[i].isApprox(robot.model.jointPlacements[i], 1e-14)
+    place = with_roots.model.frames[with_roots.frame_id("base_footprint")].placement
+    turn, up = pin.rpy.rpyToMatrix(0.0, 0.0, 0.5), np.array((0.0, 0.1, 0.5))
+    expected = pin.SE3(turn, up).inverse()
+    np.testing.assert_allclose(place.homogeneous, expected.homogeneous, atol=1e-15)
+    assert len(load_visuals(with_roots)) == len(load_visuals(robot))
+
+
+def test_infinite_limits_are_limits(robot, tmp_path):
+    effort = re.search(r'effort="[^"]*"', robot.urdf.read_text())[0]
+    own_robot = hp.load_robot(own(robot, tmp_path, (effort, 'effort="inf"')), feet=robot.feet)
+    assert np.isinf(own_robot.torque_limit).sum() == 1
+    assert np.isinf(robot.torque_limit).sum() == 0
+
+
+@pytest.mark.parametrize(("low", "high"), [(3.6, 5.9), (-150.0, -20.0), (-90.0, 90.0)])
+def test_ranges_far_from_zero_are_said(robot, tmp_path, low, high):
+    limits = re.search(r'lower="[^"]*" upper="[^"]*"', robot.urdf.read_text())[0]
+    path = own(robot, tmp_path, (limits, f'lower="{low}" upper="{high}"'))
+    with pytest.warns(UserWarning, match=rf"range of joint '.*' \({low:g} to {high:g} rad\) is far from zero"):
+        hp.load_robot(path, feet=robot.feet)
+
+
+def test_a_posture_is_found_within_the_next_turn():
+    """A dog whose knees have their zero one turn away bends them by an angle of that range."""
+    model = pin.Model()
+    parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+    model.appendBodyToJoint(parent, pin.Inertia(8.0, np.zeros(3), 0.1 * np.eye(3)), pin.SE3.Identity())
+    feet = []
+    for k, (x, y) in enumerate(((0.2, 0.1), (0.2, -0.1), (-0.2, 0.1), (-0.2, -0.1))):
+        joint, place = 1, np.array((x, y, 0.0))
+        for part, kind, low, high in (("a", "X", -0.8, 0.8), ("b", "Y", -1.5, 3.4), ("c", "Y", 3.6, 5.9)):
+            limits = [np.array([value]) for value in (10.0, 10.0, low, high)]
+            joint = model.addJoint(
+                joint, getattr(pin, f"JointModelR{kind}")(), pin.SE3(np.eye(3), place), f"{part}{k}", *limits
+            )
+            model.appendBodyToJoint(joint, pin.Inertia(0.5, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
+            place = np.array((0.0, 0.0, 0.0 if part == "a" else -0.2))
+        feet.append(f"foot{k}")
+        model.addFrame(pin.Frame(feet[-1], joint, 0, pin.SE3(np.eye(3), place), pin.FrameType.OP_FRAME))
+    dog = hp.Robot(model, None, tuple(feet), (), np.inf)
+    angles = find_posture(dog)
+    assert ((angles >= dog.joint_lower) & (angles <= dog.joint_upper)).all()
+
+
+def test_a_moving_mass_without_inertia_is_said(robot, tmp_path):
+    none = '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
+    text = re.sub(r"<inertia [^>]*/>", none, robot.urdf.read_text())
+    path = tmp_path / "points.urdf"
+    path.write_text(text)
+    with pytest.warns(UserWarning, match=r"points.urdf': joints whose body has a mass, no inertia: "):
+        hp.load_robot(path, feet=robot.feet)
+
+
+XACRO = """<robot name="harpy" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="half" value="{half}"/>
+  <xacro:macro name="body" params="name"><link name="${{name}}"><inertial><mass value="${{2 * half}}"/>
+    <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link></xacro:macro>
+  <xacro:body name="base"/></robot>"""
+
+
+def test_a_xacro_file_is_expanded(tmp_path):
+    pytest.importorskip("xacrodoc")
+    path = tmp_path / "robot.urdf.xacro"
+    path.write_text(XACRO.format(half=1.5))
+    assert hp.load_robot(path, feet=()).mass == 3.0
+    path.write_text(XACRO.format(half="${nothing}"))
+    with pytest.raises(RobotError, match=r"xacro cannot expand it: .*nothing"):
+        hp.load_robot(path, feet=())
+
+
+def test_without_xacrodoc_a_xacro_file_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacrodoc", None)
+    path = tmp_path / "robot.xacro"
+    path.write_text(XACRO.format(half=1.5))
+    with pytest.raises(RobotError, match=r"robot.xacro': it is a xacro file: pip install xacrodoc, or"):
+        hp.load_robot(path, feet=())

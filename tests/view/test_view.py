@@ -20,7 +20,7 @@ from harpy_pin.view import figures_of, replay_html, show, write_html
 from harpy_pin.view.scene.forces import Arrow, Cone, Scales, nice_scale
 from harpy_pin.view.scene.frames import Contacts, Frames, sample_rows
 from harpy_pin.view.scene.nodes import Mesh, Motions, turn_z_to
-from harpy_pin.view.scene.robot_nodes import find_pantograph
+from harpy_pin.view.scene.robot_nodes import find_pantograph, load_visuals
 from harpy_pin.view.scene.scene import follow, scene_of
 
 FPS = 30.0
@@ -314,14 +314,45 @@ def test_robot_without_thrusters_or_visuals(tmp_path: Path, robot: Robot) -> Non
     assert not any("/thrust/" in path for path in paths)
 
 
-def test_missing_mesh_gives_a_skeleton_and_a_warning(tmp_path: Path, robot: Robot) -> None:
-    text = robot.urdf.read_text(encoding="utf-8").replace(
-        '<box size="0.13 0.1 0.18"/>', '<mesh filename="package://nowhere/body.stl"/>'
-    )
+STUB = "version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 12345\n"
+
+
+@pytest.mark.parametrize("name", ["package://nowhere/body.stl", "stub.stl"])
+def test_an_unreadable_mesh_costs_that_mesh_and_is_named(tmp_path: Path, robot: Robot, name: str) -> None:
+    """Where no other shape is left a skeleton is drawn."""
+    (tmp_path / "stub.stl").write_text(STUB)
+    text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', f'<mesh filename="{name}"/>')
     (tmp_path / "mesh.urdf").write_text(text, encoding="utf-8")
     other = load_harpy(tmp_path / "mesh.urdf")
-    with pytest.warns(UserWarning, match="skeleton"):
+    with pytest.warns(UserWarning, match=rf"mesh.urdf' without meshes that cannot be read: '.*{name}'; meshes are"):
+        assert len(load_visuals(other)) == len(load_visuals(robot)) - 1
+    box = re.sub(r"<(box|cylinder|sphere) [^>]*/>", f'<mesh filename="{name}"/>', text)
+    (tmp_path / "mesh.urdf").write_text(box, encoding="utf-8")
+    with pytest.warns(UserWarning, match="; drawing a skeleton"):
         assert "rod_" in str(commands_of(replay_html([(make_run(other, 5), other)])))
+
+
+def test_meshes_of_a_package_are_found_by_its_name(tmp_path: Path, robot: Robot) -> None:
+    """The folder of a package need not have its name."""
+    (tmp_path / "checkout" / "urdf").mkdir(parents=True)
+    (tmp_path / "checkout" / "package.xml").write_text("<package><name>my_dog</name></package>")
+    corners = "v 0 0 0\nv 0.1 0 0\nv 0 0.2 0\nv 0 0 0.3\n"
+    (tmp_path / "checkout" / "body.obj").write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
+    mesh = '<mesh filename="package://my_dog/body.obj"/>'
+    text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', mesh)
+    (tmp_path / "checkout" / "urdf" / "robot.urdf").write_text(text, encoding="utf-8")
+    shapes = load_visuals(load_harpy(tmp_path / "checkout" / "urdf" / "robot.urdf"))
+    assert len(shapes) == len(load_visuals(robot))
+    assert [Path(shape.meshPath).name for shape in shapes if "." in shape.meshPath] == ["body.obj"]
+
+
+def test_capsules_are_drawn(tmp_path: Path, robot: Robot, capfd: pytest.CaptureFixture[str]) -> None:
+    capsule = '<capsule radius="0.05" length="0.2"/>'
+    text = robot.urdf.read_text(encoding="utf-8").replace('<box size="0.13 0.1 0.18"/>', capsule)
+    (tmp_path / "capsule.urdf").write_text(text, encoding="utf-8")
+    (drawn,) = [shape for shape in load_visuals(load_harpy(tmp_path / "capsule.urdf")) if shape.name == "base_0"]
+    assert (drawn.geometry.radius, drawn.geometry.halfLength) == (0.05, pytest.approx(0.15))
+    assert capfd.readouterr() == ("", "")
 
 
 def test_mesh_is_drawn_in_its_place(tmp_path: Path, robot: Robot) -> None:

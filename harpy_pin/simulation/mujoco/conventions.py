@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
-from harpy_pin.errors import InputError, install_line, shown
+from harpy_pin.errors import InputError, shown
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.mjcf import find_joints, free_joint
+from harpy_pin.model.mjcf import import_mujoco as import_mujoco
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
@@ -40,15 +41,6 @@ OF_ACTUATORS = ("actuator_trnid", "actuator_ctrladr", "actuator_gear", "actuator
 def installed_version() -> str | None:
     """Version of MuJoCo; None where it is not installed."""
     return version("mujoco") if find_spec("mujoco") is not None else None
-
-
-def import_mujoco() -> Any:
-    """The module ``mujoco``; an :class:`InputError` where it is not installed."""
-    try:
-        import mujoco
-    except ImportError as error:
-        raise InputError(f"no MuJoCo ({error}): {install_line('mujoco')}", name="plant", value="mujoco") from error
-    return mujoco
 
 
 class ConventionsRecord(RecordOf):
