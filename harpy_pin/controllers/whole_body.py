@@ -298,7 +298,7 @@ class WholeBodyController(TaskController):
     def _swap_active(self) -> None:
         """Take up the other one of the two programs of a tick in which thrusts lag, and its active set."""
         if isinstance(self._solver, WarmStartedActiveSet):
-            self._solver.swap_active(self._other_active)
+            self._solver._swap_active(self._other_active)
 
     def prepare(self, state: State) -> None:
         """Targets of the gait; the robot's dynamics, tasks and contact states.

@@ -121,7 +121,7 @@ class WarmStartedActiveSet(QPSolver):
         self._record_["searched"] = 0
         self.dual.reset()
 
-    def swap_active(self, other: NDArray[np.int64]) -> None:
+    def _swap_active(self, other: NDArray[np.int64]) -> None:
         """Take up another program of this size: exchange the active rows with ``other`` (rows,)."""
         self._active[:], other[:] = other.copy(), self._active.copy()
 

@@ -141,7 +141,7 @@ class ProxQPSolver(PackageSolver):
         max_iterations: int = 20,
         inner_iterations: int = 20,
     ) -> None:
-        self._shape = n, _, rows = program.shape
+        self._shape = n, _, rows = checks.instance("program", program, QuadraticProgram).shape
         self._settings = tolerance, gap, max_iterations, inner_iterations
         super().__init__(program)
         self.scale = scale

@@ -20,7 +20,7 @@ FOUND = "paper's governor, tracked, PID, tuned"
 WRONG = "assumption/assumption_0.15"
 PRINTED, BEST, LAW, QP = "paper's governor, as printed", "paper's best variant", "condensed WBC", "WBC QP, own search"
 PID, TIMING = "no governor, PID, tuned", "comparison/timing"
-ACTIVE = "WBC QP, own search"
+ACTIVE, PROXQP = "WBC QP, own search", "WBC QP, ProxQP"
 
 
 def ratio(above: str, below: str, place: str = "") -> str:
@@ -41,10 +41,12 @@ ICE = "ice/ice_compliant_0.15"
 
 SENTENCES = {
     "README.md": [
-        f"at {ratio(ACTIVE, PRINTED)} times the governor's computing time "
-        f"({ratio(ACTIVE, PRINTED, 'inside C, ')} inside C).",
-        f"same optimum in {OF_QP} of the QP's time ({OF_QP_C} inside C) and fits",
-        f"slip {{variants/variants|{PID}|median slip|2}} mm per step instead of {{wide/variants|{LAW}|median slip|2}}.",
+        f"By ProxQP a tick takes {ratio(PROXQP, PRINTED)} times that of the paper's governor.",
+        f'(`solver="active_set"`) it takes {ratio(ACTIVE, PRINTED)} times.',
+        f"Its optimum can be had at {OF_PAPER} times the governor's tick.",
+        f"takes {ratio(LAW, PROXQP)} of the QP's time by ProxQP and {OF_QP} of its time by own search",
+        f"feet slip {{variants/variants|{PID}|median slip|2}} mm per step "
+        f"instead of {{wide/variants|{LAW}|median slip|2}}.",
         f"({{comparison/campaign|{LAW}|thrust, rms, N|2}} N instead of "
         "{comparison/campaign|no governor|thrust, rms, N|2})",
         f"with 30 ms of delay it slides {{{DELAYED}|{LAW}|30 ms, mm}} mm per step",
@@ -131,32 +133,6 @@ STOOD = [
 ]
 """Walks of which docs say that they fell, or did not."""
 
-README_ROWS = {
-    "slip, friction 0.15": ("comparison/campaign_friction_slip_mm_per_step", "μ 0.15, mm", 1.0),
-    "slip, all walks": ("comparison/campaign", "slip per step, mm", 1.0),
-    "walks that fall": ("comparison/campaign", "falls", 100.0),
-    "falls of 210 harder walks": ("wide/variants", "fell", 1.0),
-    "tick inside C, median": ("comparison/ticks", "inside C, median", 1.0),
-    "instructions, same states": ("embedded/embedded", "same states, median", 1.0),
-}
-"""Rows of README's table: the table and column that they come from, and what one unit of it is in README."""
-
-PROXQP, OWN = "whole-body QP, ProxQP", "whole-body QP, own search"
-"""README's columns of the QP by its solvers; a column without one is the own search."""
-NAMES = {
-    **{f"comparison/campaign{more}": {"whole-body QP": OWN} for more in ("", "_friction_slip_mm_per_step")},
-    "wide/variants": {"paper's governor": PRINTED, "whole-body QP": QP, OWN: QP, PROXQP: "WBC QP, ProxQP"},
-    "comparison/ticks": {
-        **{"paper's governor": PRINTED, BEST: "paper's governor, best variant"},
-        **{"whole-body QP": ACTIVE, OWN: ACTIVE, PROXQP: "WBC QP, ProxQP"},
-    },
-    "embedded/embedded": {
-        **{"paper's governor": "Harpy, paper's governor", "contact-force filter": "Harpy, contact-force filter"},
-        **{LAW: "Harpy, condensed WBC", **dict.fromkeys(("whole-body QP", OWN), "Harpy, WBC QP, own search")},
-    },
-}
-"""Rows of tables that are called otherwise than in README."""
-
 
 def figure(table: str, row: str, column: str) -> str:
     """A figure of the results page, without its interval; of a pair the first."""
@@ -199,48 +175,6 @@ def test_who_fell(place: tuple[str, str, str]) -> None:
     text = figure(*place)
     fell = not text.startswith("0 of") if " of " in text else text.startswith("fell")
     assert fell == (place in FELL)
-
-
-def readme_cells() -> list[tuple[str, str, str]]:
-    """Row, column and text of every cell of README's table that comes from a table of the results page."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8").partition("## The answer")[2].partition("\n1. ")[0]
-    head, _, *lines = (
-        [c.strip() for c in line.strip("|").split("|")] for line in re.findall(r"^\|.*", text.replace("*", ""), re.M)
-    )
-    columns = [column.replace(", as printed", "") for column in head[1:]]
-    return [
-        (row, column, cell)
-        for row, *cells in lines
-        if row in README_ROWS
-        for column, cell in zip(columns, cells, strict=True)
-        if cell
-    ]
-
-
-@pytest.mark.parametrize(("row", "column", "cell"), readme_cells())
-def test_cells_of_readme_are_those_of_the_page_but_for_their_digits(row: str, column: str, cell: str) -> None:
-    table, place, factor = README_ROWS[row]
-    exact = factor * float(figure(table, NAMES.get(table, {}).get(column, column), place).partition(" of ")[0])
-    number = "0" if cell == "none" else cell.split()[0].replace(",", "")
-    unit = 10.0 ** -len(number.partition(".")[2])
-    assert float(number) == pytest.approx(exact, abs=0.5 * unit + 1e-9)
-
-
-def test_rows_of_readme_were_found_and_those_of_others_are_on_their_pages() -> None:
-    assert {row for row, _, _ in readme_cells()} == set(README_ROWS)
-    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("*", "")
-    theirs, six = TABLES["worlds/worlds_falls"], ("Go1", "Go2", "Aliengo", "B2", "Mini Cheetah", "HyQReal")
-    rows = ("torque alone", "motor law", "joint PD", "policy")
-    fell = [sum(int(theirs[row, robot].split()[0]) for robot in six) for row in rows[:3]]
-    assert f"| six quadrupeds | {fell[0]} of 336 | none | none |" in readme
-    assert fell[1:] == [0, 0]
-    cells = [theirs[row, "Playground's Go1"] for row in rows]
-    assert f"| Playground's Go1 | {' | '.join(cells)} |" in readme
-    results = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
-    ticks_of = dict(re.findall(r"^\| (Go2|G1 on its ankles) \| (.* µs) \|$", readme, re.M))
-    assert len(ticks_of) == 2
-    for robot, ticks in ticks_of.items():
-        assert re.search(rf"^\| {robot} \| \d+ \| {re.escape(ticks.replace(' µs', ''))} \|$", results, re.M)
 
 
 def test_every_table_that_a_comment_names_is_there() -> None:
