@@ -171,7 +171,7 @@ def peers(
     json: NumbersFile = None,
     friction: Annotated[float, typer.Option(help="Friction coefficient of Harpy's ground.")] = FRICTION,
 ) -> None:
-    """Time other libraries' controllers on our program of the same states.
+    """Time other libraries' controllers on our program.
 
     Robots stand and are pushed, and walk. Their states, and what our controllers ask for at each, are handed to placo
     and TSID, which need other versions of Pinocchio than this library: each runs in a virtual environment of its own,

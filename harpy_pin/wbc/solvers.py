@@ -24,6 +24,9 @@ from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.condensed.active_set import UNBOUNDED, ProgramRecord
 from harpy_pin.wbc.program import QPSolver, QPStatus, QuadraticProgram
 
+MAX_STEPS = 1_000_000
+"""Largest bound on the iterations of a solver."""
+
 OUTCOMES = {
     **dict.fromkeys(("PIQP_SOLVED", "OSQP_SOLVED", "Solved"), QPStatus.SOLVED),
     **dict.fromkeys(("PIQP_MAX_ITER_REACHED", "OSQP_MAX_ITER_REACHED"), QPStatus.MAX_ITERATIONS),
@@ -142,9 +145,14 @@ class ProxQPSolver(PackageSolver):
         inner_iterations: int = 20,
     ) -> None:
         self._shape = n, _, rows = checks.instance("program", program, QuadraticProgram).shape
-        self._settings = tolerance, gap, max_iterations, inner_iterations
+        self._settings = (
+            checks.number("tolerance", tolerance, low=0.0, strict=True),
+            None if gap is None else checks.number("gap", gap, low=0.0, strict=True),
+            checks.whole("max_iterations", max_iterations, low=1, high=MAX_STEPS),
+            checks.whole("inner_iterations", inner_iterations, low=1, high=MAX_STEPS),
+        )
         super().__init__(program)
-        self.scale = scale
+        self.scale = checks.number("scale", scale, low=0.0, strict=True)
         self.record = make_record(ScaledProgramRecord, {"size": n, "rows": rows})
         self._objective = tuple(field(self._record_, name) for name in ("hessian", "gradient"))
         self._rows = tuple(field(self._record_, name) for name in ("inequality", "lower", "upper"))
