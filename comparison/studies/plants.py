@@ -1,4 +1,4 @@
-"""Walk every controller in all three plants, and time their steps.
+"""Walk every controller in three plants; time their steps.
 
 The library's own plant, Pinocchio's ABA with the paper's ground as written, and MuJoCo. The first
 two also walk with shorter steps and with less creep, so that what differs between plants can be
