@@ -81,8 +81,8 @@ SENTENCES = {
         "{steering/steering_pushes|12 N·s, condensed|fell}."
     ],
     "docs/results.md": [
-        f"takes {OF_QP} of the time of the [WBC QP](glossary.md)'s, and {OF_PAPER} times that of the paper's governed "
-        f"controller; inside C {OF_QP_C} and {OF_PAPER_C}.",
+        f"takes {OF_QP} of the time of the [WBC QP](glossary.md)'s by own search, and {OF_PAPER} times that of the "
+        f"paper's governed controller; inside C {OF_QP_C} and {OF_PAPER_C}.",
         f"The solve of the WBC QP alone takes {solve('own search', 1)} times as long as the update of the "
         f"paper's governor with an active-set warm start, {solve('DAQP from scratch', 2)} times with DAQP from "
         f"scratch, and {solve('ProxQP, warm', 2)} times with warm ProxQP;",
