@@ -8,8 +8,7 @@ The comment is TOML::
     -->
 
 A table is named by its source and its own name. ``rows`` and ``columns`` choose, order and rename; without them all
-are shown. ``turned = true`` exchanges the two. ``bold = "least"`` marks the least number of each column, before they
-are exchanged.
+are shown. ``turned = true`` exchanges the two.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 
 _BLOCK = re.compile(r"(<!-- figures\n(.*?)\n-->\n)((?:\|[^\n]*\n)*)", re.DOTALL)
-_SETTINGS = ("table", "rows", "columns", "turned", "bold")
+_SETTINGS = ("table", "rows", "columns", "turned")
 
 
 def blocks_of(page: str) -> dict[str, list[str]]:
@@ -62,7 +61,6 @@ def markdown(
     rows: Mapping[str, str] | list[str] | None = None,
     columns: Mapping[str, str] | list[str] | None = None,
     turned: bool = False,
-    bold: str = "",
 ) -> str:
     """A table in Markdown.
 
@@ -71,18 +69,11 @@ def markdown(
         rows: those to show, in this order, with their new names or without.
         columns: the same of the columns; one without a new name keeps its unit.
         turned: whether rows become columns.
-        bold: ``least``, or empty.
     """
-    checks.one_of("bold", bold, ("", "least"))
     units = {cell.column: f"{cell.column}, {cell.unit}" if cell.unit else cell.column for cell in table.cells}
     down = _chosen(table, "row", rows, {row: row for row in table.rows})
     across = _chosen(table, "column", columns, units)
     text = [[cell_text(table.get(row, column)) for column in across] for row in down]
-    for k, column in enumerate(across if bold else ()):
-        known = [x for x in (table.number(row, column) for row in down) if x == x]
-        least = [row for row in down if table.number(row, column) == min(known, default=None)]
-        same = {cell_text(table.get(row, column)) for row in least}
-        text = [[f"**{x}**" if i == k and x in same else x for i, x in enumerate(line)] for line in text]
     names, heads = list(down.values()), list(across.values())
     if turned:
         names, heads, text = heads, names, [list(line) for line in zip(*text, strict=True)]

@@ -72,22 +72,6 @@ def test_all_rows_and_columns_are_shown_with_their_units_and_turned():
     ]
 
 
-def test_the_least_of_each_column_is_bold_also_where_it_is_turned():
-    assert markdown(TABLE, bold="least").splitlines()[2:] == [
-        "| none | 3 | 12.3 |",
-        "| wbc | **0** | **0.25 (0.2–0.31)** |",
-    ]
-    same = Table("t", "t", (Cell("a", "x", 0.50001), Cell("b", "x", 0.5), Cell("c", "x", None), Cell("d", "x", 0.6)))
-    assert markdown(same, bold="least", turned=True).splitlines()[2] == "| x | **0.5** | **0.5** | – | 0.6 |"
-    nothing = Table("t", "t", (Cell("a", "x", None), Cell("a", "y", "fell")))
-    assert markdown(nothing, bold="least").splitlines()[2] == "| a | – | fell |"
-
-
-def test_sentences_are_flush_left():
-    table = Table("t", "t", (Cell("a", "x", "a number in words that fill a line"), Cell("a", "y", "none")))
-    assert markdown(table).splitlines()[1] == "| --- | --- | ---: |"
-
-
 NAMES = st.text("abc, 123", min_size=1, max_size=6).map(str.strip).filter(bool)
 
 
@@ -108,7 +92,6 @@ def test_figures_are_read_as_they_were_written(values):
         ('table = "study/walks"\nrow = ["wbc"]', "setting of a table"),
         ('table = "study/walks"\nrows = ["qp"]', "no row 'qp'; it has 'none', 'wbc'"),
         ('table = "study/walks"\ncolumns = ["mm"]', "no column 'mm'; it has 'fell', 'slip'"),
-        ('table = "study/walks"\nbold = "best"', "unknown bold 'best'"),
     ],
 )
 def test_comments_that_are_wrong(comment, message):
