@@ -318,3 +318,16 @@ def test_a_bridge_of_another_robot_makes_no_controller(go2):
         hp.make_controller("condensed", gait, mu=0.5, bridge=bridge)
     made = hp.make_controller("condensed", hp.Standing(go2), mu=0.5, bridge=bridge, period=period, joint_damping=0.5)
     assert (made.period, made.parameters.joint_damping, made.parameters.joint_stiffness) == (period, 0.5, 1.0)
+
+
+def test_small_feet_that_sink_bear_the_weight(go2):
+    """Our own plant's feet are points that sink by millimetres: their contacts are theirs."""
+    model = hp.simulation.mujoco.MujocoPlant(go2, hp.Ground(mu_s=0.6)).model
+    bridge, data, gait = MujocoBridge(model, go2), mujoco.MjData(model), hp.Standing(go2)
+    controller = hp.make_controller("condensed", gait, mu=0.6, bridge=bridge)
+    bridge.place(hp.State(0.0, *gait.initial_state(), FEET, FEET, FEET), data)
+    while data.time < 0.5:
+        bridge.write(controller.step(bridge.read(data)), data)
+        mujoco.mj_step(model, data)
+    assert data.contact.dist.min() < -2e-3
+    assert bridge.read(data).foot_force[:, 2].sum() == pytest.approx(9.81 * go2.mass, rel=0.05)

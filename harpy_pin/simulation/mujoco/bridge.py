@@ -25,6 +25,8 @@ from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors
 from harpy_pin.simulation.mujoco.conventions import Conventions, ConventionsRecord, from_mujoco, import_mujoco
 from harpy_pin.simulation.mujoco.differences import AtZero, differences, enabled_actuators, tendon_trees
 
+DEPTH = 0.02
+"""How deep a foot may be in soft ground, m: contacts so far from its point are its, however small its shape."""
 CLOSING = {0: "connect", 1: "weld", 2: "joint", 3: "tendon", 7: "distance"}
 """Equality constraints that hold bodies, joints or tendons together, ``mujoco.mjtEq``."""
 
@@ -276,7 +278,7 @@ class MujocoBridge(Conventions):
                     self.foot_radius[k] = max(self.foot_radius[k], size)
                     names.add(name)
                 if name in names:
-                    reach[k] = max(reach[k], 2.0 * (apart + size))
+                    reach[k] = max(reach[k], 2.0 * (apart + size), DEPTH)
             if reach[k] == 0.0 or moved.count(moved[k]) > 1:
                 reach[k] = np.inf
         return {"link": link, "reach": reach}
