@@ -22,7 +22,7 @@ STATEMENTS = {"harpy_pin": 26_300, CONTRIB: 1_900, "reproduction": 2_100, "compa
 LONGEST_FILE = 375
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 71
-MOST_WORDS = 19_700
+MOST_WORDS = 19_750
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 
