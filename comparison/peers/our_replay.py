@@ -9,6 +9,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,11 @@ from comparison.measure.inside_c import ReplayInsideC, overhead_inside_c
 from comparison.measure.replay import TickReplay, replay
 from comparison.measure.timing import Laps, timer_overhead, without_gc
 from comparison.measure.walking import StateSequence
-from comparison.peers.peer_problem import OWN_SEARCH, PROXQP, Case
+from comparison.peers.peer_problem import OWN_SEARCH, Case
 from harpy_pin.compiled import compiler
 from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.model.state import State, Vector
+from harpy_pin.wbc.solvers import ProxQPSolver
 
 WholeBody = WholeBodyController | CondensedController
 
@@ -30,9 +32,19 @@ def contenders(case: Case) -> dict[str, Callable[[], WholeBody]]:
     gait, p = case.gait, case.parameters
     made: dict[str, Callable[[], WholeBody]] = {
         "whole-body QP, own search": lambda: WholeBodyController(gait, replace(p, **OWN_SEARCH)),
-        "whole-body QP, ProxQP": lambda: WholeBodyController(gait, replace(p, **PROXQP)),
+        "whole-body QP, ProxQP": lambda: _by_proxqp(case),
     }
     return {"condensed WBC": lambda: CondensedController(gait, p), **made} if case.condensed else made
+
+
+def _by_proxqp(case: Case) -> WholeBodyController:
+    """The formulation and the scale of the objective with which ProxQP is fastest.
+
+    On soles ``input_space`` poses another program. The weights of these programs are scaled already.
+    """
+    formulation, scale = ("full", 1.0) if case.gait.robot.flat_feet else ("input_space", 1e-2)
+    parameters = replace(case.parameters, solver="proxqp", formulation=formulation)
+    return WholeBodyController(case.gait, parameters, solver=partial(ProxQPSolver, scale=scale))
 
 
 @dataclass(frozen=True)

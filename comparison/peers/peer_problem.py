@@ -35,8 +35,7 @@ FACES = 4
 """Of the friction pyramid: what the peers have."""
 
 OWN_SEARCH: dict[str, Any] = {"solver": "active_set"}
-PROXQP: dict[str, Any] = {"solver": "proxqp", "formulation": "full"}
-"""Solvers of our whole-body QP; ProxQP with the formulation in which it is the faster where robots stand."""
+"""Our solver of our whole-body QP."""
 
 FREE = 1e6
 """A normal force that no foot has, N."""
