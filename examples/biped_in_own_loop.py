@@ -1,7 +1,7 @@
 """A biped on point feet in a loop and physics of one's own: Pinocchio, springs (extra robots)."""
 
 import numpy as np
-import pinocchio as pin
+import pinocchio as pin  # type: ignore[import-untyped]
 
 import harpy_pin as hp
 
@@ -33,7 +33,7 @@ for tick in range(3000):
     state = hp.State(1e-3 * tick, q, v, *feet(q, v))
     command = controller.step(state)
     for _ in range(STEPS):
-        place, _, force = feet(q, v)
+        place, _speed, force = feet(q, v)
         push = [pin.Force.Zero() for _ in range(model.njoints)]
         for k, frame in enumerate(frames):
             joint = model.frames[frame].parentJoint

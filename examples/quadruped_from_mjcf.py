@@ -3,7 +3,7 @@
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import mujoco
+import mujoco  # type: ignore[import-untyped]
 
 import harpy_pin as hp
 

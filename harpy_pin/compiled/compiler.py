@@ -284,6 +284,8 @@ def _compiled(source: str, work: str, name: str) -> bytes:
     file, made = f"{work}/{name}.c", f"{work}/made.so"
     Path(file).write_text(source, encoding="utf-8")
     flags = [flag for flag in FLAGS if flag != VECTORS or "clang" not in version()]  # it refuses it
+    if "ziglang" in (compiler() or ()):
+        flags = [flag.replace("x86-64-v2", "x86_64_v2") for flag in flags]  # its name of the processor
     parts = re.search(r"^#define PARTS (\d+)$", source, re.MULTILINE)
     objects = [f"{work}/{n}.o" for n in range(int(parts[1]) if parts else 0)]
 

@@ -167,35 +167,35 @@ def _turn(q: Vector, given: Vector, out: Vector, back: bool) -> None:
             out[i] += (r[j, i] if back else r[i, j]) * given[j]
 
 
-@kernel(q="c.q", v="c.v", qpos="c.qpos", qvel="c.qvel")
-def to_mujoco(c: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
+@kernel(q="r.q", v="r.v", qpos="r.qpos", qvel="r.qvel")
+def to_mujoco(r: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
     """Write a state q (nq,), v (nv,) into MuJoCo's arrays."""
-    base, moving = qpos[c.base_position : c.base_position + 7], qvel[c.base_velocity : c.base_velocity + 6]
+    base, moving = qpos[r.base_position : r.base_position + 7], qvel[r.base_velocity : r.base_velocity + 6]
     base[:3] = q[:3]
     base[3] = q[6]
     base[4:7] = q[3:6]
     _turn(q, v, moving, False)
     moving[3:6] = v[3:6]
-    for k in range(c.place.shape[0]):
-        i = c.place[k]
-        qpos[c.position[k]] = np.arctan2(q[i + 1], q[i]) if c.unbounded[k] else q[i]
-        qvel[c.velocity[k]] = v[c.column[k]]
+    for k in range(r.place.shape[0]):
+        i = r.place[k]
+        qpos[r.position[k]] = np.arctan2(q[i + 1], q[i]) if r.unbounded[k] else q[i]
+        qvel[r.velocity[k]] = v[r.column[k]]
 
 
-@kernel(q="c.q", v="c.v", qpos="c.qpos", qvel="c.qvel")
-def from_mujoco(c: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
+@kernel(q="r.q", v="r.v", qpos="r.qpos", qvel="r.qvel")
+def from_mujoco(r: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector) -> None:
     """Read a state q (nq,), v (nv,) from MuJoCo's arrays."""
-    base, moving = qpos[c.base_position : c.base_position + 7], qvel[c.base_velocity : c.base_velocity + 6]
+    base, moving = qpos[r.base_position : r.base_position + 7], qvel[r.base_velocity : r.base_velocity + 6]
     q[:3] = base[:3]
     q[6] = base[3]
     q[3:6] = base[4:7]
     _turn(q, moving, v, True)
     v[3:6] = moving[3:6]
-    for k in range(c.place.shape[0]):
-        i = c.place[k]
-        angle = qpos[c.position[k]]
-        if c.unbounded[k]:
+    for k in range(r.place.shape[0]):
+        i = r.place[k]
+        angle = qpos[r.position[k]]
+        if r.unbounded[k]:
             q[i], q[i + 1] = np.cos(angle), np.sin(angle)
         else:
             q[i] = angle
-        v[c.column[k]] = qvel[c.velocity[k]]
+        v[r.column[k]] = qvel[r.velocity[k]]
