@@ -183,7 +183,7 @@ class Estimator(KeepsViews):
             c[name] = 0.0
         r["q"], r["v"] = q, v
         r["begun"], r["status"], f["period"] = 0, tick.NO_SAMPLE, self.period
-        r["same_in_a_row"] = r["late_in_a_row"] = 0
+        r["same_in_a_row"] = r["late_in_a_row"] = r["lost"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 
@@ -194,7 +194,7 @@ class Estimator(KeepsViews):
         ``good``; ``no sample`` where one was missing, not a number or beyond 1e6; ``stuck gyroscope`` where it has said
         the same for 50 samples; ``saturated`` where the inertial unit is at its range; ``readings contradict each
         other`` where the innovations of the last half second or the biases are far beyond their covariance, as those
-        of a wrongly mounted unit are; ``time does not go on``; ``steps are missing`` where more than one and a half
+        of a wrongly mounted unit are, or loaded feet agree with each other alone; ``time does not go on``; ``steps are missing`` where more than one and a half
         periods have passed. The estimate goes on in all of them, and is finite.
         """
         return STATUS[int(self._record_["status"][0])]
@@ -297,6 +297,7 @@ def _record(
         gyroscope_range=imu.gyroscope_range,
         accelerometer_range=imu.accelerometer_range,
         period=period,
+        lost=0.0,
         t=np.nan,
         level=np.int64(1),
         q=pin.neutral(robot.model),

@@ -68,6 +68,7 @@ class ContactRecord(RecordOf):
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
     share: Vector = sized("feet")  # of the force that is believed
+    loaded: NDArray[np.int64] = sized("feet", whole=True)  # (feet,) 1 where force and gait alone say contact
     velocity: Vector = sized("nv")  # of the last step
     acceleration: Vector = sized("nv")  # of this step
     normal: Vector  # (most joints of a leg, as many)
@@ -96,6 +97,7 @@ class EstimatorRecord(RecordOf):
     status: int = ZERO
     same_in_a_row: int = ZERO
     late_in_a_row: int = ZERO
+    lost: float  # time for which loaded feet have agreed with each other, and not with the estimate, s
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
     raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s
     raw_acceleration: Vector = sized(3)  # of the last good sample, body axes, m/s²

@@ -29,6 +29,12 @@ LEAST = 0.05
 """Share of a period that the time must have gone on by."""
 EXACT = 1e-6
 """Share of a period by which clocks of simulations are off: their periods are exact."""
+AGREE = 0.3
+"""Difference between the velocities by two loaded feet that both stand, m/s."""
+LOST = 0.05
+"""Time after which loaded feet that agree with each other are believed against the estimate, s."""
+ANEW = (0.1, 0.1)
+"""Standard deviations of tilt, rad, and velocity, m/s, that are then begun anew."""
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
 MAX_ACCELERATION = 1e4
@@ -286,6 +292,7 @@ def _use_feet(e: EstimatorRecord) -> None:
     """Correct by the feet that touch the ground; others, and those that slipped, are forgotten."""
     f, c, noise = e.filter, e.contact, np.empty((3, 3))
     _local_feet(e)
+    _believe_feet(e)
     for k in range(f.held.shape[0]):
         if c.probability[k] < LIKELY:
             if f.held[k] != 0:
@@ -299,6 +306,47 @@ def _use_feet(e: EstimatorRecord) -> None:
                     touch_down(f, k, place, noise)
             else:
                 touch_down(f, k, place, noise)
+
+
+@kernel
+def _believe_feet(e: EstimatorRecord) -> None:
+    """Begin the velocity anew where loaded feet agree with each other for a while, and none with the estimate.
+
+    A foot that the estimate lets move too fast is not in contact for it, so that nothing else could correct it.
+    """
+    c, w, mean, own = e.contact, e.angular_velocity, np.zeros(3), np.zeros((e.local_foot.shape[0], 3))
+    loaded, lost = 0.0, True
+    for k in range(own.shape[0]):
+        lost = lost and c.probability[k] < LIKELY
+        if c.loaded[k] != 0:
+            h, s, u = e.local_foot[k], e.local_speed[k], own[k]
+            u[0] = w[2] * h[1] - w[1] * h[2] - s[0]
+            u[1] = w[0] * h[2] - w[2] * h[0] - s[1]
+            u[2] = w[1] * h[0] - w[0] * h[1] - s[2]
+            loaded += 1.0
+            for i in range(3):
+                mean[i] += u[i]
+    lost = lost and loaded > 1.0
+    for k in range(own.shape[0]):
+        for i in range(3):
+            lost = lost and (c.loaded[k] == 0 or abs(own[k, i] - mean[i] / loaded) < AGREE)
+    e.lost = e.lost + e.filter.period if lost else 0.0
+    if e.lost >= LOST:
+        _begin_velocity(e, mean, 1.0 / loaded)
+        e.lost = 0.0
+
+
+@kernel
+def _begin_velocity(e: EstimatorRecord, velocity: Vector, share: float) -> None:
+    """Take a share of a velocity of the inertial unit, body axes, m/s; what is known of tilt and velocity is lost."""
+    f, r, p = e.filter, e.filter.rotation, e.filter.covariance
+    for i in range(3):
+        f.velocity[i] = share * (r[i, 0] * velocity[0] + r[i, 1] * velocity[1] + r[i, 2] * velocity[2])
+    for i in range(6):
+        for j in range(p.shape[0]):
+            p[i, j] = p[j, i] = 0.0
+    for i in range(3):
+        p[i, i], p[3 + i, 3 + i] = ANEW[0] ** 2 if i < 2 else 0.0, ANEW[1] ** 2
 
 
 @kernel
@@ -359,7 +407,7 @@ def _status(e: EstimatorRecord, good: bool, periods: float) -> int:
     if e.saturated:
         return SATURATED
     f = e.filter
-    consistent = f.innovation <= INCONSISTENCY * EXPECTED
+    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
         consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]

@@ -250,6 +250,25 @@ def test_steps_that_are_missing_are_said(robot):
     assert said == ["good", "good", "good", "steps are missing", "good"]
 
 
+@pytest.mark.parametrize("settings", [SLOPE, EstimatorSettings()], ids=["slope", "level"])
+@pytest.mark.parametrize("acceleration", [(20.0, 0.0, 0.0), (-30.0, 40.0, 10.0)])
+def test_feet_that_agree_are_believed_against_a_velocity_that_is_lost(robot, acceleration, settings):
+    """A blow while the encoders are gone: metres per second, with which no foot could be in contact."""
+    estimator, said, speed = hp.Estimator(robot, settings=settings), [], []
+    for n in range(3000):
+        readings = still(robot, 1e-3 * n)
+        if 500 <= n < 700:
+            readings.joint_position[:] = np.nan
+            readings.accelerometer += acceleration
+        state = estimator.step(readings)
+        said.append(estimator.status)
+        speed.append(np.linalg.norm(state.v[:3]))
+    assert max(speed) > 3.0
+    assert max(speed[2000:]) < 0.05
+    assert all(status != "good" for status, v in zip(said[:2000], speed, strict=False) if v > 1.0)
+    assert said[-1] == "good"
+
+
 def test_a_wrong_mounting_is_said(robot):
     run = hp.walk(hp.Scenario(sensors=hp.Imu(), duration=3.0))
     mounted = [(0.4, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 1.5), (np.pi, 0.0, 0.0)]
