@@ -111,6 +111,7 @@ def _sole(text: str) -> FlatFoot:
 
 def _notes(robot: Robot) -> Iterator[str]:
     """What may be otherwise with the feet of a robot from a file than its user thinks."""
+    from harpy_pin.model.legs import legs
     from harpy_pin.model.tree import tree_record
 
     model, axes = robot.model, tree_record(robot.model)["axis"][0]
@@ -123,9 +124,9 @@ def _notes(robot: Robot) -> Iterator[str]:
             wheels.append(foot)
     if wheels:
         yield f"{', '.join(wheels)} on joints that turn without end: wheels do not roll here, they are feet"
-    legs = [foot for foot, joint in joints.items() if len(model.supports[joint]) - 2 == LEG_OF_SOLE]
-    if legs and not robot.flat_feet and not wheels:
-        yield f"{', '.join(legs)} behind six joints, taken as points: for soles give --flat-feet, such as 0.2x0.09"
+    of_sole = [leg.points[0] for leg in legs(robot) if len(leg.joints) == LEG_OF_SOLE]
+    if of_sole and not robot.flat_feet and not wheels:
+        yield f"{', '.join(of_sole)} behind six joints, taken as points: for soles give --flat-feet, such as 0.2x0.09"
 
 
 def read_scenario(

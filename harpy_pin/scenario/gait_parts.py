@@ -21,7 +21,7 @@ from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.ik import leg_joints
+from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import named_robot
 from harpy_pin.scenario.parts import Part
@@ -213,8 +213,8 @@ def schedules_of(robot: str | Robot) -> tuple[str, ...]:
 
 def why_not(robot: str | Robot, gait: object) -> str:
     """Why a robot has not a gait, where that is not plain."""
-    legs: list[list[int]] = [] if isinstance(robot, str) else [leg_joints(robot, foot) for foot in robot.feet]
-    if gait == Walking.name and (robot in Walking.without or any(len(joints) < 3 for joints in legs)):
+    short = robot in Walking.without if isinstance(robot, str) else any(len(leg.joints) < 3 for leg in legs(robot))
+    if gait == Walking.name and short:
         return f"'{getattr(robot, 'name', robot)}' has a leg of fewer than three joints: its feet cannot go aside"
     return ""
 

@@ -15,6 +15,7 @@ from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR, UPRIGHT_END, toward, upright_end
+from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -102,36 +103,31 @@ def build_of(robot: Robot, q: Vector) -> Build:
     foot = np.repeat(np.arange(len(robot.corners)), robot.corners)
     place = np.array([point[foot == k].mean(axis=0) for k in range(len(robot.corners))])
     inertia = pin.crba(model, data, q)
-    legs, hips, knees, swings, beside = [], [], [], [], np.zeros(len(robot.corners))
-    for k, first in enumerate(np.unique(foot, return_index=True)[1]):
-        chain = [j for j in model.supports[model.frames[robot.frame_id(robot.feet[first])].parentJoint] if j > 1]
-        joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]  # from the hip's pitch on
-        points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
-        lengths = [float(np.linalg.norm(b - a)) for a, b in pairwise(points)]
-        legs.append(sum(lengths))
-        knee = joints[np.argmax(np.convolve(lengths, (1.0, 1.0))[1:-1]) + 1 if len(joints) > 1 else 0]  # of long links
-        knees.append(model.effortLimit[model.joints[knee].idx_v] or inf)
+    lengths, hips, knees, swings, beside = [], [], [], [], np.zeros(len(robot.corners))
+    for k, leg in enumerate(legs(robot)):
+        points = [*(data.oMi[j].translation - q[:3] for j in leg.below_hip), place[k]]
+        lengths.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
+        knees.append(model.effortLimit[model.joints[leg.joints[leg.knee]].idx_v])
         hips.append(float(points[0][2] - place[k, 2]))
-        if len(robot.corners) == 4 and len(chain) > len(joints):
-            beside[k] = place[k, 1] + q[1] - data.oMi[chain[0]].translation[1]
-        hip_joints = joints[:1] if robot.corners[k] == 1 else chain[: max(len(chain) - 3, 1)]  # on soles the roll, too
-        for joint in hip_joints:
+        if len(robot.corners) == 4 and leg.knee > 1:
+            beside[k] = place[k, 1] + q[1] - data.oMi[leg.joints[0]].translation[1]
+        for joint in leg.below_hip[:1] if robot.corners[k] == 1 else leg.joints[: max(leg.knee, 1)]:  # soles roll, too
             column, arm = model.joints[joint].idx_v, float(data.oMi[joint].translation[2] - q[2] - place[k, 2])
-            swings.append(arm * (model.effortLimit[column] or inf) / float(inertia[column, column]))
-    leg, hip = min(legs), max(hips)
+            swings.append(arm * model.effortLimit[column] / float(inertia[column, column]))
+    length, hip = min(lengths), max(hips)
     bent, stretched = (SOLE_BENT, SOLE_STRETCHED) if robot.flat_feet else (BENT, STRETCHED)
-    lower = max(hip - bent * leg, 0.0)  # than the posture, where its legs would be almost stretched
-    reach = float(np.sqrt(max((stretched * leg) ** 2 - (hip - lower) ** 2, 0.0)))
+    lower = max(hip - bent * length, 0.0)  # than the posture, where its legs would be almost stretched
+    reach = float(np.sqrt(max((stretched * length) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
-    height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 or robot.flat_feet else 0.0
+    height, over = float(q[2]) - lower, hip - lower if len(place) == 4 or robot.flat_feet else 0.0
     reactions = _reactions(robot, q, rise)
     soles = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
     narrow = SOLE_NARROW * rise + 2.0 * INNER * float(soles[:, 1].min()) if robot.flat_feet else NARROW * rise
     sole = soles.max(axis=0)
-    moment = 0.5 * leg * float(np.sqrt(1.0 - SOLE_BENT**2)) * robot.mass * GRAVITY
+    moment = 0.5 * length * float(np.sqrt(1.0 - SOLE_BENT**2)) * robot.mass * GRAVITY
     share = moment / min(knees) if robot.flat_feet else 0.0
     return Build(
-        point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, share, narrow, sole
+        point, foot, place, length, height, rise, reach, over, beside, min(swings), reactions, share, narrow, sole
     )
 
 
@@ -289,8 +285,9 @@ def swing_load(
     way[:, 0] = speed * (2.0 * step_duration * ahead - 0.5 * (1.0 + double_support) * step_duration - time)
     way[:, 2] = q[2] - build.height + 64.0 * clearance * (u * (1.0 - u)) ** 3
     worst = 0.0
-    for first in np.cumsum((0, *robot.corners))[:-1]:
-        path, joints = _follow(robot, q, robot.feet[first], way)
+    for leg in legs(robot):
+        joints = [model.joints[j].idx_v for j in leg.joints]
+        path = _follow(robot, q, leg.points[0], joints, way)
         rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
         for i in range(1, SAMPLES - 1):
             torque = pin.rnea(model, data, path[i], 0.5 * (rate[i - 1] + rate[i]), (rate[i] - rate[i - 1]) / time[1])
@@ -298,12 +295,11 @@ def swing_load(
     return worst
 
 
-def _follow(robot: Robot, q: Vector, foot: str, way: Vector) -> tuple[list[Vector], list[int]]:
-    """Configurations in which one leg brings its foot along a way, and the columns of this leg's joints."""
+def _follow(robot: Robot, q: Vector, foot: str, joints: list[int], way: Vector) -> list[Vector]:
+    """Configurations in which the joints of one leg, of these columns, bring its foot along a way."""
     model, data, frame = robot.model, robot.model.createData(), robot.frame_id(foot)
     pin.framesForwardKinematics(model, data, q)
     start, path = data.oMf[frame].translation.copy(), []
-    joints = [model.joints[j].idx_v for j in model.supports[model.frames[frame].parentJoint] if j > 1]
     for offset in way:
         for _ in range(ITERATIONS):
             jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3, joints]
@@ -313,7 +309,7 @@ def _follow(robot: Robot, q: Vector, foot: str, way: Vector) -> tuple[list[Vecto
             q = pin.integrate(model, q, step)
             pin.framesForwardKinematics(model, data, q)
         path.append(q)
-    return path, joints
+    return path
 
 
 def fastest_speed(load: Callable[[float], float], high: float, most: float) -> float:
