@@ -20,9 +20,9 @@ from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRe
 from harpy_pin.estimation.tick import estimate
 from harpy_pin.model.dynamics import dynamics_record
 from harpy_pin.model.entry import as_array
+from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
-from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import State, Vector

@@ -236,13 +236,9 @@ def find_posture(robot: Robot) -> Vector:
             return np.array(posture[7:])
     message = f"no standing posture of '{robot.name}' was found: give one, of {len(robot.joints)} angles"
     message = f"{message} in the order of robot.joints"
-    for leg in found:
-        up = data.oMf[robot.frame_id(leg.points[0])].rotation[2, 2]
-        if len(leg.points) > 1 and up < UPRIGHT:
-            angle = np.degrees(np.arccos(up))
-            message += f"; at zero the normal of the sole of '{leg.points[0]}' is {angle:.0f}° from the vertical, which "
-            message += "the orientation of a FlatFoot can mend"
-            break
+    up = [data.oMf[robot.frame_id(leg.points[0])].rotation[2, 2] for leg in found if len(leg.points) > 1]
+    if min(up, default=1.0) < UPRIGHT:
+        message += "; its soles do not face the ground at zero: a FlatFoot has an orientation"
     raise InputError(message, name="posture")
 
 

@@ -24,7 +24,7 @@ class Leg:
         points: frame names of the foot's contact points.
         joints: Pinocchio's numbers of the joints, from the base on.
         knee: which of ``joints`` is the knee: the first one whose axis is parallel to that of a joint above it, and
-            beside it, so that the two bend the leg; without such joints the second one; −1 where no joint moves the foot alone.
+            beside it, so that the two bend the leg; without such joints the second one, −1 where there are none.
     """
 
     points: tuple[str, ...]

@@ -54,7 +54,7 @@ PEAK = 15.6
 MOST_LOAD = 0.85
 """Largest torque of a leg that swings in a trot, pace or bound, as a share of its limit; in other walks all of it."""
 DIRECTION = 0.3
-"""Least singular value of the Jacobian of a sole that moves forward and aside and stays level, in lengths of the leg."""
+"""Least singular value of the Jacobian of a level sole that moves forward and aside, in lengths of the leg."""
 SHORT_LEG = "'{}' has a leg of fewer than three joints: its feet cannot go aside"
 """Why a robot cannot walk."""
 SAMPLES = 30
@@ -279,9 +279,8 @@ def pace_of(
     shortest = FAST_SOLE_STEP * natural if soles else min(duration, stride / most)
     reached = 2.0 * _reach(build, group) / ((groups - 1 + double_support) * shortest)
     if reached <= 0.0:
-        apart = float(np.ptp(build.place[:, 1]))
-        message = f"the legs of '{robot.name}', {build.leg:.2g} m long, do not reach where its feet have to be in a walk"
-        raise InputError(f"{message}: these, {apart:.2g} m apart, must come closer for it to sway", name="robot")
+        apart = f"its feet, {np.ptp(build.place[:, 1]):.2g} m apart, have to come together"
+        raise InputError(f"'{robot.name}' cannot walk: {apart}, and its legs do not reach so far", name="robot")
     if reached < most:
         most, limited_by = reached, "how far its feet reach"
     if most < SLOW * share * GRAVITY * natural and max_speed is None:
