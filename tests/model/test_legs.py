@@ -211,3 +211,17 @@ def test_slow_robots_are_said_to_be_slow_and_why(biped):
     assert [warning.filename for warning in said] == [__file__]
     with pytest.warns(UserWarning, match=r"velocity \(3, 0, 0\) .* limited to .* by the length of its legs$"):
         hp.WalkingGait(biped(), velocity=(3.0, 0.0, 0.0))
+
+
+def test_heavier_motors_swing_legs_slower_also_on_two_feet(biped):
+    speeds = []
+    for armature in (0.0, 0.5, 1.0):
+        gait = hp.WalkingGait(biped(effort=60.0).with_joints(armature=armature))
+        speeds.append(gait.max_speed)
+        assert gait.limited_by == ("the torques of its motors" if armature else "the length of its legs")
+    assert speeds[0] > speeds[1] > speeds[2] > 0.0
+
+
+def test_points_on_legs_that_could_hold_a_sole_are_said(biped):
+    with pytest.warns(UserWarning, match="'biped' has points as feet on legs of 6 joints: flat_feet makes them soles"):
+        hp.WalkingGait(biped(flat=False))
