@@ -114,7 +114,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
             if joint in used:
                 raise InputError(
                     f"joint '{model.names[joint]}' of '{robot.name}' moves the feet '{used[joint]}' and '{foot}': "
-                    "limbs must not share joints, so every leg must begin at the base",
+                    "limbs must not share joints, so every leg must begin at the base; controller 'wbc' has any legs",
                     name="robot",
                 )
             used[joint] = foot
@@ -125,7 +125,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
             names = ", ".join(model.names[j] for j in limb) or "none"
             raise InputError(
                 f"the limb of a {kind} must have {desired} joints; that of '{foot}' of '{robot.name}' has "
-                f"{len(limb)}: {names}",
+                f"{len(limb)}: {names}; controller 'wbc' has any legs",
                 name="robot",
             )
     return [[model.joints[j].idx_v for j in limb] for limb in limbs]
