@@ -196,7 +196,7 @@ class Estimator(KeepsViews):
         the same for 50 samples; ``saturated`` where the inertial unit is at its range; ``readings contradict each
         other`` where the innovations of the last half second or the biases are far beyond their covariance, as those
         of a wrongly mounted unit are, or loaded feet agree with each other alone; ``time does not go on``; ``steps are
-        missing`` where more than one and a half periods have passed. The estimate goes on in all of them, and is finite.
+        missing`` where more than one and a half periods have passed. The estimate goes on in all of them and is finite.
         """
         return STATUS[int(self._record_["status"][0])]
 
