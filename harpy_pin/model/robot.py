@@ -21,9 +21,11 @@ from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, catalogue_robot, installed_data, known_name
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.mjcf import (
+    Description,
     compile_mjcf,
     find_joints,
     free_joint,
+    in_effect,
     is_model,
     known_joints,
     peak_torques,
@@ -55,6 +57,8 @@ class Robot:
             (:mod:`harpy_pin.model.flat_foot`); empty where all are points.
         rotors: thrusters with a fixed axis, the last of ``thrusters``.
         facing: yaw of the direction in which it faces, about the axes of its base, rad: gaits stand it facing x.
+        foot_radius: (feet,) of the spheres around the feet's points in an MJCF file, m; 0 where there is none, and in
+            other files.
         label: its name in the catalogue; empty for a robot that was read from a file.
         source: its ``file``, what else :func:`load_robot` was told, and arrays (nv,) of the model that were changed
             since: what :func:`~harpy_pin.model.source.read_robot` makes it from again.
@@ -71,6 +75,7 @@ class Robot:
     facing: float = 0.0
     label: str = ""
     source: Mapping[str, Any] = field(default_factory=dict)
+    foot_radius: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         parts = [f"{self.mass:.3g} kg", f"{len(self.joints)} joints", f"{len(self.corners)} feet"]
@@ -178,19 +183,21 @@ class Robot:
                 changed[name] = np.concatenate((getattr(self.model, name)[:base], values))
         return self.with_arrays(changed)
 
-    def with_mujoco(self, model: Any) -> Robot:
+    def with_mujoco(self, model: Any, *, prefix: str = "") -> Robot:
         """The robot with armature, damping and dry friction of a MuJoCo model's joints, see :meth:`with_joints`.
 
         The armature of the free joint is taken, too, and largest torques where they are smaller than here or there are
-        none here. Joints are found by name; a prefix that ends in ``:`` or ``/`` does not count.
+        none here. Joints are found by name; a prefix that ends in ``:`` or ``/`` does not count, unless it is given.
 
         Args:
             model: ``mujoco.MjModel`` of the robot.
+            prefix: of the robot's joints in the model, where there are several robots, such as ``"a/"``.
 
         Raises:
-            InputError: the model has no free joint, or lacks a joint.
+            InputError: the model has no free joint, lacks a joint, or has two of its name.
         """
-        joints, base = find_joints(model, self.joints), self.model.joints[1].nv
+        joints, base = find_joints(model, [prefix + name for name in self.joints]), self.model.joints[1].nv
+        model = in_effect(model)
         first = model.jnt_dofadr[free_joint(model, joints)]
         robot, limit = self.with_joints(**known_joints(model, joints)), np.array(self.model.effortLimit)
         armature = np.concatenate((model.dof_armature[first : first + base], robot.model.armature[base:]))
@@ -296,7 +303,7 @@ def load_robot(
     if feet is None:
         if known is None:
             message = "a robot read from a file needs feet: names of frames, or () for none"
-            raise InputError(f"{message}; {_links(_read(urdf, path, ())[0])}", name="feet")
+            raise InputError(f"{message}; {_links(_read(urdf, path, ()).model)}", name="feet")
         feet = known.feet
         flat_feet = known.flat_feet if flat_feet is None else flat_feet
     if rotors is None:
@@ -309,9 +316,10 @@ def load_robot(
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
-    model, angles, soles = _read(urdf, path, (*feet, *mounts))
+    read = _read(urdf, path, (*feet, *mounts))
+    model = read.model
     if flat_feet is None:
-        flat_feet = {name: soles[name] for name in feet if name in soles}
+        flat_feet = {name: read.soles[name] for name in feet if name in read.soles}
     if known is not None:
         known.add_frames(model)
         model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
@@ -321,7 +329,7 @@ def load_robot(
                 where = "the MuJoCo model" if path is None else shown(str(path), 300)
                 raise RobotError(f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path)
     points, corners = add_flat_feet(model, feet, flat_feet)
-    angles = angles if known is None else known.posture(model)
+    angles = read.posture if known is None else known.posture(model)
     if posture is not None:
         angles = checks.vector("posture", posture, model.nq - 7)
     limits, base = np.array(model.effortLimit), model.joints[1].nv
@@ -341,6 +349,7 @@ def load_robot(
         facing=0.0 if known is None else known.facing,
         label="" if known is None else str(known_name(urdf)),
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
+        foot_radius=tuple(read.radii.get(name, 0.0) for name in points),
     )
     bodies = zip(list(model.names)[1:], list(model.inertias)[1:], strict=True)
     no_inertia = [name for name, body in bodies if body.mass > 0.0 and not body.inertia.any() and known is None]
@@ -354,10 +363,8 @@ def load_robot(
     return robot
 
 
-def _read(
-    urdf: Any, path: Path | None, frames: Sequence[str]
-) -> tuple[pin.Model, Vector | None, Mapping[str, FlatFoot]]:
-    """The model of a file, or of a ``mujoco.MjModel``, with these frames; its posture, if it has one, and its soles."""
+def _read(urdf: Any, path: Path | None, frames: Sequence[str]) -> Description:
+    """What a file, or a ``mujoco.MjModel``, says of a robot with these frames."""
     if path is None:
         try:
             return read_mujoco(urdf, frames, "the MuJoCo model")
@@ -365,7 +372,7 @@ def _read(
             raise InputError(f"the MuJoCo model: {error}", name="urdf") from error
     with robot_errors(path, "an MJCF file"):
         if read_xml(path).tag != "mujoco":
-            return build_model(path), None, {}
+            return Description(build_model(path))
         return read_mujoco(compile_mjcf(path), frames, str(path))
 
 

@@ -227,10 +227,10 @@ def test_what_a_file_says_is_mujocos(tmp_path, case):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (dog(leg=' stiffness="20" springref="10"'), "springs of joint 'FL_calf' and 3 more"),
-        (dog(leg=' damping="0.1 0.02"'), "damping that is not linear of joint 'FL_calf' and 3 more"),
-        (dog(sections=motors('damping="0.1 0.02"')), "damping that is not linear of joint 'FL_hip' and 11 more"),
-        (dog(sections=motors('delay="0.02" nsample="20"')), "delay of actuator 'FL_hip' and 11 more"),
+        (dog(leg=' stiffness="20" springref="10"'), r"springs of joint 'FL_calf' \(20 N·m/rad\) and 3 more"),
+        (dog(leg=' damping="0.1 0.02"'), r"damping that is not linear of joint 'FL_calf' \(0.02 N·m·s²/rad²\) and 3 more"),
+        (dog(sections=motors('damping="0.1 0.02"')), r"damping that is not linear of joint 'FL_hip' \(0.02 N·m·s²/rad²\) and 11 more"),
+        (dog(sections=motors('delay="0.02" nsample="20"')), r"delay of actuator 'FL_hip' \(0.02 s\) and 11 more"),
         (dog(sections=motors('dyntype="filter" dynprm="0.1"').replace("<motor", "<general")), "a state of its own of"),
         (dog(sections=tendon('stiffness="3"')), "tendon 'strap'"),
         (dog(sections=tendon('range="-1 1"')), "tendon 'strap'"),
@@ -238,7 +238,7 @@ def test_what_a_file_says_is_mujocos(tmp_path, case):
         (dog(('name="FL_hip" pos', 'gravcomp="1" name="FL_hip" pos')), "gravcomp of body 'FL_hip'"),
         (dog(sections='<option gravity="0 0 -3.71"/>'), r"gravity \[.* -3.71\] m/s²"),
         (dog(sections='<option gravity="0 0 -9.81"><flag gravity="disable"/></option>'), r"gravity \[0. 0. 0.\] m/s²"),
-        (dog(sections='<option density="1.2"/>'), "density of the option 'air'"),
+        (dog(sections='<option density="1.2"/>'), "air of density 1.2 kg/m³ and viscosity 0 Pa·s"),
         (dog(sections='<actuator><motor joint="FL_hip"/></actuator>'), "no actuator of joint 'FL_thigh' and 10 more"),
         (
             dog(
@@ -266,7 +266,7 @@ def test_what_no_rigid_tree_has_is_said(tmp_path, text, words):
     [
         (dog(('<freejoint name="root"/>', "")), "no free joint: its base is fixed"),
         (dog(('name="FL_calf" axis="0 1 0" range="-150 -20"', 'name="FL_calf" type="ball"')), "'FL_calf' is a ball"),
-        (dog(sections=tendon("") + '<equality><tendon tendon1="strap"/></equality>'), "constraint <tendon>: closed"),
+        (dog(sections=tendon("") + '<equality><tendon tendon1="strap"/></equality>'), "constraint <tendon> of the MuJoCo model holds the robot: closed"),
         (dog(sections='<equality><weld name="w" body1="FL_calf"/></equality>'), "constraint <weld> 'w'"),
         (dog(sections='<equality><connect site1="FL_foot" site2="FR_foot"/></equality>'), "<connect>"),
         (dog(sections='<equality><joint joint1="FL_calf" joint2="FR_calf"/></equality>'), "<joint>"),
