@@ -105,7 +105,6 @@ def _arrays(kind: str, given: Any, shapes: dict[str, tuple[int, ...]]) -> tuple[
 
 def as_array(name: str, value: Any, shape: tuple[int, ...]) -> Vector:
     """The array itself where kernels take it, otherwise a copy that they take."""
-    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == shape and value.flags.carray:
+    if type(value) is np.ndarray and value.dtype == FLOAT64 and value.shape == shape and value.flags.carray:
         return value
-    # An array that comes from a pickle has a type of its own, equal to float64: a view has this process's.
-    return checks.array(name, value, shape).view(FLOAT64)
+    return checks.array(name, value, shape)

@@ -180,18 +180,13 @@ def _part_of(
 ) -> _Array:
     """The part of an array, or of bytes."""
     whole = np.ndarray((len(owner),), np.uint8, owner) if isinstance(owner, bytearray) else owner
-    part: _Array = np.ndarray(shape, _known(dtype), whole, offset, strides)
+    part: _Array = np.ndarray(shape, _DTYPES.setdefault(dtype, dtype), whole, offset, strides)
     part.flags.writeable = writeable and whole.flags.writeable
     return part
 
 
 _DTYPES: dict[np.dtype[Any], np.dtype[Any]] = {}
-"""One object for equal types, which a call of a kernel compares at a glance."""
-
-
-def _known(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """The type that this process uses: a pickle brings an equal one."""
-    return _DTYPES.setdefault(dtype, dtype if dtype.names else np.dtype(dtype.str))
+"""One object for equal types of records, which a call of a kernel compares at a glance; a pickle brings others."""
 
 
 def _make(kind: type) -> Any:

@@ -446,3 +446,24 @@ def test_a_box_is_a_sole_by_its_own_name():
     pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
     corner = data.oMf[robot.frame_id("box_0")].translation
     np.testing.assert_allclose(corner, (0.12, 0.03, -0.66), atol=1e-12)
+
+
+def test_radii_of_spheres_are_the_robots():
+    """Around sites, geoms and bodies, also on a link above; none where a foot is flat, or a box, or touches nothing."""
+    two = (
+        f'<geom size="0.03" contype="0" conaffinity="0"/><geom size="0.01"/>{BOX}<site name="sole" pos="0 0 -0.005"/>'
+    )
+    for shapes, feet, radii in (
+        ('<geom size="0.02" pos="0 0 -0.05"/><site name="sole" pos="0 0 -0.05"/>', ("sole", "link2"), (0.02, 0.0)),
+        ('<body name="tip" pos="0 0 -0.1"><geom name="ball" size="0.04"/></body>', ("tip", "ball"), (0.04, 0.04)),
+        (two, ("sole", "box"), (0.01, 0.0)),
+        (BOX, ("link5",), (0.0,) * 4),
+    ):
+        robot = hp.load_robot(leg(shapes, joints=4 if "sole" in feet else 6), feet=feet)
+        assert robot.foot_radius == radii
+    dogs = hp.load_robot(mujoco.MjModel.from_xml_string(dog()), feet=FEET)
+    assert dogs.foot_radius == (0.02,) * 4
+    model = mujoco.MjModel.from_xml_string(dog(sections=motors("")))
+    np.testing.assert_array_equal(hp.MujocoBridge(model, dogs).foot_radius, dogs.foot_radius)
+    assert pickle.loads(pickle.dumps(dogs)).foot_radius == dogs.foot_radius
+    assert hp.load_harpy().foot_radius == (0.0, 0.0)

@@ -121,7 +121,7 @@ def _numbers(model: pin.Model, data: pin.Data, joints: Sequence[str]) -> dict[st
     moving = [model.joints[n] for n in numbers[1:]]
     place, column = [joint.idx_q for joint in moving], [joint.idx_v for joint in moving]
     ends = np.array([model.lowerPositionLimit[place], model.upperPositionLimit[place]])
-    endless = (np.abs(ends) > ENDLESS) | np.array([joint.nq > 1 for joint in moving])
+    endless = (np.abs(ends) > ENDLESS) | np.array([joint.nq > 1 for joint in moving], bool)
     lower, upper = np.where(endless, INFINITE, ends)
     return {
         "mass": [link.mass for link in links],
