@@ -132,7 +132,8 @@ class KeepsViews:
         slots = [name for kind in type(self).__mro__ for name in getattr(kind, "__slots__", ())]
         state = {name: getattr(self, name) for name in slots if name != "__weakref__" and hasattr(self, name)}
         state |= getattr(self, "__dict__", {})
-        return _make, (type(self),), {name: _packed(state[name]) for name in state.keys() - {*self._made_anew}}
+        kept = {name: _packed(state[name]) for name in state.keys() - {*self._made_anew}}
+        return object.__new__, (type(self),), kept
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
@@ -150,10 +151,6 @@ class _Part:
         owner = array.base if isinstance(array.base, bytearray) else array
         offset = int(part.__array_interface__["data"][0] - array.__array_interface__["data"][0])
         self._arguments: tuple[Any, ...] = (owner, part.dtype, part.shape, offset, part.strides, part.flags.writeable)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> _Array:
-        owner, *rest = self._arguments
-        return _part_of(deepcopy(owner, memo), *rest)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _part_of, self._arguments
@@ -188,7 +185,3 @@ def _part_of(
 _DTYPES: dict[np.dtype[Any], np.dtype[Any]] = {}
 """One object for equal types of records, which a call of a kernel compares at a glance; a pickle brings others."""
 
-
-def _make(kind: type) -> Any:
-    """An object without attributes, which :meth:`KeepsViews.__setstate__` then fills."""
-    return object.__new__(kind)
