@@ -184,4 +184,3 @@ def _part_of(
 
 _DTYPES: dict[np.dtype[Any], np.dtype[Any]] = {}
 """One object for equal types of records, which a call of a kernel compares at a glance; a pickle brings others."""
-

@@ -253,7 +253,7 @@ def _refuse(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) ->
 
 def refuse_loops(model: Any, bodies: NDArray[np.int64]) -> None:
     """Refuse an active equality constraint that holds one of these bodies."""
-    for number in np.flatnonzero(model.eq_active0):
+    for number in np.flatnonzero(model.eq_active0).tolist():
         kind = import_mujoco().mjtEq(model.eq_type[number]).name.removeprefix("mjEQ_").lower()
         if np.isin(_tied_bodies(model, number, kind), bodies).any():
             name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
@@ -394,7 +394,7 @@ def left_out(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -
     pulled = np.isin(np.arange(model.ntendon), model.actuator_trnid[model.actuator_trntype == TENDON, 0])
     for name in ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "armature", "limited"):
         pulled |= np.atleast_2d(getattr(model, f"tendon_{name}").T).any(axis=0)
-    tendons = [n for n in np.flatnonzero(pulled) if np.isin(tendon_bodies(model, n), bodies).any()]
+    tendons = [n for n in np.flatnonzero(pulled).tolist() if np.isin(tendon_bodies(model, n), bodies).any()]
     springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
     squares = drives @ (model.actuator_dampingpoly * model.actuator_gear[model.actuator_outadr, :1] ** 2)
     of_base = model.dof_jntid == free

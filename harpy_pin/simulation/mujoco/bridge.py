@@ -167,8 +167,7 @@ class MujocoBridge(Conventions):
         if not np.allclose(first.homogeneous, second.homogeneous, atol=1e-3):
             raise InputError("gyroscope and accelerometer of the MuJoCo model are apart", name="model")
         unit = Imu(
-            position=tuple(first.translation.tolist()),
-            orientation=tuple(pin.rpy.matrixToRpy(first.rotation).tolist()),
+            position=tuple(first.translation.tolist()), orientation=tuple(pin.rpy.matrixToRpy(first.rotation).tolist())
         )
         return unit, model.sensor_adr[found].tolist()
 
