@@ -9,7 +9,6 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +21,6 @@ from comparison.peers.peer_problem import OWN_SEARCH, Case
 from harpy_pin.compiled import compiler
 from harpy_pin.controllers import CondensedController, WholeBodyController
 from harpy_pin.model.state import State, Vector
-from harpy_pin.wbc.solvers import ProxQPSolver
 
 WholeBody = WholeBodyController | CondensedController
 
@@ -38,15 +36,12 @@ def contenders(case: Case) -> dict[str, Callable[[], WholeBody]]:
 
 
 def _by_proxqp(case: Case) -> WholeBodyController:
-    """The formulation and the scale of the objective with which ProxQP is fastest.
-
-    On soles ``input_space`` poses another program, and on ankles it is not exact. The weights of these programs are
-    scaled already.
+    """The formulation with which ProxQP is fastest; on soles ``input_space`` poses another program, and on ankles it is
+    not exact.
     """
     short = case.condensed and not case.gait.robot.flat_feet
-    formulation, scale = ("input_space", 1e-2) if short else ("full", 1.0)
-    parameters = replace(case.parameters, solver="proxqp", formulation=formulation)
-    return WholeBodyController(case.gait, parameters, solver=partial(ProxQPSolver, scale=scale))
+    formulation = "input_space" if short else "full"
+    return WholeBodyController(case.gait, replace(case.parameters, solver="proxqp", formulation=formulation))
 
 
 @dataclass(frozen=True)

@@ -87,6 +87,26 @@ typedef struct { object head; version *first; } caller;
 
 static void *array_type, *record_type;
 
+/* --- vector registers --- */
+#if defined(__x86_64__) && !defined(__AVX__)
+#include <cpuid.h>
+
+static bool has_avx;
+
+__attribute__((constructor)) static void ask_the_processor(void)
+{
+    unsigned a, b, c, d;
+    has_avx = __get_cpuid(1, &a, &b, &c, &d) && (c & bit_OSXSAVE) && (c & bit_AVX);
+}
+
+__attribute__((target("avx"))) static void clear_registers(void) { __builtin_ia32_vzeroupper(); }
+
+/* AVX code of others may leave the upper halves of vector registers set; each SSE instruction of a kernel then waits. */
+static void clear_upper_halves(void) { if (has_avx) clear_registers(); }
+#else
+static void clear_upper_halves(void) {}
+#endif
+
 /* Whether a size is as stated; of a name that is met first it is what the name stands for from now on. */
 static bool fits(int64_t stated, int64_t size, int64_t *symbols)
 {
@@ -198,6 +218,7 @@ static object *attempt(caller *self, object *arguments)
     version *v = find(self, arguments, slots);
     if (!v) return NULL;
     void *state = v->release ? PyEval_SaveThread() : NULL;
+    clear_upper_halves();
     v->entry(slots, results);
     if (v->release) PyEval_RestoreThread(state);
     return pack(v->results, results);
@@ -317,6 +338,7 @@ static object *call_chain(object *self, object *arguments, object *named)
     if (!(-c->longest < t && t < c->longest)) goto python;
     for (int64_t k = 0; k < c->samples; k++)
         if (!take(c->sample + k, c->type, state)) goto python;
+    clear_upper_halves();
     for (const link *l = c->first; l < c->first + c->links; l++) {
         slot results[MOST_RESULTS];
         results[0].whole = 0;

@@ -38,6 +38,7 @@ STATUS = {
     tick.SATURATED: "saturated",
     tick.INCONSISTENT: "readings contradict each other",
     tick.BACKWARDS: "time does not go on",
+    tick.GAP: "steps are missing",
 }
 """What :attr:`Estimator.status` says, by code."""
 
@@ -112,7 +113,7 @@ class Estimator(KeepsViews):
             armature they have besides is learned in swings, and counts as force of the ground before.
         imu: noise and place of the sensors.
         settings: the rest.
-        period: time between steps, s.
+        period: time at which steps are expected, s. Each goes on by the time that has passed.
         foot_radius: of round feet that roll, one for all or (feet,), m; by default what the robot's file says of them
             (:attr:`Robot.foot_radius`). Their centres are the robot's feet, which stand on level ground at height zero.
 
@@ -182,7 +183,7 @@ class Estimator(KeepsViews):
         for name in ("residual", "motion", "sums", "joint", "probability", "force"):
             c[name] = 0.0
         r["q"], r["v"] = q, v
-        r["begun"], r["status"] = 0, tick.NO_SAMPLE
+        r["begun"], r["status"], f["period"] = 0, tick.NO_SAMPLE, self.period
         r["same_in_a_row"] = r["late_in_a_row"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
@@ -194,7 +195,8 @@ class Estimator(KeepsViews):
         ``good``; ``no sample`` where one was missing, not a number or beyond 1e6; ``stuck gyroscope`` where it has said
         the same for 50 samples; ``saturated`` where the inertial unit is at its range; ``readings contradict each
         other`` where the innovations of the last half second or the biases are far beyond their covariance, as those
-        of a wrongly mounted unit are; ``time does not go on``. The estimate goes on in all of them, and is finite.
+        of a wrongly mounted unit are; ``time does not go on``; ``steps are missing`` where more than one and a half
+        periods have passed. The estimate goes on in all of them, and is finite.
         """
         return STATUS[int(self._record_["status"][0])]
 
@@ -295,6 +297,7 @@ def _record(
         foot_radius=radius,
         gyroscope_range=imu.gyroscope_range,
         accelerometer_range=imu.accelerometer_range,
+        period=period,
         t=np.nan,
         level=np.int64(1),
         q=pin.neutral(robot.model),

@@ -16,7 +16,7 @@ ERRORS = 15
 class FilterRecord(RecordOf):
     """The invariant extended Kalman filter; vectors are in world axes unless said otherwise."""
 
-    period: float  # s
+    period: float  # since the last step, s
     gravity: Vector  # (3,) m/s²
     gyroscope_density: float  # white noise, rad/s/√Hz
     accelerometer_density: float  # m/s²/√Hz
@@ -87,6 +87,7 @@ class EstimatorRecord(RecordOf):
     foot_radius: Vector  # (feet,) of round feet, m
     gyroscope_range: float  # rad/s
     accelerometer_range: float  # m/s²
+    period: float  # at which steps are expected, s
     t: float  # of the last step, s; NaN before the first
     level: int  # 1 where the first sample says how the body is tilted
     begun: int = ZERO  # 1 from the first good sample on
@@ -98,6 +99,7 @@ class EstimatorRecord(RecordOf):
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
     raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s
     raw_acceleration: Vector = sized(3)  # of the last good sample, body axes, m/s²
+    before: Vector = sized(6)  # both, of the sample before
     angular_acceleration: Vector = sized(3)  # body axes, rad/s²
     q: Vector  # (nq,) the estimate
     v: Vector = sized("nv")

@@ -12,7 +12,7 @@ from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
-GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS = 0, 1, 2, 3, 4, 5
+GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
@@ -25,6 +25,10 @@ BIASED, SHAKEN = 8.0, 12.0
 that shake the robot and creep look like up to ten of an accelerometer."""
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
+LEAST = 0.05
+"""Share of a period that the time must have gone on by."""
+EXACT = 1e-6
+"""Share of a period by which clocks of simulations are off: their periods are exact."""
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
 MAX_ACCELERATION = 1e4
@@ -67,13 +71,19 @@ def estimate(
         return NO_SAMPLE
     periods = 1.0
     if e.begun != 0:
-        periods = np.floor((t - e.t) / e.filter.period + 0.5)
-        if periods < 1.0:
+        elapsed = t - e.t
+        if elapsed < LEAST * e.period:
             e.late_in_a_row += 1
             if e.late_in_a_row > HOLD_TICKS:  # the clock was set back
                 e.t, e.late_in_a_row = t, 0
             e.status = BACKWARDS
             return BACKWARDS
+        elapsed = min(elapsed, MOST_PERIODS * e.period)
+        periods = max(np.floor(elapsed / e.period + 0.5), 1.0)
+        exact = abs(elapsed - periods * e.period) <= EXACT * e.period
+        e.filter.period = periods * e.period if exact else elapsed
+    for i in range(3):
+        e.before[i], e.before[3 + i] = e.raw_angular_velocity[i], e.raw_acceleration[i]
     unit = _read_unit(e, gyroscope, accelerometer)
     if e.begun == 0 and not unit:
         e.status = NO_SAMPLE
@@ -84,8 +94,7 @@ def estimate(
     if e.begun == 0:
         _begin(e)
     else:
-        for _ in range(int(min(periods, MOST_PERIODS))):
-            _predict(e)
+        _predict_all(e, periods)
         if e.saturated or not unit:
             _doubt(e)
         _body_state(e)
@@ -101,7 +110,7 @@ def estimate(
         contact_probability(e.contact, e.dynamics, stance, phase, ground_height)
         _use_feet(e)
     _write_state(e)
-    e.status = _status(e, unit and legs)
+    e.status = _status(e, unit and legs, periods)
     return e.status
 
 
@@ -176,13 +185,27 @@ def _place_joints(e: EstimatorRecord, position: Vector, velocity: Vector) -> Non
 
 
 @kernel
-def _predict(e: EstimatorRecord) -> None:
-    """Go on by a period; with the last sample of the inertial unit where there is no new one."""
+def _predict_all(e: EstimatorRecord, periods: float) -> None:
+    """Go on to the time of the readings, by pieces of about a period: the samples that are missing lie on a line."""
+    f = e.filter
+    elapsed = f.period
+    f.period = elapsed / periods
+    for n in range(int(periods)):
+        _predict(e, (n + 1.0) / periods)
+    f.period = elapsed
+
+
+@kernel
+def _predict(e: EstimatorRecord, share: float) -> None:
+    """Go on by a period, with the sample at that share of the way from the last one to the new one."""
     f, rolling = e.filter, np.zeros((e.foot_velocity.shape[0], 3))
     acceleration = np.empty(3)
     for i in range(3):
-        e.angular_velocity[i] = e.raw_angular_velocity[i] - f.gyroscope_bias[i]
-        acceleration[i] = e.raw_acceleration[i] - f.accelerometer_bias[i]
+        back = 1.0 - share
+        w = e.raw_angular_velocity[i] + back * (e.before[i] - e.raw_angular_velocity[i])
+        a = e.raw_acceleration[i] + back * (e.before[3 + i] - e.raw_acceleration[i])
+        e.angular_velocity[i] = w - f.gyroscope_bias[i]
+        acceleration[i] = a - f.accelerometer_bias[i]
     for k in range(e.foot_radius.shape[0]):
         if e.foot_radius[k] > 0.0 and f.held[k] != 0:
             _roll(e, k, rolling[k])
@@ -327,7 +350,7 @@ def _write_state(e: EstimatorRecord) -> None:
 
 
 @kernel
-def _status(e: EstimatorRecord, good: bool) -> int:
+def _status(e: EstimatorRecord, good: bool, periods: float) -> int:
     """What is to be said of this step."""
     if not good:
         return NO_SAMPLE
@@ -340,4 +363,6 @@ def _status(e: EstimatorRecord, good: bool) -> int:
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
         consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
-    return GOOD if consistent else INCONSISTENT
+    if not consistent:
+        return INCONSISTENT
+    return GAP if periods > 1.0 else GOOD

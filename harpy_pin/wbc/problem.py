@@ -120,6 +120,7 @@ class WholeBodyProblem(KeepsViews):
             **problem_values(robot, self.weights, self.limits),
         )
         self.program, self.terms = self._allocate()
+        self.program.largest_weight = max(asdict(w).values())
 
     @property
     def thrust_bounds(self) -> tuple[Vector, Vector]:

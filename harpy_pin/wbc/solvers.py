@@ -27,6 +27,9 @@ from harpy_pin.wbc.program import QPSolver, QPStatus, QuadraticProgram
 MAX_STEPS = 1_000_000
 """Largest bound on the iterations of a solver."""
 
+ROUNDING = 5e-15
+"""Relative residual that rounding alone can leave: of sums of some tens of terms."""
+
 OUTCOMES = {
     **dict.fromkeys(("PIQP_SOLVED", "OSQP_SOLVED", "Solved"), QPStatus.SOLVED),
     **dict.fromkeys(("PIQP_MAX_ITER_REACHED", "OSQP_MAX_ITER_REACHED"), QPStatus.MAX_ITERATIONS),
@@ -98,9 +101,12 @@ class ProxQPSolver(PackageSolver):
     pushed; against exact active-set methods. Taken is what was fastest with torques within 1 mN·m of the optimum.
 
     - **Scale of the objective.** ProxQP adds its proximal term, ``rho`` = 1e-6, to a Hessian whose smallest eigenvalue
-      is 3e-4 for Harpy and 2e-8 for Talos. There it does not end: all of Talos's and G1's programs went to the dual
-      method. With the objective times 1,000 none did, and Harpy's solves take as long or less. A smaller ``rho``
-      instead leaves errors of 0.01 to 0.1 N·m.
+      is 3e-4 for Harpy and 1e-8 for Talos. There it does not end: all of Talos's and G1's programs went to the dual
+      method. With a largest weight of 1,000 none did, and Harpy's solves take as long or less. A smaller ``rho``
+      instead leaves errors of 0.01 to 0.1 N·m. A common factor on all weights changes nothing.
+    - **Rounding.** The gradient of the scaled objective adds up terms of 1e10 where G1 stands on stiff legs. Rounding
+      alone is then above the tolerance, and 144 of 150 programs did not end. With a relative tolerance of some tens of
+      roundings all do. One of 1e-14 lets rare ticks end 0.2 N away from the optimum.
     - **Gap and tolerance.** The objective is flat in some directions: without a gap, or with residuals ten times as
       large, rare ticks are 0.005 to 1 N·m away from the optimum. Without a gap ProxQP calls points solved whose
       multipliers do not belong to the active constraints.
@@ -121,9 +127,9 @@ class ProxQPSolver(PackageSolver):
 
     Args:
         program: gives the sizes.
-        scale: factor on the objective.
+        scale: largest weight of the scaled objective.
         tolerance: absolute residual of the constraints, in their units, and of the stationarity of the scaled program,
-            at which a solve ends.
+            at which a solve ends; rounding is added to it.
         gap: absolute duality gap of the scaled program at which a solve ends; None does not ask for any.
         max_iterations: of the outer loop; an infeasible program may never end by itself.
         inner_iterations: of each inner loop. Feasible programs of walks need less than 100 steps of both together.
@@ -163,10 +169,10 @@ class ProxQPSolver(PackageSolver):
         proxqp, dense = self.library.proxqp, self.library.proxqp.dense
         self._qp = dense.QP(*self._shape, dense_backend=dense.DenseBackend.PrimalDualLDLT)
         settings, (tolerance, gap, *most) = self._qp.settings, self._settings
-        settings.eps_abs, settings.eps_rel = tolerance, 0.0
+        settings.eps_abs, settings.eps_rel = tolerance, ROUNDING
         settings.check_duality_gap = gap is not None
         if gap is not None:
-            settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = gap, 0.0
+            settings.eps_duality_gap_abs, settings.eps_duality_gap_rel = gap, ROUNDING
         settings.max_iter, settings.max_iter_in = most
         settings.initial_guess = proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
         self._started = False
@@ -174,10 +180,10 @@ class ProxQPSolver(PackageSolver):
     def prepare(self, program: QuadraticProgram) -> None:
         """See :meth:`QPSolver.prepare`."""
         super().prepare(program)
-        write_scaled.prepare(program._record_, self.scale, self._record_)
+        write_scaled.prepare(program._record_, self.scale / program.largest_weight, self._record_)
 
     def _solve(self, program: QuadraticProgram) -> QPStatus:
-        write_scaled(program._record_, self.scale, self._record_)
+        write_scaled(program._record_, self.scale / program.largest_weight, self._record_)
         warm = self._started and self.solution.status is QPStatus.SOLVED
         self._started = True
         status = self._attempt(program, warm=warm)

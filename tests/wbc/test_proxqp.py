@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from walks import states_of, walked
 from whole_body_oracle import ROBOT
 
 import harpy_pin as hp
+from harpy_pin.controllers import WholeBodyParameters
 from harpy_pin.model.record import make_record
 from harpy_pin.wbc import QPStatus, QuadraticProgram, make_solver
 from harpy_pin.wbc.solvers import ProxQPSolver, ScaledProgramRecord, write_scaled
@@ -96,6 +98,21 @@ def test_walks_are_those_of_the_own_search() -> None:
     assert (np.abs(runs[1]["torque"]) > 0.3 * ROBOT.torque_limit - 1e-6).any(axis=1).sum() > 50
     np.testing.assert_allclose(runs[0]["q"], runs[1]["q"], rtol=0, atol=1e-6)
     assert hp.measure(runs[0]).solver_fallbacks == hp.measure(runs[0]).solver_failures == 0
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("name", ["go2", "g1"])
+def test_robots_stand_without_a_fallback_whatever_the_unit_of_the_weights(name: str, factor: float) -> None:
+    """The robots' own weights times a common factor; torques are those of DAQP within 1 mN·m."""
+    gait = hp.Standing(hp.load_robot(name))
+    w = WholeBodyParameters.for_gait(gait).weights
+    weights = {task: factor * weight for task, weight in asdict(w).items()}
+    made = {s: hp.make_controller("wbc", gait, mu=0.6, weights=weights, solver=s) for s in ("proxqp", "daqp")}
+    run = hp.walk(hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.6), duration=0.1), gait=gait)
+    for state in states_of(run):
+        commands = [controller.step(state) for controller in made.values()]
+        np.testing.assert_allclose(commands[0].torque, commands[1].torque, rtol=0, atol=1e-3)
+    assert made["proxqp"].fallbacks == 0
 
 
 def test_where_proxqp_does_not_finish_the_dual_method_follows_and_is_counted() -> None:

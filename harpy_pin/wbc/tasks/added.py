@@ -256,9 +256,10 @@ class AddedTasks(KeepsViews):
         self._rows, self._offset = np.zeros((row, n)), np.zeros(row)
         if limited:
             self._limited = np.concatenate((self._limited, np.arange(first, row)))
-            bounded = self.program.bounded
-            inequalities = rows - bounded + size
-            self.program = QuadraticProgram(n, equalities=equalities, inequalities=inequalities, bounded=bounded)
+            bounded, weight = self.program.bounded, self.program.largest_weight
+            self.program = QuadraticProgram(
+                n, equalities=equalities, inequalities=rows - bounded + size, bounded=bounded, largest_weight=weight
+            )
 
 
 def _rows(task: Task, dynamics: Dynamics, state: State) -> tuple[Vector, Vector]:
