@@ -146,6 +146,8 @@ FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 JOINTS = tuple(f"{leg}_{part}" for leg in ("FL", "FR", "RL", "RR") for part in ("hip", "thigh", "calf"))
 PAYLOAD = '<inertial pos="0 0 0" mass="{}" diaginertia="0.01 0.01 0.01"/>'
 BALL = '<body name="ball" pos="1 0 1"><freejoint/><geom size="0.1"/></body>'
+CLOTH = '<body name="sheet" pos="3 0 1"><flexcomp name="c" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2">'
+CLOTH += '<edge equality="true"/></flexcomp></body>'
 HOME = (0.0, 0.8, -1.6) * 4
 KEY = " ".join(str(x) for x in (0, 0, 0.3, 1, 0, 0, 0, *HOME))
 
@@ -203,6 +205,12 @@ LIKE_MUJOCO = {
         ("</worldbody>", f"{BALL}</worldbody>"), sections='<equality><weld body1="ball"/></equality>'
     ),
     "tendon that measures": dog(sections=tendon("")),
+    "a tendon elsewhere": dog(
+        ("</worldbody>", '<body name="door"><joint name="d"/><geom size="0.1"/></body></worldbody>'),
+        sections='<tendon><fixed name="t" stiffness="3"><joint joint="d" coef="1"/></fixed></tendon>'
+        '<equality><tendon tendon1="t"/></equality>',
+    ),
+    "a cloth elsewhere": dog(("</worldbody>", f"{CLOTH}</worldbody>")),
 }
 
 

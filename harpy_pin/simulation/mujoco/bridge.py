@@ -67,8 +67,8 @@ class MujocoBridge(Conventions):
         foot_radius: (feet,) of the spheres around the feet's points, m; 0 where there is none.
 
     Raises:
-        InputError: MuJoCo is not installed, or the model is another robot's: without its joints, with closed loops, or
-            with actuators that are missing or not supported.
+        InputError: MuJoCo is not installed, or the model is another robot's: without its joints, with closed loops that
+            are active in it, or with actuators that are missing or not supported.
     """
 
     @checked
@@ -94,10 +94,11 @@ class MujocoBridge(Conventions):
     def differences(self) -> str:
         """What the model has otherwise than the robot, as it is now, one line each; empty where they agree.
 
-        Compared are masses, centres and inertias of the links, places and axes of the joints with all angles at zero,
-        their ends, armature, damping, dry friction and largest torques. Named is what the robot has not: gravity of
-        another size, springs, weights that are compensated, air, tendons, actuators with a delay or whose range of
-        control cuts torques off, contacts with a margin, trees that sleep, and solvers that are wrong.
+        What the model's options disable has no effect, and is left out. Compared are masses, centres and inertias of
+        the links, places and axes of the joints with all angles at zero, their ends, armature, damping, dry friction
+        and largest torques. Named is what the robot has not: gravity of another size, springs, weights that are
+        compensated, air, tendons, actuators with a delay or whose range of control cuts torques off, contacts with a
+        margin, trees that sleep, and solvers that are wrong.
         """
         here = AtZero(self._mujoco, self.model, self.robot, self.joints, self.free)
         return differences(here, self._record["link"][0], self._actuators)
