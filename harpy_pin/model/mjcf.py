@@ -29,6 +29,7 @@ from harpy_pin.model.urdf import check_bodies, robot_errors
 FREE, BALL, SLIDE, HINGE = range(4)  # ``mujoco.mjtJoint``
 JOINT_IN_PARENT, TENDON = 1, 3  # ``mujoco.mjtTrn``; a joint's own is 0
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
+MAX_GROUP = 30  # last group of actuators that the option can disable
 UNNAMED = "MuJoCo Model"
 """Name of a model whose file gives none."""
 SWITCHED = {
@@ -206,8 +207,8 @@ def in_effect(model: Any) -> Any:
 
 def enabled_actuators(model: Any) -> NDArray[np.bool_]:
     """(actuators,) whether they act. The armature and damping of one that does not still count."""
-    groups = np.maximum(model.actuator_group, 0)
-    return np.asarray((model.opt.disableactuator >> groups & 1 == 0) & ("actuation" not in disabled(model)))
+    off = [1 << group & model.opt.disableactuator if 0 <= group <= MAX_GROUP else 0 for group in model.actuator_group]
+    return ~np.array(off, bool) & ("actuation" not in disabled(model))
 
 
 def _robot_bodies(model: Any, frames: Sequence[str]) -> NDArray[np.int64]:

@@ -497,3 +497,5 @@ def test_radii_of_spheres_are_the_robots():
     np.testing.assert_array_equal(hp.MujocoBridge(model, dogs).foot_radius, dogs.foot_radius)
     assert pickle.loads(pickle.dumps(dogs)).foot_radius == dogs.foot_radius
     assert hp.load_harpy().foot_radius == (0.0, 0.0)
+    np.testing.assert_array_equal(hp.Estimator(dogs).record["foot_radius"][0], 0.02)
+    np.testing.assert_array_equal(hp.Estimator(dogs, foot_radius=0.0).record["foot_radius"][0], 0.0)

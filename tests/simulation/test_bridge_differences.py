@@ -8,6 +8,7 @@ from own_models import described
 
 import harpy_pin as hp
 from harpy_pin import InputError, MujocoBridge
+from harpy_pin.model.mjcf import enabled_actuators
 from harpy_pin.simulation.mujoco.differences import WRONG_IF_SPARSE
 
 pytestmark = needs_robots
@@ -267,6 +268,18 @@ def test_actuators_that_are_disabled_delay_nothing(go2):
     assert "delay" not in bridge.differences
     model.opt.disableactuator = 0
     assert "delay" in bridge.differences
+
+
+@pytest.mark.parametrize("group", [-1, 0, 1, 2, 30, 31, 40])
+def test_groups_of_actuators_are_disabled_as_in_mujoco(go2, group):
+    model = changed(go2, lambda spec: give(spec.actuators[2], group=group)).model
+    model.opt.disableactuator = 1 << 2 | 1 << 30 | 1
+    data = mujoco.MjData(model)
+    data.ctrl[:] = 1.0
+    mujoco.mj_forward(model, data)
+    acts = data.qfrc_actuator[model.jnt_dofadr[model.actuator_trnid[:, 0]]] != 0.0
+    np.testing.assert_array_equal(enabled_actuators(model), acts)
+    assert acts[2] == (group in (-1, 1, 31, 40))
 
 
 def test_a_weld_that_is_not_active_is_none(go2):
