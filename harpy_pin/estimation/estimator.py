@@ -115,8 +115,8 @@ class Estimator(KeepsViews):
         imu: noise and place of the sensors.
         settings: the rest.
         period: time at which steps are expected, s. Each goes on by the time that has passed.
-        foot_radius: of round feet that roll, one for all or (feet,), m. Their centres are the robot's feet, which stand
-            on level ground at height zero.
+        foot_radius: of round feet that roll, one for all or (feet,), m; by default what the robot's file says of them
+            (:attr:`Robot.foot_radius`). Their centres are the robot's feet, which stand on level ground at height zero.
 
     Attributes:
         record: all that the kernels know.
@@ -133,13 +133,14 @@ class Estimator(KeepsViews):
         *,
         settings: EstimatorSettings | None = None,
         period: float = 1e-3,
-        foot_radius: ArrayLike = 0.0,
+        foot_radius: ArrayLike | None = None,
     ) -> None:
         self.robot, self.period = robot, checks.number("period", period, low=0.0, strict=True)
         self.imu = Imu() if imu is None else checks.instance("imu", imu, Imu)
         self.settings = EstimatorSettings() if settings is None else settings
         checks.instance("settings", self.settings, EstimatorSettings)
         feet = len(robot.feet)
+        foot_radius = robot.foot_radius if foot_radius is None else foot_radius
         radius = np.full(feet, foot_radius) if np.ndim(foot_radius) == 0 else foot_radius
         self.record = _record(robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet))
         self.probability: Vector = field(self._record_["contact"], "probability")
