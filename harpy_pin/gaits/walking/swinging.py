@@ -44,6 +44,7 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
     m = p.measured
     x, y, z = flat_place(p, k)
     p.in_air[k] = 1.0
+    m.load[k] = 0.0  # of its stance: at few ticks a step that would look like a touchdown
     p.lifted_at[k] = z
     p.swing[k] = 0.0
     p.lift[k] = 0.0
