@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 LEG_OF_SOLE = 6
 """Joints of a leg that can hold a sole level."""
+FOUND = "auto"
+"""Soles whose sizes the file says."""
 HUB = 1e-3
 """Distance from the axis of an endless joint within which a foot is the hub of a wheel, m."""
 ROBOTS = "harpy (by default), a robot that `harpy robots` lists, or a URDF or MJCF file with --feet."
@@ -31,7 +33,8 @@ FeetOption = Annotated[
     typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a URDF or MJCF file, or '*_foot'."),
 ]
 FlatFeetOption = Annotated[
-    str | None, typer.Option("--flat-feet", metavar="LxW[@X,Y,Z]", help="The feet are soles: sides, and middle, m.")
+    str | None,
+    typer.Option("--flat-feet", metavar="auto|LxW[@X,Y,Z]", help="The feet are soles, of the file, or sides, m."),
 ]
 PostureOption = Annotated[
     str | None, typer.Option("--posture", metavar="RAD,...", help="Standing angles, of all joints or of one leg.")
@@ -72,10 +75,13 @@ def read_robot_options(robot: str, feet: str | None, posture: str | None, flat_f
     if frames is not None and any(set("*?[") & set(name) for name in frames):
         model = load_robot(robot, feet=()).model
         frames = [name for pattern in frames for name in _matching(model, pattern)]
-    if flat_feet is not None and frames is None and (listed := catalogue_robot(robot)):
+    if flat_feet not in (None, FOUND) and frames is None and (listed := catalogue_robot(robot)):
         frames = list(listed.feet)
-    flat = None if flat_feet is None else dict.fromkeys(frames or (), _sole(flat_feet))
+    flat = None if flat_feet in (None, FOUND) else dict.fromkeys(frames or (), _sole(flat_feet))
     known = load_robot(robot, feet=frames, flat_feet=flat)
+    if flat_feet == FOUND and not known.flat_feet:
+        flat = _soles_of(known)
+        known = load_robot(robot, feet=frames, flat_feet=flat)
     for line in _notes(known):
         stderr.print(line, soft_wrap=True)
     if not angles:
@@ -95,6 +101,17 @@ def _matching(model: Any, pattern: str) -> list[str]:
     return [pattern]
 
 
+def _soles_of(robot: Robot) -> dict[str, FlatFoot]:
+    """The soles that a robot's file says."""
+    from harpy_pin.model.urdf import find_soles
+
+    soles = {} if robot.urdf is None else find_soles(robot.urdf, robot.model, robot.feet)
+    if not soles:
+        message = f"--flat-feet auto finds no box, capsule or several spheres under {', '.join(robot.feet)}"
+        raise InputError(f"{message} behind five joints or more: give its size, such as 0.2x0.09", name="flat_feet")
+    return soles
+
+
 def _sole(text: str) -> FlatFoot:
     """A flat foot from ``LxW`` or ``LxW@X,Y,Z``."""
     from harpy_pin.model.flat_foot import FlatFoot
@@ -104,7 +121,7 @@ def _sole(text: str) -> FlatFoot:
         length, width = (float(side) for side in sides.split("x"))
         x, y, z = (float(part) for part in (centre or "0,0,0").split(","))
     except ValueError:
-        message = f"--flat-feet must look like 0.2x0.09 or 0.2x0.09@0.03,0,-0.05 (m), got '{text}'"
+        message = f"--flat-feet must be auto, or look like 0.2x0.09 or 0.2x0.09@0.03,0,-0.05 (m), got '{text}'"
         raise InputError(message, name="flat_feet", value=text) from None
     return FlatFoot(length=length, width=width, centre=(x, y, z))
 
@@ -125,7 +142,7 @@ def _notes(robot: Robot) -> Iterator[str]:
         yield f"{', '.join(wheels)} on joints that turn without end: wheels do not roll here, they are feet"
     legs = [foot for foot, joint in joints.items() if len(model.supports[joint]) - 2 == LEG_OF_SOLE]
     if legs and not robot.flat_feet and not wheels:
-        yield f"{', '.join(legs)} behind six joints, taken as points: for soles give --flat-feet, such as 0.2x0.09"
+        yield f"{', '.join(legs)} behind six joints, taken as points: for soles give --flat-feet auto, or 0.2x0.09"
 
 
 def read_scenario(

@@ -13,9 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import kernel
@@ -25,6 +27,13 @@ from harpy_pin.model.state import Vector
 LARGEST = 10.0  # longest side of a flat foot, m
 MIN_SPREAD = 1e-3
 """Least spread of the corners in their narrower direction, root mean square, m: less is a line, which turns freely."""
+
+SOLE_JOINTS = 5
+"""Least number of joints of a leg whose foot is found to be flat: fewer cannot keep it level."""
+UPRIGHT = 0.99
+"""Least cosine of the angle between the z axis of a sole's frame and the vertical."""
+SOLE_DEPTH, SOLE_SIDE = 5e-3, 1e-2
+"""How far above the lowest end of a foot's shapes an end of a sole is, m, and the least side of a sole, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +65,40 @@ class FlatFoot:
         """Places of the corners in the frame, in the order of their names, m."""
         x, y, z = self.centre
         return [(x + 0.5 * a * self.length, y + 0.5 * b * self.width, z) for a in (1, -1) for b in (1, -1)]
+
+
+def may_be_flat(model: pin.Model, q: Vector, names: Sequence[str]) -> list[str]:
+    """Those of these frames whose leg can hold a sole level, and which point up in the configuration q (nq,)."""
+    data, found = model.createData(), []
+    pin.framesForwardKinematics(model, data, q)
+    for name in names:
+        number = model.getFrameId(name)
+        joints = len(model.supports[model.frames[number].parentJoint]) - 2
+        if joints >= SOLE_JOINTS and data.oMf[number].rotation[2, 2] > UPRIGHT:
+            found.append(name)
+    return found
+
+
+def ends_of(place: pin.SE3, reach: ArrayLike, radius: float = 0.0) -> list[Vector]:
+    """Ends of a shape in the frame of a foot, m, each as low as the shape is there.
+
+    Args:
+        place: of the shape in that frame.
+        reach: (3,) half sides of a box, or half the axis of a capsule, (0, 0, l), m; zero of a sphere.
+        radius: of a capsule or sphere, m.
+    """
+    return [place.act(np.multiply(reach, sign)) - (0.0, 0.0, radius) for sign in product((-1.0, 1.0), repeat=3)]
+
+
+def sole_around(ends: Sequence[Vector]) -> FlatFoot | None:
+    """The rectangle around the lowest ends of a foot's shapes, each (3,), in its frame; None for a point or a line."""
+    points = np.array(ends).reshape(-1, 3)
+    points = points[points[:, 2] < points[:, 2].min(initial=np.inf) + SOLE_DEPTH]
+    low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+    if min(high[:2] - low[:2]) < SOLE_SIDE:
+        return None
+    x, y, _ = 0.5 * (low + high)
+    return FlatFoot(length=high[0] - low[0], width=high[1] - low[1], centre=(x, y, low[2]))
 
 
 def add_flat_feet(

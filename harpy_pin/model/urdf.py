@@ -17,6 +17,8 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError, shown
+from harpy_pin.model.flat_foot import FlatFoot, ends_of, may_be_flat, sole_around
+from harpy_pin.model.state import Vector
 
 _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
@@ -330,6 +332,53 @@ def _check_joint(joint: ElementTree.Element) -> None:
         raise InputError(f"joint '{name}' has no <limit>")
     upper, lower = float(limit.get("upper", "0")), float(limit.get("lower", "0"))
     checks.number(f"upper limit of joint '{name}'", upper, low=lower)
+
+
+def find_soles(path: Path, model: pin.Model, feet: Sequence[str]) -> dict[str, FlatFoot]:
+    """The flat ones of some feet: rectangles around the lowest ends of what collides of their links in a URDF.
+
+    These are boxes, capsules, cylinders and spheres, also of links that are fixed to the foot's. As of an MJCF file,
+    such a leg has five joints at least, and with all angles at zero the z axis of the foot's frame points up.
+
+    Args:
+        path: of the URDF.
+        model: of it.
+        feet: names of frames.
+
+    Raises:
+        RobotError: the file cannot be read.
+    """
+    shapes = []
+    with robot_errors(path, "a URDF"):
+        for link in read_xml(path).iter("link"):
+            frame = model.frames[model.getFrameId(link.get("name", ""), pin.FrameType.BODY)]
+            for collision in link.findall("collision"):
+                place = frame.placement * _origin(collision)
+                shapes += [(frame.parentJoint, place, *known) for known in _ends_in(collision)]
+    soles = {}
+    for name in may_be_flat(model, pin.neutral(model), feet):
+        frame, ends = model.frames[model.getFrameId(name)], []
+        for joint, place, reach, radius in shapes:
+            if joint == frame.parentJoint:
+                ends += ends_of(frame.placement.actInv(place), reach, radius)
+        soles[name] = sole_around(ends)
+    return {name: sole for name, sole in soles.items() if sole is not None}
+
+
+def _origin(element: ElementTree.Element) -> pin.SE3:
+    """Where a shape of a link is in its frame."""
+    origin = element.find("origin")
+    x, y = ((origin.get(name, "0 0 0") if origin is not None else "0 0 0").split() for name in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(*map(float, y)), np.array([float(part) for part in x]))
+
+
+def _ends_in(collision: ElementTree.Element) -> Iterator[tuple[Vector, float]]:
+    """Reach and radius, as :func:`harpy_pin.model.flat_foot.ends_of` takes them, of a shape that has them."""
+    for box in collision.iterfind("geometry/box"):
+        yield 0.5 * np.array([float(part) for part in box.get("size", "").split()]), 0.0
+    for kind in ("sphere", "cylinder", "capsule"):
+        for shape in collision.iterfind(f"geometry/{kind}"):
+            yield np.array((0.0, 0.0, 0.5 * float(shape.get("length", "0")))), float(shape.get("radius", ""))
 
 
 def check_bodies(model: pin.Model) -> None:
