@@ -21,8 +21,7 @@ from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
 
 FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
-"""Ticks of a step from which on walks on more than two feet, and on two, stand at any period
-(docs/walking.md)."""
+"""Ticks of a step, on more than two feet and on two, from which on walks of thirteen robots stood."""
 
 
 def tasks_record(
@@ -97,7 +96,7 @@ class TaskController(GaitController):
         fewest = FEWEST_TICKS if len(self.robot.corners) > 2 else FEWEST_ON_TWO
         if ticks < fewest:
             period = self.gait.step_duration / fewest
-            message = f"a step of '{self.robot.name}' has {ticks:.1f} ticks of {p.period:g} s"
+            message = f"'{self.robot.name}' has {ticks:.1f} ticks of {p.period:g} s in a step"
             warnings.warn(f"{message} and may fall: take a period of {period:.2g} s at most", stacklevel=4)
 
     def _begin_tasks(self, kind: type[TasksRecord], with_targets: type[TasksRecord], **parts: ArrayLike) -> None:

@@ -3,6 +3,7 @@ differences, touchdowns as they happen."""
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
 
 import numpy as np
@@ -246,6 +247,24 @@ def test_an_acceleration_that_is_held_brings_a_swing_foot_to_its_next_velocity(n
             seen += 1
         before, t = (velocity.copy(), acceleration.copy(), swings.copy()), t + h
         state = made_state(gait, force=0.0) if swings.any() else state
+
+
+@needs_robots
+def test_a_stance_foot_that_moves_is_at_rest_after_a_long_tick_and_too_few_ticks_are_said():
+    gait = hp.WalkingGait(hp.load_robot("solo12"))
+    state = made_state(gait, force=6.0)
+    state.v[0] = 0.1
+    for period, rate in ((1e-3, 200.0), (5e-3, 200.0), (0.02, 50.0)):  # at most 1 / period: no foot turns back
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            controller = hp.make_controller("condensed", gait, mu=0.6, period=period)
+        controller.step(state)
+        np.testing.assert_allclose(controller.targets.feet, np.tile((-0.1 * rate, 0.0, 0.0), (4, 1)), atol=1e-9)
+        assert [str(warning.message) for warning in said] == (
+            ["'solo12' has 7.5 ticks of 0.02 s in a step and may fall: take a period of 0.019 s at most"]
+            if period == 0.02
+            else []
+        )
 
 
 @needs_robots
