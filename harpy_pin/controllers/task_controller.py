@@ -21,7 +21,8 @@ from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
 
 FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
-"""Ticks of a step, on more than two feet and on two, from which on walks of thirteen robots stood."""
+"""Ticks of a step, on more than two feet and on two, from which on eleven robots of twelve stood in the
+compliant plant, at any period."""
 
 
 def tasks_record(
