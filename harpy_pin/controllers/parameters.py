@@ -135,7 +135,8 @@ class WholeBodyParameters:
         orientation: (k_p, k_d) of its orientation, 1/s² and 1/s.
         swing: (k_p, k_d) of a swing foot, 1/s² and 1/s.
         posture: (k_p, k_d) of the joints, 1/s² and 1/s.
-        contact_damping: of the velocity of a stance foot, 1/s.
+        contact_damping: of the velocity of a stance foot, 1/s. At most 1 / period counts: with more a command that is
+            held would turn the velocity round.
         min_normal_force: f_min of a stance foot, N.
         max_normal_force: f_max, N.
         contact_threshold: measured normal force that counts as contact, N.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,10 @@ from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.wbc.tasks.built_in import joint_weights
 from harpy_pin.wbc.weights import WholeBodyTargets, targets_record
 
+FEWEST_TICKS, FEWEST_ON_TWO = 8, 20
+"""Ticks of a step, on more than two feet and on two, from which on eleven robots of twelve stood in the
+compliant plant, at any period."""
+
 
 def tasks_record(
     gait: FullGait, parameters: WholeBodyParameters, kind: type[TasksRecord] = TasksRecord, **parts: ArrayLike
@@ -34,7 +39,7 @@ def tasks_record(
         orientation=p.orientation,
         swing=p.swing,
         posture=p.posture,
-        contact_damping=p.contact_damping,
+        contact_damping=min(p.contact_damping, 1.0 / p.period),
         min_normal_force=p.min_normal_force,
         max_normal_force=p.max_normal_force,
         contact_threshold=p.contact_threshold,
@@ -88,6 +93,12 @@ class TaskController(GaitController):
         expect_friction = getattr(self.gait, "expect_friction", None)
         if expect_friction is not None:
             expect_friction(p.limits.mu)
+        ticks = self.gait.step_duration / p.period
+        fewest = FEWEST_TICKS if len(self.robot.corners) > 2 else FEWEST_ON_TWO
+        if ticks < fewest:
+            period = self.gait.step_duration / fewest
+            message = f"'{self.robot.name}' has {ticks:.1f} ticks of {p.period:g} s in a step"
+            warnings.warn(f"{message} and may fall: take a period of {period:.2g} s at most", stacklevel=4)
 
     def _begin_tasks(self, kind: type[TasksRecord], with_targets: type[TasksRecord], **parts: ArrayLike) -> None:
         """Make the record of the controller, and take it up.

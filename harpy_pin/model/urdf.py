@@ -113,29 +113,33 @@ def build_model(path: Path) -> pin.Model:
 
 
 def find_soles(path: Path, model: pin.Model, frames: Sequence[str]) -> dict[str, FlatFoot]:
-    """The soles of these frames, of the boxes that collide on links that move with them; the joints are at zero.
+    """The soles of these frames, of the shapes that collide on links that move with them; the joints are at zero.
+
+    Shapes are boxes, spheres, capsules and cylinders that lie.
 
     Args:
         path: of a URDF that :func:`build_model` has read.
         model: what it has made of it.
         frames: names; those that the model has not are left out.
     """
-    boxes = []
+    shapes = []
     for link in read_xml(path).findall("link"):
         frame = model.frames[model.getFrameId(link.get("name"), pin.FrameType.BODY)]
         for shape in link.findall("collision"):
-            box, origin = shape.find("geometry/box"), shape.find("origin")
-            if box is not None:
+            geometry, origin = shape.find("geometry/*"), shape.find("origin")
+            if geometry is not None and geometry.tag in ("box", "sphere", "capsule", "cylinder"):
                 place = {} if origin is None else origin.attrib
                 x, turn = (np.array(place.get(name, "0 0 0").split(), dtype=float) for name in ("xyz", "rpy"))
-                half = 0.5 * np.array(box.get("size", "").split(), dtype=float)
-                boxes.append((frame.parentJoint, frame.placement * pin.SE3(pin.rpy.rpyToMatrix(turn), x), half))
+                size = geometry.get("size", f"0 0 {geometry.get('length', '0')}").split()
+                half, radius = 0.5 * np.array(size, dtype=float), float(geometry.get("radius", "0"))
+                at = frame.placement * pin.SE3(pin.rpy.rpyToMatrix(turn), x)
+                shapes.append((frame.parentJoint, at, half, radius))
     data, soles = model.createData(), {}
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     for name in filter(model.existFrame, frames):
         number = model.getFrameId(name)
         foot = model.frames[number]
-        own = [(foot.placement.actInv(place), half, 0.0) for joint, place, half in boxes if joint == foot.parentJoint]
+        own = [(foot.placement.actInv(at), *size) for joint, at, *size in shapes if joint == foot.parentJoint]
         soles[name] = find_sole(own, data.oMf[number].rotation)
     return {name: sole for name, sole in soles.items() if sole is not None}
 

@@ -3,6 +3,7 @@
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from needs import needs_robots
 
@@ -42,6 +43,59 @@ def test_soles_and_patterns_are_those_of_python(talos):
     assert dog.feet == ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 
 
+SHAPES = {
+    "as it is": (None, (0.17, 0.06), (0.035, 0.0, -0.035)),  # spheres of radius 5 mm
+    "a box that is turned": ('<box size="0.08 0.2 0.02"/>', (0.2, 0.08), (0.035, 0.01, -0.04)),
+    "a cylinder that lies, and a capsule": (
+        '<cylinder radius="0.01" length="0.2"/>,<capsule radius="0.01" length="0.2"/>',
+        (0.2, 0.06),
+        (0.035, 0.0, -0.04),
+    ),
+}
+"""Shapes of a foot at (35, 10, −30) mm, or at ±30 mm to the side if there are two, and the sole that they are."""
+
+
+@pytest.mark.parametrize("shapes", SHAPES)
+def test_soles_are_found_in_the_file(shapes, tmp_path):
+    given, sides, centre = SHAPES[shapes]
+    tree = ElementTree.parse(CATALOGUE["g1"].path())
+    for link in tree.getroot().findall("link"):
+        if given is not None and link.get("name").endswith("_ankle_roll_link"):
+            for collision in link.findall("collision"):
+                link.remove(collision)
+            texts = given.split(",")
+            for text, y in zip(texts, (0.01,) if len(texts) == 1 else (0.03, -0.03), strict=True):
+                turn = "0 0 1.5707963267948966" if "box" in text else "0 1.5707963267948966 0"
+                collision = ElementTree.SubElement(link, "collision")
+                ElementTree.SubElement(collision, "origin", xyz=f"0.035 {y} -0.03", rpy=turn)
+                ElementTree.SubElement(collision, "geometry").append(ElementTree.fromstring(text))
+    tree.write(tmp_path / "robot.urdf")
+    robot = read_robot_options(str(tmp_path / "robot.urdf"), "*_ankle_roll_link", None)
+    length, width = sides
+    for k, (a, b) in enumerate(((1, 1), (1, -1), (-1, 1), (-1, -1))):
+        place = robot.model.frames[robot.frame_id(f"left_ankle_roll_link_{k}")].placement.translation
+        np.testing.assert_allclose(place - centre, (0.5 * a * length, 0.5 * b * width, 0.0), atol=1e-9)
+    assert robot.flat_feet == (4, 4)
+
+
+def test_soles_of_an_mjcf_are_its_own(tmp_path):
+    pytest.importorskip("mujoco")
+    leg = "".join(
+        f'<body><inertial pos="0 0 -0.05" mass="0.5" diaginertia="0.01 0.01 0.01"/><joint axis="{axis}"/>'
+        for axis in ("0 0 1", "1 0 0", "0 1 0", "0 1 0", "0 1 0")
+    )
+    foot = '<body name="{0}" pos="0 0 -0.4"><joint axis="1 0 0"/><geom type="box" size="0.1 0.04 0.01"/></body>'
+    legs = [
+        f'<body pos="0 {y} 0">{leg}{foot.format(name)}{5 * "</body>"}</body>' for name, y in (("l", 0.1), ("r", -0.1))
+    ]
+    body = '<body pos="0 0 0.5"><freejoint/><geom size="0.1" mass="5"/>' + "".join(legs) + "</body>"
+    path = tmp_path / "biped.xml"
+    path.write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+    found = read_robot_options(str(path), "l,r", None)
+    assert found.model == hp.load_robot(path, feet=("l", "r")).model
+    assert found.flat_feet == (4, 4)
+
+
 def test_a_leg_of_six_joints_with_a_point_is_told_of_soles(talos, capsys):
     read_robot_options(talos, "*_sole_link", None)
     said = capsys.readouterr().err
@@ -65,6 +119,17 @@ def test_wheels_are_said_not_to_roll(tmp_path, capsys):
     assert (
         "FL_foot, FR_foot, RL_foot, RR_foot on joints that turn without end: wheels do not" in capsys.readouterr().err
     )
+
+
+def test_wheels_of_an_mjcf_are_said_not_to_roll_either(tmp_path, capsys):
+    pytest.importorskip("mujoco")
+    wheel = '<body name="{0}" pos="{1} 0.2 -0.3"><joint axis="0 1 0"/><geom size="0.05"/></body>'
+    leg = '<body pos="{1} 0.2 0"><joint axis="0 1 0"/><geom size="0.02"/>' + wheel.format("{0}", 0) + "</body>"
+    text = "".join(leg.format(name, x) for name, x in (("a", 0.2), ("b", -0.2)))
+    text = f'<body><freejoint/><geom size="0.1"/>{text}</body>'
+    (tmp_path / "wheels.xml").write_text(f"<mujoco><worldbody>{text}</worldbody></mujoco>")
+    read_robot_options(str(tmp_path / "wheels.xml"), "a,b", None)
+    assert "a, b on joints that turn without end: wheels do not roll here" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

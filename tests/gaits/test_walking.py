@@ -3,6 +3,7 @@ differences, touchdowns as they happen."""
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
 
 import numpy as np
@@ -214,6 +215,56 @@ def test_feet_that_land_early_stay_and_late_ones_are_let_down():
     assert p["in_air"].sum() == 2
     go(free, until=lambda: p["phase"] < 0.5)  # the walk does not wait for ever
     assert gait.walking
+
+
+@needs_robots
+def test_a_foot_that_was_just_lifted_has_not_landed_whatever_the_period():
+    """Loads are averaged over ticks; those of the stance do not count in the swing."""
+    for h in (1e-3, 5e-3, 0.02):
+        gait = hp.WalkingGait(hp.load_robot("solo12"), velocity=(0.3, 0.0, 0.0))
+        loaded, free, p = made_state(gait, force=30.0), made_state(gait, force=0.0), gait.record[0]
+        for tick in range(round(1.0 / h)):
+            gait.observe(free if p["in_air"].any() else loaded)
+            gait.update(tick * h)
+            if p["phase"] > 0.9:
+                break
+        assert p["in_air"].sum() == 2
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["solo12", "bolt"])
+def test_an_acceleration_that_is_held_brings_a_swing_foot_to_its_next_velocity(name):
+    gait, h, t, before, seen = hp.WalkingGait(hp.load_robot(name), velocity=(0.3, 0.0, 0.0)), 0.02, 0.0, None, 0
+    state = made_state(gait, force=30.0)
+    while seen < 5:
+        gait.observe(state)
+        o, swings = gait.update(t), gait.target.stance == 0.0
+        velocity, acceleration = o.body[3:6] + o.foot_velocity, o.body[6:9] + o.foot_acceleration
+        if t > 1.5 * h and swings.any() and (swings == before[2]).all():  # the first update knows no period
+            ahead = before[0] + h * before[1]
+            np.testing.assert_allclose(velocity[swings, 2], ahead[swings, 2], atol=1e-9)  # heights do not change plans
+            assert np.abs(before[1][swings, 2]).max() > 1.0
+            seen += 1
+        before, t = (velocity.copy(), acceleration.copy(), swings.copy()), t + h
+        state = made_state(gait, force=0.0) if swings.any() else state
+
+
+@needs_robots
+def test_a_stance_foot_that_moves_is_at_rest_after_a_long_tick_and_too_few_ticks_are_said():
+    gait = hp.WalkingGait(hp.load_robot("solo12"))
+    state = made_state(gait, force=6.0)
+    state.v[0] = 0.1
+    for period, rate in ((1e-3, 200.0), (5e-3, 200.0), (0.02, 50.0)):  # at most 1 / period: no foot turns back
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            controller = hp.make_controller("condensed", gait, mu=0.6, period=period)
+        controller.step(state)
+        np.testing.assert_allclose(controller.targets.feet, np.tile((-0.1 * rate, 0.0, 0.0), (4, 1)), atol=1e-9)
+        assert [str(warning.message) for warning in said] == (
+            ["'solo12' has 7.5 ticks of 0.02 s in a step and may fall: take a period of 0.019 s at most"]
+            if period == 0.02
+            else []
+        )
 
 
 @needs_robots

@@ -39,6 +39,19 @@ def test_trots_as_commanded_and_hardly_slips(name, speed):
 
 
 @needs_robots
+@pytest.mark.parametrize("held", [{}, hp.controllers.parameters.JOINT_TARGETS], ids=("torque", "targets"))
+@pytest.mark.parametrize("name", long_but(("go2", "a1", "hyq", "anymal_b", "g1"), ("go2", "anymal_b")))
+def test_walks_at_fifty_ticks_a_second(name, held):
+    soles = name == "g1"
+    gait = hp.Walking(velocity=((0.0, 0.2 if soles else 0.5, 0.0, 0.0), (3.0, 0.1 if soles else 0.25, 0.0, 0.4)))
+    controller, ground = hp.Condensed(parameters=dict(held)), hp.Ground(mu_s=0.6)
+    scenario = hp.Scenario(robot=name, gait=gait, controller=controller, ground=ground, duration=6.0, period=0.02)
+    run = hp.walk(scenario)
+    assert run.ending == "completed"
+    assert hp.measure(run).slip_mm_per_step < 10.0
+
+
+@needs_robots
 def test_course_start_and_stop():
     """Forward, a turn, sideways, back, and standing at the end, with the feet where they stand."""
     quarter = np.pi / 2 / 0.6

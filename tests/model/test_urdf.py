@@ -371,8 +371,8 @@ XACRO = """<robot name="harpy" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacr
   <xacro:body name="base"/></robot>"""
 
 
+@pytest.mark.needs("xacrodoc")
 def test_a_xacro_file_is_expanded(tmp_path):
-    pytest.importorskip("xacrodoc")
     path = tmp_path / "robot.urdf.xacro"
     path.write_text(XACRO.format(half=1.5))
     assert hp.load_robot(path, feet=()).mass == 3.0

@@ -300,7 +300,7 @@ def test_what_is_no_model_is_refused(go2):
 @pytest.mark.parametrize("kind", ["condensed", "wbc"])
 def test_motors_hold_joint_targets_unless_torques_alone_are_asked_for(go2, kind):
     """Armature that the controller does not know: with its default behind a bridge it walks, with torques alone not."""
-    model = described(go2, actuators="motor", joints={"armature": 0.02}).compile()
+    model = described(go2, actuators="motor", joints={"armature": 0.03}).compile()
     bridge, alone, heights = MujocoBridge(model, go2), {"joint_stiffness": 0.0, "joint_damping": 0.0}, []
     for how in ({}, {**alone, "contact_damping": 200.0}):
         data, gait = mujoco.MjData(model), hp.WalkingGait(go2, velocity=(0.4, 0.0, 0.0))

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import cache
+from importlib.util import find_spec
 
 import pytest
 
@@ -53,6 +54,7 @@ CHECKS: dict[str, Callable[[], object | None]] = {
     "compiler": lambda: compiler.compiler() if BACKEND == "c" else None,
     "robots": installed_data,
     "mujoco": installed_version,
+    "xacrodoc": lambda: find_spec("xacrodoc"),
 }
 """Programs and extras by the names that marks use; a check returns None where one is missing."""
 

@@ -195,8 +195,8 @@ def _body_acceleration(p: WalkingRecord) -> tuple[float, float]:
     a, b, d, e = 1.0, 0.0, 0.0, 1.0
     for k in range(p.group.shape[0]):
         if p.in_air[k] != 0.0:
-            x, y = p.swing[k, 2, 0], p.swing[k, 2, 1]
-            x, y, z = c * x + s * y, c * y - s * x, p.lift[k, 2]
+            x, y = p.held[k, 0], p.held[k, 1]
+            x, y, z = c * x + s * y, c * y - s * x, p.held[k, 3]
             r = p.reaction[k]
             ahead -= r[0, 0] * x + r[0, 1] * y + r[0, 2] * z
             aside -= r[1, 0] * x + r[1, 1] * y + r[1, 2] * z
@@ -213,13 +213,13 @@ def _write_swing(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
     swing, z = p.swing[k], p.lift[k]
     c, s = np.cos(swing[0, 2]), np.sin(swing[0, 2])
     x, y = c * p.corner[n, 0] - s * p.corner[n, 1], s * p.corner[n, 0] + c * p.corner[n, 1]
-    turn, bend = swing[1, 2], swing[2, 2]
+    turn, bend = swing[1, 2], p.held[k, 2]
     place, velocity, acceleration = o.foot_position[n], o.foot_velocity[n], o.foot_acceleration[n]
     place[0], place[1], place[2] = swing[0, 0] + x, swing[0, 1] + y, z[0]
     velocity[0], velocity[1], velocity[2] = swing[1, 0] - turn * y, swing[1, 1] + turn * x, z[1]
-    acceleration[0] = swing[2, 0] - bend * y - turn * turn * x
-    acceleration[1] = swing[2, 1] + bend * x - turn * turn * y
-    acceleration[2] = z[2]
+    acceleration[0] = p.held[k, 0] - bend * y - turn * turn * x
+    acceleration[1] = p.held[k, 1] + bend * x - turn * turn * y
+    acceleration[2] = p.held[k, 3]
     tip(p, o, n, swing[0, 2])
     for i in range(3):
         place[i] -= o.body[i]

@@ -101,6 +101,7 @@ class WalkingRecord(VelocityRecord, Build, Pace):
     # place, velocity and acceleration of x, y (m) and heading (rad) of a swing foot
     swing: Vector = sized("feet", 3, 3)
     lift: Vector = sized("feet", 3)  # its height, velocity and acceleration
+    held: Vector = sized("feet", 4)  # acceleration of x, y, heading and height until the next update
     # height to which it rises, where feet step over the ground: it stays when an edge is behind, m
     risen: Vector = sized("feet")
     measured: MeasuredRecord  # the last good state

@@ -34,6 +34,8 @@ PLACES = 8
 """On the way of a foot whose heights are looked at."""
 LIFT = 80.0
 """Largest acceleration of a foot on its way up, m/s²."""
+LONG = 1.5e-3
+"""Time between two updates from which on a foot's acceleration changes too much to be taken as constant, s."""
 PEAK = 5.7735
 """Largest acceleration of a motion from rest to rest, in its way over its squared duration."""
 
@@ -44,6 +46,7 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
     m = p.measured
     x, y, z = flat_place(p, k)
     p.in_air[k] = 1.0
+    m.load[k] = 0.0  # of its stance: at few ticks a step that would look like a touchdown
     p.lifted_at[k] = z
     p.swing[k] = 0.0
     p.lift[k] = 0.0
@@ -57,7 +60,32 @@ def lift_foot(p: WalkingRecord, k: int) -> None:
 
 @kernel
 def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
-    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it should land."""
+    """Bring swing foot k to the present time, ``span`` after the last update and ``left`` before it should land.
+
+    Its acceleration is held until the next update. Where that takes :data:`LONG`, it is the one that brings the foot to
+    its velocity then: in 20 ms that of a fast leg changes by as much as it is.
+    """
+    _swing(p, k, left, span)
+    swing, height = p.swing[k], p.lift[k]
+    for i in range(3):
+        p.held[k, i] = swing[2, i]
+    p.held[k, 3] = height[2]
+    if span < LONG:
+        return
+    swing_now, height_now = np.empty((3, 3)), np.empty(3)
+    swing_now[:] = swing
+    height_now[:] = height
+    _swing(p, k, max(left - span, 0.0), span)
+    for i in range(3):
+        p.held[k, i] = (swing[1, i] - swing_now[1, i]) / span
+    p.held[k, 3] = (height[1] - height_now[1]) / span
+    swing[:] = swing_now
+    height[:] = height_now
+
+
+@kernel
+def _swing(p: WalkingRecord, k: int, left: float, span: float) -> None:
+    """Place, velocity and acceleration of a swing foot after a time ``span``, ``left`` before it should land."""
     if p.steps_over:
         _swing_over(p, k, left, span)
         return
