@@ -32,30 +32,40 @@ class FlatFoot:
     """A rectangle on a link, with which the robot stands on flat ground.
 
     Its corners are feet of the robot, named like its frame with ``_0`` to ``_3`` behind: front left, front right, rear
-    left and rear right, if x of the frame points to the front and y to the left.
+    left and rear right, if x of the sole points to the front, y to the left and z up, away from the ground. Where the
+    model has a frame of such a name, the corner's is ``corner:`` with that behind.
 
     Attributes:
-        length: along x of the frame, m.
-        width: along y of the frame, m.
+        length: along x of the sole, m.
+        width: along y of the sole, m.
         centre: (3,) of the middle, in the frame, m.
+        orientation: (3,) of the sole in the frame: roll, pitch and yaw as in a URDF, rad.
     """
 
     length: float
     width: float
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name in ("length", "width"):
             least = 2.0 * MIN_SPREAD
             value = checks.number(f"{name} of a flat foot", getattr(self, name), low=least, high=LARGEST)
             checks.keep(self, **{name: value})
-        checks.keep(self, centre=tuple(checks.vector("centre of a flat foot", self.centre, 3).tolist()))
+        for name in ("centre", "orientation"):
+            vector = checks.vector(f"{name} of a flat foot", getattr(self, name), 3)
+            checks.keep(self, **{name: tuple(vector.tolist())})
 
     @property
-    def corners(self) -> list[tuple[float, float, float]]:
-        """Places of the corners in the frame, in the order of their names, m."""
-        x, y, z = self.centre
-        return [(x + 0.5 * a * self.length, y + 0.5 * b * self.width, z) for a in (1, -1) for b in (1, -1)]
+    def placement(self) -> pin.SE3:
+        """Of the sole in the frame: its middle, with x along its length and z up."""
+        return pin.SE3(pin.rpy.rpyToMatrix(*self.orientation), np.array(self.centre))
+
+    @property
+    def corners(self) -> Vector:
+        """(4, 3) places of the corners in the frame, in the order of their names, m."""
+        half, place = 0.5 * np.array((self.length, self.width, 0.0)), self.placement
+        return np.array([place.act(half * (a, b, 0.0)) for a in (1, -1) for b in (1, -1)])
 
 
 def add_flat_feet(
@@ -80,11 +90,11 @@ def add_flat_feet(
         number = model.getFrameId(name)
         frame = model.frames[number]
         for i, corner in enumerate(flat_feet[name].corners):
-            if model.existFrame(f"{name}_{i}"):
-                raise InputError(f"there is a frame '{name}_{i}' already: '{name}' cannot be made flat")
-            place = frame.placement * pin.SE3(np.eye(3), np.array(corner))
-            model.addFrame(pin.Frame(f"{name}_{i}", frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
+            place = frame.placement * pin.SE3(flat_feet[name].placement.rotation, corner)
             points.append(f"{name}_{i}")
+            while model.existFrame(points[-1]):
+                points[-1] = f"corner:{points[-1]}"
+            model.addFrame(pin.Frame(points[-1], frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
         counts.append(len(flat_feet[name].corners))
     return tuple(points), tuple(counts)
 
