@@ -235,6 +235,13 @@ def test_it_is_said_why_a_walk_falls(monkeypatch, command, tmp_path):
     assert dict(headline(line_up(hp.Run.load("a.npz"))[0])[1])["why"] == dry.causes
 
 
+def test_what_a_file_lacks_is_said_once(dog, command):
+    """A walk by patterns reads its file three times."""
+    dog.write_text(dog.read_text().replace('effort="23.7"', 'effort="0"', 1))
+    code, _, err = command("walk", "--robot", str(dog), "--feet", "*_foot", "--duration", 0.05)
+    assert (code, err.count("joints of effort 0, taken as without a limit: 'FL_hip_joint'")) == (0, 1)
+
+
 def test_an_environment_of_it(dog):
     gymnasium = pytest.importorskip("gymnasium")
     robot, name = hp.load_robot(dog, feet=FEET), "harpy_pin.contrib.gym:Robot-v0"

@@ -25,6 +25,8 @@ from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWe
 
 _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
+OTHERS = "the controller 'wbc' takes others"
+"""What a robot with other limbs can do."""
 
 
 class CondensedStatus(IntFlag):
@@ -114,7 +116,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
             if joint in used:
                 raise InputError(
                     f"joint '{model.names[joint]}' of '{robot.name}' moves the feet '{used[joint]}' and '{foot}': "
-                    "limbs must not share joints, so every leg must begin at the base",
+                    f"limbs must not share joints, so every leg must begin at the base; {OTHERS}",
                     name="robot",
                 )
             used[joint] = foot
@@ -125,7 +127,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
             names = ", ".join(model.names[j] for j in limb) or "none"
             raise InputError(
                 f"the limb of a {kind} must have {desired} joints; that of '{foot}' of '{robot.name}' has "
-                f"{len(limb)}: {names}",
+                f"{len(limb)}: {names}; {OTHERS}",
                 name="robot",
             )
     return [[model.joints[j].idx_v for j in limb] for limb in limbs]
