@@ -193,10 +193,14 @@ def gaits_of(robot: str | Robot) -> tuple[str, ...]:
         robot: ``harpy``, a robot of the catalogue, or one's own.
 
     Raises:
-        InputError: there is no such robot.
+        InputError: there is no such robot, or no gait for so many feet.
     """
     robot = named_robot(robot)
-    return tuple(name for name, kind in GAIT_PARTS.items() if kind.fits(robot) and not why_not(robot, name))
+    names = tuple(name for name, kind in GAIT_PARTS.items() if kind.fits(robot) and not why_not(robot, name))
+    if not names and isinstance(robot, Robot):
+        feet = ", ".join(robot.feet)
+        raise InputError(f"no gait is for the {_feet(robot)} feet of '{robot.name}': {feet}", name="robot", value=robot)
+    return names
 
 
 def _feet(robot: str | Robot) -> int:

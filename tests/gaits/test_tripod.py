@@ -88,6 +88,12 @@ def test_it_walks_as_commanded_and_never_tips(sprawling, controller, plant, velo
     assert ahead.mean() == pytest.approx(velocity[0], rel=0.05)
 
 
+def test_a_pattern_that_takes_too_many_frames_is_told_its_feet(sprawling):
+    robot = sprawling((*FEET, "left_front_tibia"))
+    with pytest.raises(hp.InputError, match=r"no gait is for the 7 feet of 'sprawling': left_front_foot, .*_tibia"):
+        hp.Scenario(robot=robot)
+
+
 def test_why_no_posture_was_found(sprawling):
     with pytest.raises(hp.InputError, match="'left_front_tibia' is on the axis of 'left_front_tibia_joint', which"):
         hp.Standing(sprawling(tuple(foot.replace("foot", "tibia") for foot in FEET)))
