@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -25,6 +26,11 @@ from harpy_pin.model.state import Vector
 LARGEST = 10.0  # longest side of a flat foot, m
 MIN_SPREAD = 1e-3
 """Least spread of the corners in their narrower direction, root mean square, m: less is a line, which turns freely."""
+
+UPRIGHT = 0.99
+"""Least cosine of the angle between the normal of a sole and the vertical in the standing posture."""
+SOLE_DEPTH, SOLE_SIDE = 5e-3, 1e-2
+"""How far above the lowest end of a foot's shapes an end of a sole is, m, and the least side of a sole, m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +72,38 @@ class FlatFoot:
         """(4, 3) places of the corners in the frame, in the order of their names, m."""
         half, place = 0.5 * np.array((self.length, self.width, 0.0)), self.placement
         return np.array([place.act(half * (a, b, 0.0)) for a in (1, -1) for b in (1, -1)])
+
+
+def find_sole(shapes: Sequence[tuple[pin.SE3, Vector, float]], upright: Vector) -> FlatFoot | None:
+    """The rectangle around the lowest ends of a foot's shapes, where it is level; None for a point or a line.
+
+    Of the axes of the lowest shape, if it is a box, else of the frame, the one that is up while the robot stands is the
+    sole's normal, and the one that is to the front its x axis.
+
+    Args:
+        shapes: place of each in the frame, half of its sides (3,), m, and the radius of the ball at each of its
+            corners, m; zero of a box.
+        upright: (3, 3) the frame's axes while the robot stands, in the world.
+    """
+    ends, lowest, axes = [], np.inf, upright
+    for place, half, radius in shapes:
+        own = [(*(upright @ place.act(half * sign)), radius) for sign in product((-1.0, 1.0), repeat=3)]
+        height = min(end[2] - end[3] for end in own)
+        if height < lowest:
+            lowest, axes = height, upright @ place.rotation if radius == 0.0 else upright
+        ends += own
+    signed = np.hstack((axes, -axes))
+    up, ahead = (signed[:, np.argmax(signed[k])] for k in (2, 0))
+    sole = np.column_stack((ahead, np.cross(up, ahead), up))
+    points = np.array(ends).reshape(-1, 4)
+    points = points[:, :3] @ sole - points[:, 3:] * (0.0, 0.0, 1.0)
+    points = points[points[:, 2] < points[:, 2].min(initial=np.inf) + SOLE_DEPTH]
+    low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+    if up[2] < UPRIGHT or min(high[:2] - low[:2]) < SOLE_SIDE:
+        return None
+    turn, middle = upright.T @ sole, (*(0.5 * (low + high))[:2], low[2])
+    length, width, _ = high - low
+    return FlatFoot(length=length, width=width, centre=turn @ middle, orientation=pin.rpy.matrixToRpy(turn))
 
 
 def add_flat_feet(

@@ -11,7 +11,6 @@ import copy
 import re
 import warnings
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, install_line, shown
-from harpy_pin.model.flat_foot import FlatFoot
+from harpy_pin.model.flat_foot import FlatFoot, find_sole
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import check_bodies, robot_errors
@@ -31,10 +30,6 @@ JOINT_IN_PARENT, TENDON = 1, 3  # ``mujoco.mjtTrn``; a joint's own is 0
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
 UNNAMED = "MuJoCo Model"
 """Name of a model whose file gives none."""
-UPRIGHT = 0.99
-"""Least cosine of the angle between the normal of a sole and the vertical in the standing posture."""
-SOLE_DEPTH, SOLE_SIDE = 5e-3, 1e-2
-"""How far above the lowest end of a foot's shapes an end of a sole is, m, and the least side of a sole, m."""
 SWITCHES = {
     "mjDSBL_EQUALITY": ("eq_active0",),
     "mjDSBL_FRICTIONLOSS": ("dof_frictionloss",),
@@ -114,41 +109,21 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> tuple[pin.Mode
 
 
 def _sole(model: Any, kind: str, body: int, number: int, upright: Vector) -> FlatFoot | None:
-    """The rectangle around the lowest ends of a frame's geoms, where it is level; None for a point or a line.
-
-    ``upright`` (3, 3) are the frame's axes while the robot stands. Of those of the lowest geom, if it is a box, else of
-    the frame, the one that is up then is the sole's normal, and the one that is to the front its x axis.
-    """
-    own, shapes = pin.SE3.Identity(), import_mujoco().mjtGeom
+    """The sole of a frame's body, or of a geom, whose axes are ``upright`` (3, 3) while the robot stands."""
+    own, shapes, found = pin.SE3.Identity(), import_mujoco().mjtGeom, []
     if kind in ("site", "geom"):
         own = _place(getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number])
     touching = (model.geom_bodyid == body) & ((model.geom_contype | model.geom_conaffinity) != 0)
-    ends, lowest, axes = [], np.inf, upright
     for geom in [number] if kind == "geom" else np.flatnonzero(touching):
         place, size = own.actInv(_place(model.geom_pos[geom], model.geom_quat[geom])), model.geom_size[geom]
-        reach, radius = {
-            int(shapes.mjGEOM_BOX): (size, 0.0),
-            int(shapes.mjGEOM_CAPSULE): (size[1] * np.array([0.0, 0.0, 1.0]), size[0]),
-            int(shapes.mjGEOM_SPHERE): (np.zeros(3), size[0]),
-        }.get(int(model.geom_type[geom]), (np.full(3, np.nan), 0.0))
-        own_ends = [(*(upright @ place.act(reach * sign)), radius) for sign in product((-1.0, 1.0), repeat=3)]
-        height = min(end[2] - end[3] for end in own_ends)
-        if height < lowest:
-            lowest, axes = height, upright @ place.rotation if radius == 0.0 else upright
-        ends += own_ends
-    signed = np.hstack((axes, -axes))
-    up, ahead = (signed[:, np.argmax(signed[k])] for k in (2, 0))
-    sole = np.column_stack((ahead, np.cross(up, ahead), up))
-    points = np.array(ends).reshape(-1, 4)
-    points = points[:, :3] @ sole - points[:, 3:] * (0.0, 0.0, 1.0)
-    points = points[points[:, 2] < np.nanmin(points[:, 2], initial=np.inf) + SOLE_DEPTH]
-    low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
-    if up[2] < UPRIGHT or min(high[:2] - low[:2]) < SOLE_SIDE:
-        return None
-    turn = pin.SE3(upright.T @ sole, np.zeros(3))
-    centre = turn.act(np.array((*(0.5 * (low + high))[:2], low[2])))
-    orientation = pin.rpy.matrixToRpy(turn.rotation)
-    return FlatFoot(length=high[0] - low[0], width=high[1] - low[1], centre=centre, orientation=orientation)
+        match int(model.geom_type[geom]):
+            case shapes.mjGEOM_BOX:
+                found.append((place, size, 0.0))
+            case shapes.mjGEOM_CAPSULE:
+                found.append((place, np.array((0.0, 0.0, size[1])), size[0]))
+            case shapes.mjGEOM_SPHERE:
+                found.append((place, np.zeros(3), size[0]))
+    return find_sole(found, upright)
 
 
 def _in_effect(model: Any) -> Any:

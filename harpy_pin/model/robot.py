@@ -32,7 +32,7 @@ from harpy_pin.model.mjcf import (
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import feet_moved
-from harpy_pin.model.urdf import build_model, read_xml, robot_errors
+from harpy_pin.model.urdf import build_model, find_soles, read_xml, robot_errors
 
 HARPY_FEET = ("left_foot", "right_foot")
 HARPY_THRUSTERS = ("left_thruster", "right_thruster")
@@ -271,9 +271,10 @@ def load_robot(
             Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet, in an MJCF file bodies, sites or geoms; () for none.
         flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
-            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given. In an
-            MJCF file soles of legs of five joints or more are found (:func:`harpy_pin.model.mjcf.read_mujoco`), unless
-            they are given; {} for none.
+            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given. Of
+            legs of five joints or more soles are found, unless they are given: in an MJCF file of the lowest boxes,
+            capsules and spheres that collide, in a URDF of boxes (:func:`harpy_pin.model.flat_foot.find_sole`); {} for
+            none.
         thrusters: frame names of the mounts of free thrusters, which push in any direction.
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
@@ -372,7 +373,8 @@ def _read(
             raise InputError(f"the MuJoCo model: {error}", name="urdf") from error
     with robot_errors(path, "an MJCF file"):
         if read_xml(path).tag != "mujoco":
-            return build_model(path), None, {}
+            model = build_model(path)
+            return model, None, find_soles(path, model, frames)
         return read_mujoco(compile_mjcf(path), frames, str(path))
 
 

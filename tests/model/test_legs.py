@@ -145,7 +145,9 @@ def test_soles_on_legs_without_an_ankle_do_not_walk_but_stand(biped, joints, whe
 @pytest.mark.parametrize("joints", [FIVE, SEVEN])
 def test_controllers_that_cannot_say_so_where_they_are_made(biped, joints):
     gait = hp.Standing(biped(joints))
-    with pytest.raises(hp.InputError, match=rf"6 joints; that of 'L_sole_0' of 'biped' has {len(joints)}: j_L"):
+    with pytest.raises(
+        hp.InputError, match=rf"'L_sole_0' of 'biped' has {len(joints)}: j_L.*; controller 'wbc' has any"
+    ):
         hp.make_controller("condensed", gait, mu=0.5)
     with pytest.raises(hp.InputError, match=rf"moves 6 joints, 'biped' has {2 * len(joints)}"):
         hp.make_controller("governed", gait, mu=0.5)
@@ -213,3 +215,17 @@ def test_slow_robots_are_said_to_be_slow_and_why(biped):
     assert [warning.filename for warning in said] == [__file__]
     with pytest.warns(UserWarning, match=r"velocity \(3, 0, 0\) .* limited to .* by the length of its legs$"):
         hp.WalkingGait(biped(), velocity=(3.0, 0.0, 0.0))
+
+
+def test_heavier_motors_swing_legs_slower_also_on_two_feet(biped):
+    speeds = []
+    for armature in (0.0, 0.5, 1.0):
+        gait = hp.WalkingGait(biped(effort=60.0).with_joints(armature=armature))
+        speeds.append(gait.max_speed)
+        assert gait.limited_by == ("the torques of its motors" if armature else "the length of its legs")
+    assert speeds[0] > speeds[1] > speeds[2] > 0.0
+
+
+def test_points_on_legs_that_could_hold_a_sole_are_said(biped):
+    with pytest.warns(UserWarning, match="'biped' has points as feet on legs of 6 joints: flat_feet makes them soles"):
+        hp.WalkingGait(biped(flat=False))

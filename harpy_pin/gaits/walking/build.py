@@ -53,6 +53,8 @@ PEAK = 15.6
 """Peak of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
 MOST_LOAD = 0.85
 """Largest torque of a leg that swings in a trot, pace or bound, as a share of its limit; in other walks all of it."""
+MORE_LOAD = 1.1
+"""The same of such a walk in which lifting a foot takes more than that, and so lifts it less, as a share of this."""
 DIRECTION = 0.3
 """Least singular value of the Jacobian of a level sole that moves forward and aside, in lengths of the leg."""
 SHORT_LEG = "'{}' has a leg of fewer than three joints: its feet cannot go aside"
@@ -267,14 +269,15 @@ def pace_of(
     else:
 
         def load(speed: float) -> float:
-            shortened = FAST_SOLE_STEP * natural if soles else min(duration, stride / speed)
+            shortened = FAST_SOLE_STEP * natural if soles else min(duration, stride / max(speed, SMALL))
             near = NEAR if gentle else STRAIGHT_NEAR
             upright = upright_end(speed, float(np.sqrt(GRAVITY / build.rise)) * build.height, near)
             pushed = max(push * speed / (shortened * FREE_PUSH), 1.0) if runs else 1.0
             return pushed * swing_load(robot, q, build, speed, shortened, double_support, clearance, upright)
 
         held = holding_load(robot, q, group)
-        swung = fastest_speed(load, most, MOST_LOAD if runs else 1.0) if held <= 1.0 else 0.0
+        allowed = MOST_LOAD if runs else max(1.0, MORE_LOAD * load(0.0))
+        swung = fastest_speed(load, most, allowed) if held <= 1.0 else 0.0
         if swung < most:
             most, limited_by = swung, "the torques of its motors"
         if swung == 0.0:

@@ -15,7 +15,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
 from harpy_pin.gaits.standing import Standing
-from harpy_pin.gaits.velocity import FollowsVelocity, Velocity
+from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_maker
 from harpy_pin.gaits.walking.build import BY_FEET, Build, Pace, build_of, draw_together, groups_of, pace_of, why_no_walk
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
@@ -25,9 +25,10 @@ from harpy_pin.gaits.walking.rolling import soles_of
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.model.entry import as_state
+from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
-from harpy_pin.model.robot import Robot
+from harpy_pin.model.robot import SOLE_JOINTS, Robot
 from harpy_pin.model.state import State, Vector
 from harpy_pin.model.tree import tree_record
 
@@ -137,6 +138,8 @@ class WalkingGait(FollowsVelocity):
         self.schedule = next(iter(BY_FEET[feet])) if schedule is None else schedule
         if self.schedule != "stand" and (why := why_no_walk(robot)):
             raise InputError(why, name="robot")
+        if feet == 2 and not soles and (most_joints := max(len(leg.joints) for leg in legs(robot))) >= SOLE_JOINTS:
+            warn_maker(f"'{robot.name}' has points as feet on legs of {most_joints} joints: flat_feet makes them soles")
         clearance = optional("clearance", clearance, build.leg) or CLEARANCE * build.leg
         group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
         most = optional("max_speed", max_speed, 20.0)

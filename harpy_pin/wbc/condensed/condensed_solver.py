@@ -25,8 +25,6 @@ from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyTargets, WholeBodyWe
 
 _JOINTS = {1: 3}
 """Joints of a limb by the contact points of its foot; six for all others."""
-OTHERS = "the controller 'wbc' takes others"
-"""What a robot with other limbs can do."""
 
 
 class CondensedStatus(IntFlag):
@@ -116,7 +114,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
             if joint in used:
                 raise InputError(
                     f"joint '{model.names[joint]}' of '{robot.name}' moves the feet '{used[joint]}' and '{foot}': "
-                    f"limbs must not share joints, so every leg must begin at the base; {OTHERS}",
+                    "limbs must not share joints, so every leg must begin at the base; controller 'wbc' has any legs",
                     name="robot",
                 )
             used[joint] = foot
@@ -127,7 +125,7 @@ def _limbs(robot: Robot) -> list[list[int]]:
             names = ", ".join(model.names[j] for j in limb) or "none"
             raise InputError(
                 f"the limb of a {kind} must have {desired} joints; that of '{foot}' of '{robot.name}' has "
-                f"{len(limb)}: {names}; {OTHERS}",
+                f"{len(limb)}: {names}; controller 'wbc' has any legs",
                 name="robot",
             )
     return [[model.joints[j].idx_v for j in limb] for limb in limbs]
