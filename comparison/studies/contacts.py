@@ -23,7 +23,7 @@ from harpy_pin import Disturbances, Ground, Mujoco, Run, Scenario, Straight, bui
 from harpy_pin.gaits import GaitParameters
 from harpy_pin.model.state import Vector
 from harpy_pin.scenario import Compliant, PlantPart
-from harpy_pin.simulation.mujoco import MujocoPlant, installed_version
+from harpy_pin.simulation.mujoco import MujocoPlant, SoftContact, installed_version
 from harpy_pin.simulation.plant import Plant
 
 CONTACTS: dict[str, PlantPart] = {
@@ -79,11 +79,11 @@ def _kept(run: Run, plant: Plant) -> dict[str, Any]:
     end, period = float(run.metadata["end_time"]), float(run.metadata["control_period"])
     steps = max(end / GaitParameters().step_duration, 1.0)
     touching = run["foot_force"][1:, :, 2] > HELD
-    creep = _creep_speed(run, plant) * touching
+    creeping = _creep_speed(run, plant) * touching
     way = np.diff(run["slip_path"], axis=0)
-    sliding = (way / period - creep > SLIDING) & touching
+    sliding = (way / period - creeping > SLIDING) & touching
     return ending_and_slip(run) | {
-        "creep_mm": 1e3 * period * float(creep.sum()) / steps,
+        "creep_mm": 1e3 * period * float(creeping.sum()) / steps,
         "sliding": float(sliding.sum()) / max(int(touching.sum()), 1),
     }
 
@@ -93,9 +93,34 @@ def _creep_speed(run: Run, plant: Plant) -> Vector:
     force, depth = run["foot_force"][1:], -run["foot_position"][1:, :, 2]
     if not isinstance(plant, MujocoPlant) or plant.contact is None:
         return np.zeros(depth.shape)
-    creep = plant.contact.creep(force, depth, inverse_mass=plant.inverse_mass, friction=plant.ground.mu_s)
-    speed: Vector = np.linalg.norm(creep, axis=-1)
+    velocity = creep(plant.contact, force, depth, inverse_mass=plant.inverse_mass, friction=plant.ground.mu_s)
+    speed: Vector = np.linalg.norm(velocity, axis=-1)
     return speed
+
+
+def creep(contact: SoftContact, force: Vector, depth: Vector, *, inverse_mass: Vector, friction: float) -> Vector:
+    """Velocity of feet that creep steadily under forces inside the friction cone, m/s.
+
+    The closed form is that of :mod:`harpy_pin.simulation.mujoco.soft_contact`.
+
+    Args:
+        contact: of MuJoCo.
+        force: (..., 3) of the ground on the feet, along x, y and the normal, N; a pyramid's edges are those axes.
+        depth: (...) of the feet, m.
+        inverse_mass: (...) MuJoCo's own estimate for the feet's bodies, ``body_invweight0``, 1/kg.
+        friction: coefficient.
+
+    Returns:
+        (..., 2) along x and y.
+    """
+    regularisation = np.asarray(contact.regularisation(depth, inverse_mass, friction))[..., None]
+    rate, along = regularisation / (contact.impratio * contact.damping_rate), force[..., :2]
+    if contact.cone == "elliptic" or friction == 0.0:
+        return np.asarray(-rate * along)
+    edges, load = np.abs(along) / friction, force[..., 2]
+    share = np.maximum(np.minimum(0.25 * load, 0.5 * (load - edges.max(axis=-1))), 0.0)[..., None]
+    moved = np.where(edges <= 2.0 * share, 0.5 * edges, edges - share)
+    return np.asarray(-rate * np.sign(along) * 2.0 * friction * moved)
 
 
 def _name(row: dict[str, Any]) -> str:

@@ -51,6 +51,11 @@ typedef struct {
     int flags;
 } array;
 
+/* The beginning of NumPy's type of elements, alike in its versions 1 and 2. */
+typedef struct { object head; object *scalar; char kind, letter, order, flags; int number; } dtype;
+
+enum { VOID = 20 };
+
 enum { CONTIGUOUS = 0x1, ALIGNED = 0x100, WRITEABLE = 0x400 };
 
 /* --- a kernel compiled for one set of types --- */
@@ -114,6 +119,14 @@ static bool fits(int64_t stated, int64_t size, int64_t *symbols)
     return size == factor * *symbol;
 }
 
+/* Whether elements have a type. Those of a record have the object itself; numbers may have another one with the same
+   number and order of bytes, as pickles bring. */
+static bool same_type(const object *given, const object *type)
+{
+    const dtype *a = (const dtype *)given, *b = (const dtype *)type;
+    return given == type || (a->number == b->number && a->order == b->order && b->number != VOID);
+}
+
 /* Unpack one argument; false where it is not what the kernel was compiled for. */
 static bool unpack(const argument **wanted, object *given, slot *slots, int *n, int64_t *symbols)
 {
@@ -123,7 +136,7 @@ static bool unpack(const argument **wanted, object *given, slot *slots, int *n, 
         const array *x = (const array *)given;
         const int flags = CONTIGUOUS | ALIGNED | (a->written ? WRITEABLE : 0);
         if (given->type != array_type && given->type != record_type) return false;
-        if (x->descr != a->type || (x->flags & flags) != flags) return false;
+        if (!same_type(x->descr, a->type) || (x->flags & flags) != flags) return false;
         /* A record may come as the array of one element that holds it. */
         if (x->axes != a->axes && (a->axes != 0 || x->axes != 1 || x->shape[0] != 1)) return false;
         slots[(*n)++].pointer = x->data;
@@ -296,7 +309,8 @@ static bool take(const sample *s, const object *type, object *state)
     if (!given) { PyErr_Clear(); return false; }
     const array *x = (const array *)given;
     const int flags = CONTIGUOUS | ALIGNED;
-    bool fit = given->type == array_type && x->descr == type && x->axes == s->axes && (x->flags & flags) == flags;
+    bool fit = given->type == array_type && same_type(x->descr, type);
+    fit = fit && x->axes == s->axes && (x->flags & flags) == flags;
     int64_t size = 1;
     for (int64_t k = 0; fit && k < s->axes; k++) {
         fit = x->shape[k] == s->shape[k];

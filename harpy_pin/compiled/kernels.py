@@ -264,7 +264,7 @@ def kernel(function: Any = None, /, *, release: bool = False, **shapes: Shape) -
 
 
 _DTYPES = {dtype: dtype for dtype in DTYPES.values()}
-"""The one of equal NumPy types that calls compare with; arrays that were pickled have others."""
+"""The one of equal types of records that calls compare with; those that were pickled have others."""
 
 
 def _is_record(annotation: Any) -> bool:

@@ -145,6 +145,7 @@ def contact_probability(
             expected = min(max((phase[k] - EARLIEST) / (LATEST - EARLIEST), 0.0), 1.0)
         square = d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2 + d.foot_velocity[k, 2] ** 2
         odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (3.0 * expected - 2.0)
+        c.loaded[k] = 1 if odds > 0.0 else 0
         odds -= square / (c.foot_speed * c.foot_speed)
         c.probability[k] = _logistic(odds)
         if stance[k] == 0.0 and expected == 1.0 and abs(d.foot_position[k, 2] - ground_height[k]) < c.near:

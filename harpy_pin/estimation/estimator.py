@@ -39,6 +39,7 @@ STATUS = {
     tick.SATURATED: "saturated",
     tick.INCONSISTENT: "readings contradict each other",
     tick.BACKWARDS: "time does not go on",
+    tick.GAP: "steps are missing",
 }
 """What :attr:`Estimator.status` says, by code."""
 
@@ -113,9 +114,9 @@ class Estimator(KeepsViews):
             armature they have besides is learned in swings, and counts as force of the ground before.
         imu: noise and place of the sensors.
         settings: the rest.
-        period: time between steps, s.
-        foot_radius: of round feet that roll, one for all or (feet,), m. Their centres are the robot's feet, which stand
-            on level ground at height zero.
+        period: time at which steps are expected, s. Each goes on by the time that has passed.
+        foot_radius: of round feet that roll, one for all or (feet,), m; by default what the robot's file says of them
+            (:attr:`Robot.foot_radius`). Their centres are the robot's feet, which stand on level ground at height zero.
 
     Attributes:
         record: all that the kernels know.
@@ -132,13 +133,14 @@ class Estimator(KeepsViews):
         *,
         settings: EstimatorSettings | None = None,
         period: float = 1e-3,
-        foot_radius: ArrayLike = 0.0,
+        foot_radius: ArrayLike | None = None,
     ) -> None:
         self.robot, self.period = robot, checks.number("period", period, low=0.0, strict=True)
         self.imu = Imu() if imu is None else checks.instance("imu", imu, Imu)
         self.settings = EstimatorSettings() if settings is None else settings
         checks.instance("settings", self.settings, EstimatorSettings)
         feet = len(robot.feet)
+        foot_radius = robot.foot_radius if foot_radius is None else foot_radius
         radius = np.full(feet, foot_radius) if np.ndim(foot_radius) == 0 else foot_radius
         self.record = _record(robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet))
         self.probability: Vector = field(self._record_["contact"], "probability")
@@ -182,8 +184,8 @@ class Estimator(KeepsViews):
         for name in ("residual", "motion", "sums", "joint", "probability", "force"):
             c[name] = 0.0
         r["q"], r["v"] = q, v
-        r["begun"], r["status"] = 0, tick.NO_SAMPLE
-        r["same_in_a_row"] = r["late_in_a_row"] = 0
+        r["begun"], r["status"], f["period"] = 0, tick.NO_SAMPLE, self.period
+        r["same_in_a_row"] = r["late_in_a_row"] = r["lost"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 
@@ -194,7 +196,8 @@ class Estimator(KeepsViews):
         ``good``; ``no sample`` where one was missing, not a number or beyond 1e6; ``stuck gyroscope`` where it has said
         the same for 50 samples; ``saturated`` where the inertial unit is at its range; ``readings contradict each
         other`` where the innovations of the last half second or the biases are far beyond their covariance, as those
-        of a wrongly mounted unit are; ``time does not go on``. The estimate goes on in all of them, and is finite.
+        of a wrongly mounted unit are, or loaded feet agree with each other alone; ``time does not go on``; ``steps are
+        missing`` where more than one and a half periods have passed. The estimate goes on in all of them and is finite.
         """
         return STATUS[int(self._record_["status"][0])]
 
@@ -295,6 +298,8 @@ def _record(
         foot_radius=radius,
         gyroscope_range=imu.gyroscope_range,
         accelerometer_range=imu.accelerometer_range,
+        period=period,
+        lost=0.0,
         t=np.nan,
         level=np.int64(1),
         q=pin.neutral(robot.model),

@@ -117,8 +117,8 @@ def _predict_covariance(f: FilterRecord) -> None:
             f.work[j, i] = p[i, j]
     _advance_rows(f, f.work)
     for i in range(n):
-        for j in range(n):
-            p[i, j] = f.work[i, j]
+        for j in range(i, n):  # rounding differs below the diagonal, and what is not symmetric grows
+            p[i, j] = p[j, i] = f.work[i, j]
     _add_noise(f)
 
 

@@ -16,7 +16,7 @@ ERRORS = 15
 class FilterRecord(RecordOf):
     """The invariant extended Kalman filter; vectors are in world axes unless said otherwise."""
 
-    period: float  # s
+    period: float  # since the last step, s
     gravity: Vector  # (3,) m/s²
     gyroscope_density: float  # white noise, rad/s/√Hz
     accelerometer_density: float  # m/s²/√Hz
@@ -68,6 +68,7 @@ class ContactRecord(RecordOf):
     force: Vector = sized("feet", 3)  # of the ground on each foot, world, N
     probability: Vector = sized("feet")  # of contact
     share: Vector = sized("feet")  # of the force that is believed
+    loaded: NDArray[np.int64] = sized("feet", whole=True)  # (feet,) 1 where force and gait alone say contact
     velocity: Vector = sized("nv")  # of the last step
     acceleration: Vector = sized("nv")  # of this step
     normal: Vector  # (most joints of a leg, as many)
@@ -87,6 +88,7 @@ class EstimatorRecord(RecordOf):
     foot_radius: Vector  # (feet,) of round feet, m
     gyroscope_range: float  # rad/s
     accelerometer_range: float  # m/s²
+    period: float  # at which steps are expected, s
     t: float  # of the last step, s; NaN before the first
     level: int  # 1 where the first sample says how the body is tilted
     begun: int = ZERO  # 1 from the first good sample on
@@ -95,9 +97,11 @@ class EstimatorRecord(RecordOf):
     status: int = ZERO
     same_in_a_row: int = ZERO
     late_in_a_row: int = ZERO
+    lost: float  # time for which loaded feet have agreed with each other, and not with the estimate, s
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
     raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s
     raw_acceleration: Vector = sized(3)  # of the last good sample, body axes, m/s²
+    before: Vector = sized(6)  # both, of the sample before
     angular_acceleration: Vector = sized(3)  # body axes, rad/s²
     q: Vector  # (nq,) the estimate
     v: Vector = sized("nv")

@@ -12,7 +12,7 @@ from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
-GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS = 0, 1, 2, 3, 4, 5
+GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
@@ -25,6 +25,16 @@ BIASED, SHAKEN = 8.0, 12.0
 that shake the robot and creep look like up to ten of an accelerometer."""
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
+LEAST = 0.05
+"""Share of a period that the time must have gone on by."""
+EXACT = 1e-6
+"""Share of a period by which clocks of simulations are off: their periods are exact."""
+AGREE = 0.3
+"""Difference between the velocities by two loaded feet that both stand, m/s."""
+LOST = 0.05
+"""Time after which loaded feet that agree with each other are believed against the estimate, s."""
+ANEW = (0.1, 0.1)
+"""Standard deviations of tilt, rad, and velocity, m/s, that are then begun anew."""
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
 MAX_ACCELERATION = 1e4
@@ -67,13 +77,19 @@ def estimate(
         return NO_SAMPLE
     periods = 1.0
     if e.begun != 0:
-        periods = np.floor((t - e.t) / e.filter.period + 0.5)
-        if periods < 1.0:
+        elapsed = t - e.t
+        if elapsed < LEAST * e.period:
             e.late_in_a_row += 1
             if e.late_in_a_row > HOLD_TICKS:  # the clock was set back
                 e.t, e.late_in_a_row = t, 0
             e.status = BACKWARDS
             return BACKWARDS
+        elapsed = min(elapsed, MOST_PERIODS * e.period)
+        periods = max(np.floor(elapsed / e.period + 0.5), 1.0)
+        exact = abs(elapsed - periods * e.period) <= EXACT * e.period
+        e.filter.period = periods * e.period if exact else elapsed
+    for i in range(3):
+        e.before[i], e.before[3 + i] = e.raw_angular_velocity[i], e.raw_acceleration[i]
     unit = _read_unit(e, gyroscope, accelerometer)
     if e.begun == 0 and not unit:
         e.status = NO_SAMPLE
@@ -84,8 +100,7 @@ def estimate(
     if e.begun == 0:
         _begin(e)
     else:
-        for _ in range(int(min(periods, MOST_PERIODS))):
-            _predict(e)
+        _predict_all(e, periods)
         if e.saturated or not unit:
             _doubt(e)
         _body_state(e)
@@ -101,7 +116,7 @@ def estimate(
         contact_probability(e.contact, e.dynamics, stance, phase, ground_height)
         _use_feet(e)
     _write_state(e)
-    e.status = _status(e, unit and legs)
+    e.status = _status(e, unit and legs, periods)
     return e.status
 
 
@@ -176,13 +191,27 @@ def _place_joints(e: EstimatorRecord, position: Vector, velocity: Vector) -> Non
 
 
 @kernel
-def _predict(e: EstimatorRecord) -> None:
-    """Go on by a period; with the last sample of the inertial unit where there is no new one."""
+def _predict_all(e: EstimatorRecord, periods: float) -> None:
+    """Go on to the time of the readings, by pieces of about a period: the samples that are missing lie on a line."""
+    f = e.filter
+    elapsed = f.period
+    f.period = elapsed / periods
+    for n in range(int(periods)):
+        _predict(e, (n + 1.0) / periods)
+    f.period = elapsed
+
+
+@kernel
+def _predict(e: EstimatorRecord, share: float) -> None:
+    """Go on by a period, with the sample at that share of the way from the last one to the new one."""
     f, rolling = e.filter, np.zeros((e.foot_velocity.shape[0], 3))
     acceleration = np.empty(3)
     for i in range(3):
-        e.angular_velocity[i] = e.raw_angular_velocity[i] - f.gyroscope_bias[i]
-        acceleration[i] = e.raw_acceleration[i] - f.accelerometer_bias[i]
+        back = 1.0 - share
+        w = e.raw_angular_velocity[i] + back * (e.before[i] - e.raw_angular_velocity[i])
+        a = e.raw_acceleration[i] + back * (e.before[3 + i] - e.raw_acceleration[i])
+        e.angular_velocity[i] = w - f.gyroscope_bias[i]
+        acceleration[i] = a - f.accelerometer_bias[i]
     for k in range(e.foot_radius.shape[0]):
         if e.foot_radius[k] > 0.0 and f.held[k] != 0:
             _roll(e, k, rolling[k])
@@ -263,6 +292,7 @@ def _use_feet(e: EstimatorRecord) -> None:
     """Correct by the feet that touch the ground; others, and those that slipped, are forgotten."""
     f, c, noise = e.filter, e.contact, np.empty((3, 3))
     _local_feet(e)
+    _believe_feet(e)
     for k in range(f.held.shape[0]):
         if c.probability[k] < LIKELY:
             if f.held[k] != 0:
@@ -276,6 +306,47 @@ def _use_feet(e: EstimatorRecord) -> None:
                     touch_down(f, k, place, noise)
             else:
                 touch_down(f, k, place, noise)
+
+
+@kernel
+def _believe_feet(e: EstimatorRecord) -> None:
+    """Begin the velocity anew where loaded feet agree with each other for a while, and none with the estimate.
+
+    A foot that the estimate lets move too fast is not in contact for it, so that nothing else could correct it.
+    """
+    c, w, mean, own = e.contact, e.angular_velocity, np.zeros(3), np.zeros((e.local_foot.shape[0], 3))
+    loaded, lost = 0.0, True
+    for k in range(own.shape[0]):
+        lost = lost and c.probability[k] < LIKELY
+        if c.loaded[k] != 0:
+            h, s, u = e.local_foot[k], e.local_speed[k], own[k]
+            u[0] = w[2] * h[1] - w[1] * h[2] - s[0]
+            u[1] = w[0] * h[2] - w[2] * h[0] - s[1]
+            u[2] = w[1] * h[0] - w[0] * h[1] - s[2]
+            loaded += 1.0
+            for i in range(3):
+                mean[i] += u[i]
+    lost = lost and loaded > 1.0
+    for k in range(own.shape[0]):
+        for i in range(3):
+            lost = lost and (c.loaded[k] == 0 or abs(own[k, i] - mean[i] / loaded) < AGREE)
+    e.lost = e.lost + e.filter.period if lost else 0.0
+    if e.lost >= LOST:
+        _begin_velocity(e, mean, 1.0 / loaded)
+        e.lost = 0.0
+
+
+@kernel
+def _begin_velocity(e: EstimatorRecord, velocity: Vector, share: float) -> None:
+    """Take a share of a velocity of the inertial unit, body axes, m/s; what is known of tilt and velocity is lost."""
+    f, r, p = e.filter, e.filter.rotation, e.filter.covariance
+    for i in range(3):
+        f.velocity[i] = share * (r[i, 0] * velocity[0] + r[i, 1] * velocity[1] + r[i, 2] * velocity[2])
+    for i in range(6):
+        for j in range(p.shape[0]):
+            p[i, j] = p[j, i] = 0.0
+    for i in range(3):
+        p[i, i], p[3 + i, 3 + i] = ANEW[0] ** 2 if i < 2 else 0.0, ANEW[1] ** 2
 
 
 @kernel
@@ -327,7 +398,7 @@ def _write_state(e: EstimatorRecord) -> None:
 
 
 @kernel
-def _status(e: EstimatorRecord, good: bool) -> int:
+def _status(e: EstimatorRecord, good: bool, periods: float) -> int:
     """What is to be said of this step."""
     if not good:
         return NO_SAMPLE
@@ -336,8 +407,10 @@ def _status(e: EstimatorRecord, good: bool) -> int:
     if e.saturated:
         return SATURATED
     f = e.filter
-    consistent = f.innovation <= INCONSISTENCY * EXPECTED
+    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
         consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
-    return GOOD if consistent else INCONSISTENT
+    if not consistent:
+        return INCONSISTENT
+    return GAP if periods > 1.0 else GOOD

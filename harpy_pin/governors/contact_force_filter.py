@@ -130,7 +130,7 @@ class ContactForceFilter(KeepsViews):
         refuse_law(command)
         try:
             torque, thrust = command._torque_, command._thrust_
-            if torque.dtype is not FLOAT64 or thrust.dtype is not FLOAT64:
+            if torque.dtype != FLOAT64 or thrust.dtype != FLOAT64:
                 return self.update(state, as_command(command, self.robot))
             records = (dynamics._record_, self._terms_, self._record_)
             excess = filter_forces(*records, state.q, state.v, state.foot_force, torque, thrust)

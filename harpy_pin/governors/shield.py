@@ -26,7 +26,7 @@ from harpy_pin.governors.contact_force_kernels import (
 from harpy_pin.governors.thrust import limit_thrust
 from harpy_pin.model.contact_map import ContactMapRecord, sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.entry import FADE, HOLD_TICKS, all_finite, all_finite_rows, as_command, as_state, refuse_law
+from harpy_pin.model.entry import FADE, HOLD_TICKS, all_finite, as_command, as_state, refuse_law
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
@@ -281,7 +281,7 @@ def shield_all(
         u, f = new_torque[i], new_thrust[i]
         u[:] = torque[i]
         f[:] = thrust[i]
-        if not (all_finite(u) and all_finite_rows(f)):
+        if not (all_finite(u) and all_finite(f.reshape((f.size,)))):
             bad_command[i] = True
             in_a_row[i, 1] += 1
             if in_a_row[i, 1] > HOLD_TICKS:

@@ -29,7 +29,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, RobotError, install_line
 from harpy_pin.model.flat_foot import FlatFoot
@@ -125,16 +124,6 @@ def catalogue_robot(name: str | Path) -> CatalogueRobot | None:
     if name not in CATALOGUE:
         raise InputError.unknown("robot", name, CATALOGUE)
     return CATALOGUE[name]
-
-
-def check_robot_name(name: object) -> None:
-    """Refuse what is neither ``harpy`` nor the name of a robot of :data:`CATALOGUE`, by an :class:`InputError`.
-
-    It lists the names; to a path it says how a file is read.
-    """
-    path = isinstance(name, str) and (Path(name).suffix or Path(name).name != name)
-    hint = "a file comes with its feet: hp.load_robot(path, feet=...), --robot FILE --feet NAME,..." if path else ""
-    checks.one_of("robot", name, ("harpy", *CATALOGUE), hint=hint)
 
 
 ALIASES = {"solo": "solo12", "anymal": "anymal_c", "anymalb": "anymal_b", "anymalc": "anymal_c"}

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
@@ -28,7 +27,6 @@ __all__ = [
     "MAX_SAMPLE",
     "MISFIT",
     "all_finite",
-    "all_finite_rows",
     "all_possible",
     "all_possible_rows",
     "as_array",
@@ -44,16 +42,6 @@ HOLD_TICKS = 20  # bad samples in a row for which the last good answer is held a
 FADE = 0.9  # factor on it for every further one: the robot goes limp over some tens of ticks
 is_finite: Callable[[float], bool] = np.isfinite
 """In kernels whether a number is one: NumPy's, with a result that is said to be a truth value."""
-
-
-@kernel(array=("n", 3))
-def all_finite_rows(array: Vector) -> bool:
-    """Whether all entries of a matrix of three columns are finite numbers."""
-    bad = 0
-    for k in range(array.shape[0]):
-        for i in range(3):
-            bad += not abs(array[k, i]) < np.inf
-    return bad == 0
 
 
 def as_state(state: State, robot: Robot) -> State:
@@ -105,7 +93,6 @@ def _arrays(kind: str, given: Any, shapes: dict[str, tuple[int, ...]]) -> tuple[
 
 def as_array(name: str, value: Any, shape: tuple[int, ...]) -> Vector:
     """The array itself where kernels take it, otherwise a copy that they take."""
-    if type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape == shape and value.flags.carray:
+    if type(value) is np.ndarray and value.dtype == FLOAT64 and value.shape == shape and value.flags.carray:
         return value
-    # An array that comes from a pickle has a type of its own, equal to float64: a view has this process's.
-    return checks.array(name, value, shape).view(FLOAT64)
+    return checks.array(name, value, shape)

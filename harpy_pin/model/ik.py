@@ -25,6 +25,7 @@ BENT, SOLE_BENT = (0.75, 0.85, 0.65, 0.92), (0.92, 0.85, 0.75)
 """Heights of the hips above point feet and soles that are tried one after the other, in lengths of the leg."""
 STARTS, ITERATIONS, CLOSE = 12, 60, 1e-6
 """Configurations from which each leg's inverse kinematics begins, its steps from each, at most, and its error, m."""
+STALLED = 1e12  # damping from which on steps are none
 UPRIGHT = 0.7
 """Cosine of the angle between the normal of a sole and the vertical, below which a message says it."""
 LEVEL = 2e-3  # largest difference between the heights of the feet in a posture, m
@@ -163,38 +164,28 @@ class _Problem:
 
     def descend(self, q: Vector, *, tolerance: float, max_iterations: int) -> IKResult:
         """Levenberg–Marquardt from one start; a joint at a limit that the descent pushes further is held."""
-        current, residual = q, self.errors(q)
-        damping, iterations, status = 1e-3, 0, IKStatus.MAX_ITERATIONS
-        while True:
-            norm = float(np.linalg.norm(residual))
-            if norm <= tolerance:
-                status = IKStatus.CONVERGED
-                break
-            if iterations >= max_iterations:
-                break
+        current, residual, damping, iterations = q, self.errors(q), 1e-3, 0
+        while (norm := float(np.linalg.norm(residual))) > tolerance and iterations < max_iterations:
             full = self.jacobian(current)
-            slope = (full.T @ residual)[6:]
-            joints = current[7:]
+            slope, joints = (full.T @ residual)[6:], current[7:]
             held = ((joints <= self._lower) & (slope > 0.0)) | ((joints >= self._upper) & (slope < 0.0))
             active = np.append(np.zeros(6, dtype=bool), ~held)
-            reduced = full[:, active]
-            improved = False
-            while iterations < max_iterations and damping < 1e12:
+            reduced, improved = full[:, active], False
+            while not improved and iterations < max_iterations and damping < STALLED:
                 iterations += 1
                 normal = reduced.T @ reduced + damping * np.eye(reduced.shape[1])
                 step = np.zeros(self.model.nv)
                 step[active] = -np.linalg.solve(normal, reduced.T @ residual)
                 candidate = self.bounded(pin.integrate(self.model, current, step))
                 trial = self.errors(candidate)
-                if np.linalg.norm(trial) < norm * (1.0 - 1e-12):
-                    current, residual, improved = candidate, trial, True
-                    damping = max(damping * 0.1, 1e-14)
-                    break
-                damping *= 10.0
-            if not improved:
-                status = IKStatus.STALLED if damping >= 1e12 else IKStatus.MAX_ITERATIONS
-                break
-        return IKResult(current, status, float(np.linalg.norm(residual)), iterations)
+                improved = bool(np.linalg.norm(trial) < norm * (1.0 - 1e-12))
+                damping = max(damping * 0.1, 1e-14) if improved else damping * 10.0
+            if not improved and damping >= STALLED:
+                return IKResult(current, IKStatus.STALLED, norm, iterations)
+            if improved:
+                current, residual = candidate, trial
+        status = IKStatus.CONVERGED if norm <= tolerance else IKStatus.MAX_ITERATIONS
+        return IKResult(current, status, norm, iterations)
 
 
 def _drawn(lower: Vector, upper: Vector) -> tuple[Vector, Vector]:

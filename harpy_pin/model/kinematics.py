@@ -90,18 +90,6 @@ class LegRecord(RecordOf, LegGeometry):
     hip: Vector  # type: ignore[assignment]  # an array to kernels
 
 
-@kernel(angles=(3,), out=(3,))
-def leg_forward(leg: LegRecord, angles: Vector, out: Vector) -> None:
-    """Foot position relative to the body, body axes, m, from hip frontal, hip sagittal and knee angle, rad."""
-    upper, lower = leg.upper, leg.lower
-    x = -upper * np.sin(angles[1]) - lower * np.sin(angles[1] + angles[2])
-    z = -upper * np.cos(angles[1]) - lower * np.cos(angles[1] + angles[2])
-    c, s = np.cos(angles[0]), np.sin(angles[0])
-    out[0] = leg.hip[0] + x
-    out[1] = leg.hip[1] + c * leg.offset - s * z
-    out[2] = leg.hip[2] + s * leg.offset + c * z
-
-
 @kernel(angles=(3,), out=(3, 3))
 def leg_jacobian(leg: LegRecord, angles: Vector, out: Vector) -> None:
     """Derivative of the foot position by these joint angles, body axes, m/rad."""

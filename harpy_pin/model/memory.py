@@ -132,7 +132,8 @@ class KeepsViews:
         slots = [name for kind in type(self).__mro__ for name in getattr(kind, "__slots__", ())]
         state = {name: getattr(self, name) for name in slots if name != "__weakref__" and hasattr(self, name)}
         state |= getattr(self, "__dict__", {})
-        return _make, (type(self),), {name: _packed(state[name]) for name in state.keys() - {*self._made_anew}}
+        kept = {name: _packed(state[name]) for name in state.keys() - {*self._made_anew}}
+        return object.__new__, (type(self),), kept
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         for name, value in state.items():
@@ -150,10 +151,6 @@ class _Part:
         owner = array.base if isinstance(array.base, bytearray) else array
         offset = int(part.__array_interface__["data"][0] - array.__array_interface__["data"][0])
         self._arguments: tuple[Any, ...] = (owner, part.dtype, part.shape, offset, part.strides, part.flags.writeable)
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> _Array:
-        owner, *rest = self._arguments
-        return _part_of(deepcopy(owner, memo), *rest)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _part_of, self._arguments
@@ -180,20 +177,10 @@ def _part_of(
 ) -> _Array:
     """The part of an array, or of bytes."""
     whole = np.ndarray((len(owner),), np.uint8, owner) if isinstance(owner, bytearray) else owner
-    part: _Array = np.ndarray(shape, _known(dtype), whole, offset, strides)
+    part: _Array = np.ndarray(shape, _DTYPES.setdefault(dtype, dtype), whole, offset, strides)
     part.flags.writeable = writeable and whole.flags.writeable
     return part
 
 
 _DTYPES: dict[np.dtype[Any], np.dtype[Any]] = {}
-"""One object for equal types, which a call of a kernel compares at a glance."""
-
-
-def _known(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """The type that this process uses: a pickle brings an equal one."""
-    return _DTYPES.setdefault(dtype, dtype if dtype.names else np.dtype(dtype.str))
-
-
-def _make(kind: type) -> Any:
-    """An object without attributes, which :meth:`KeepsViews.__setstate__` then fills."""
-    return object.__new__(kind)
+"""One object for equal types of records, which a call of a kernel compares at a glance; a pickle brings others."""

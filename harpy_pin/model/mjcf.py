@@ -10,13 +10,14 @@ from __future__ import annotations
 import copy
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, install_line, shown
@@ -28,17 +29,28 @@ from harpy_pin.model.urdf import check_bodies, robot_errors
 FREE, BALL, SLIDE, HINGE = range(4)  # ``mujoco.mjtJoint``
 JOINT_IN_PARENT, TENDON = 1, 3  # ``mujoco.mjtTrn``; a joint's own is 0
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
+MAX_GROUP = 30  # last group of actuators that the option can disable
 UNNAMED = "MuJoCo Model"
 """Name of a model whose file gives none."""
-SWITCHES = {
-    "mjDSBL_EQUALITY": ("eq_active0",),
-    "mjDSBL_FRICTIONLOSS": ("dof_frictionloss",),
-    "mjDSBL_LIMIT": ("jnt_limited",),
-    "mjDSBL_SPRING": ("jnt_stiffness", "jnt_stiffnesspoly"),
-    "mjDSBL_DAMPER": ("dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_dampingpoly"),
-    "mjDSBL_CLAMPCTRL": ("actuator_ctrllimited",),
+SWITCHED = {
+    "equality": ("eq_active0",),
+    "frictionloss": ("dof_frictionloss", "tendon_frictionloss"),
+    "limit": ("jnt_limited", "tendon_limited"),
+    "contact": ("geom_margin", "pair_margin"),
+    "spring": ("jnt_stiffness", "jnt_stiffnesspoly", "tendon_stiffness", "tendon_stiffnesspoly"),
+    "damper": (
+        *("dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_dampingpoly"),
+        *("tendon_damping", "tendon_dampingpoly"),
+    ),
+    "gravity": ("body_gravcomp",),
+    "clampctrl": ("actuator_ctrllimited",),
+    "sensor": ("sensor_type",),
 }
-"""Arrays without effect where an option disables them."""
+"""Arrays without effect where a ``<flag>`` of the option disables them."""
+CONSTRAINTS = {"equality", "frictionloss", "limit", "contact"}
+"""Flags that ``constraint`` disables together."""
+WRAPPED = {1: "jnt_bodyid", 3: "site_bodyid", 4: "geom_bodyid", 5: "geom_bodyid"}
+"""Bodies of what a tendon passes, by ``mujoco.mjtWrap``."""
 
 
 def import_mujoco() -> Any:
@@ -61,13 +73,30 @@ def compile_mjcf(path: Path) -> Any:
         return import_mujoco().MjModel.from_xml_path(str(path))
 
 
-def read_mujoco(model: Any, frames: Sequence[str], label: str) -> tuple[pin.Model, Vector | None, dict[str, FlatFoot]]:
-    """Pinocchio's model of one robot in a ``mujoco.MjModel``, its standing posture (joints,), rad, and its soles.
+@dataclass(frozen=True)
+class Description:
+    """What a file says of a robot.
+
+    Attributes:
+        model: Pinocchio's.
+        posture: (joints,) angles in which it stands, rad; None where there are none.
+        soles: of frames that are flat feet.
+        radii: of the spheres around the points of other frames, m.
+    """
+
+    model: pin.Model
+    posture: Vector | None = None
+    soles: Mapping[str, FlatFoot] = field(default_factory=dict)
+    radii: Mapping[str, float] = field(default_factory=dict)
+
+
+def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
+    """One robot in a ``mujoco.MjModel``.
 
     The robot is the tree of bodies under a free joint that has one of these frames; without frames the tree with most
     joints. Angles are MuJoCo's: a joint at ``ref`` is as it is drawn in the file. Named bodies, sites, geoms and joints
     are frames. Of several with one name the first of that order has it, and the others have their kind before it:
-    ``site:FL_foot``. The posture is the keyframe ``home``, None where there is none.
+    ``site:FL_foot``. The posture is the keyframe ``home``.
 
     Soles are the flat ones of these frames: rectangles around the ends of the lowest boxes, capsules and spheres of the
     frame's body that collide, or of the geom itself, where these are level in the posture.
@@ -82,16 +111,18 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> tuple[pin.Mode
             equality constraint, or a motor that pushes one way only.
         RobotError: as :func:`harpy_pin.model.urdf.check_bodies`.
     """
-    model = _in_effect(model)
+    model = in_effect(model)
     bodies = _robot_bodies(model, frames)
     joints = np.flatnonzero(np.isin(model.jnt_bodyid, bodies) & (model.jnt_type != FREE))
     _refuse(model, bodies, joints)
-    built = _tree(model, bodies, joints)
+    built, held = build_tree(model, bodies, joints)
     name = bytes(model.names).split(b"\0")[0].decode()
     built.name = Path(label).stem if name == UNNAMED else name
     tree_record(built)
     check_bodies(built)
-    left = _left_out(model, bodies, joints)
+    left = left_out(model, bodies, joints)
+    if not np.array_equal(model.opt.gravity, pin.Model().gravity.linear):
+        left.append(f"gravity {model.opt.gravity} m/s², which the robot's model has, but no gait and no plant expects")
     if left:
         warnings.warn(f"{shown(label, 300)} has what a tree of rigid bodies has not: {'; '.join(left)}", stacklevel=4)
     root = body_name(model, bodies[0])
@@ -101,21 +132,47 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> tuple[pin.Mode
     q, data = pin.neutral(built), built.createData()
     q[7:] = posture if home else 0.0
     pin.framesForwardKinematics(built, data, q)
-    soles = {}
+    soles, radii = {}, {}
     for name, kind, body, number in _frames(model, bodies):
         if name in frames:
-            soles[name] = _sole(model, kind, body, number, data.oMf[built.getFrameId(name)].rotation)
-    return built, posture, {name: sole for name, sole in soles.items() if sole is not None}
+            frame = built.getFrameId(name)
+            if sole := _sole(model, kind, body, number, data.oMf[frame].rotation):
+                soles[name] = sole
+            geoms = [g for g in range(model.ngeom) if held.get(model.geom_bodyid[g], (0,))[0] == held[body][0]]
+            places = [held[model.geom_bodyid[g]][1].act(model.geom_pos[g]) for g in geoms]
+            radii[name] = sphere_radius(model, geoms, places, built.frames[frame].placement.translation)
+    return Description(built, posture, soles, radii)
+
+
+def touching_geoms(model: Any) -> NDArray[np.bool_]:
+    """(geoms,) whether they can touch others."""
+    touching = (model.geom_contype | model.geom_conaffinity) != 0
+    touching[[*model.pair_geom1, *model.pair_geom2]] = True
+    return np.asarray(touching)
+
+
+def sphere_radius(model: Any, geoms: Sequence[int], places: ArrayLike, point: Vector) -> float:
+    """Radius of the largest of some spheres that touch and have a point inside, m; 0 where none does.
+
+    Args:
+        model: ``mujoco.MjModel``.
+        geoms: (n,) numbers.
+        places: (n, 3) of these geoms.
+        point: (3,).
+    """
+    sphere = touching_geoms(model) & (model.geom_type == int(import_mujoco().mjtGeom.mjGEOM_SPHERE))
+    size, apart = model.geom_size[geoms, 0], np.linalg.norm(np.reshape(places, (-1, 3)) - point, axis=1)
+    return float(size[sphere[geoms] & (apart <= size)].max(initial=0.0))
 
 
 def _sole(model: Any, kind: str, body: int, number: int, upright: Vector) -> FlatFoot | None:
     """The sole of a frame's body, or of a geom, whose axes are ``upright`` (3, 3) while the robot stands."""
     own, shapes, found = pin.SE3.Identity(), import_mujoco().mjtGeom, []
     if kind in ("site", "geom"):
-        own = _place(getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number])
-    touching = (model.geom_bodyid == body) & ((model.geom_contype | model.geom_conaffinity) != 0)
+        own = placement(getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number])
+    touching = (model.geom_bodyid == body) & touching_geoms(model)
     for geom in [number] if kind == "geom" else np.flatnonzero(touching):
-        place, size = own.actInv(_place(model.geom_pos[geom], model.geom_quat[geom])), model.geom_size[geom]
+        place, size = own.actInv(placement(model.geom_pos[geom], model.geom_quat[geom])), model.geom_size[geom]
         match int(model.geom_type[geom]):
             case shapes.mjGEOM_BOX:
                 found.append((place, size, 0.0))
@@ -126,17 +183,32 @@ def _sole(model: Any, kind: str, body: int, number: int, upright: Vector) -> Fla
     return find_sole(found, upright)
 
 
-def _in_effect(model: Any) -> Any:
-    """The model, without what its options disable."""
-    disable, flags = import_mujoco().mjtDisableBit, int(model.opt.disableflags)
-    if not flags:
-        return model
-    model = copy.copy(model)
-    for name in (n for switch, arrays in SWITCHES.items() if flags & int(getattr(disable, switch)) for n in arrays):
+def disabled(model: Any) -> set[str]:
+    """Flags of the option that are disabled, such as ``gravity``; with those that they disable in turn."""
+    bits = import_mujoco().mjtDisableBit.__members__
+    off = {name.removeprefix("mjDSBL_").lower() for name, bit in bits.items() if model.opt.disableflags & int(bit)}
+    return off | CONSTRAINTS if "constraint" in off else off
+
+
+def in_effect(model: Any) -> Any:
+    """A copy of a model in which what its options disable is zero; for actuators see :func:`enabled_actuators`.
+
+    Without springs and dampers MuJoCo has no passive forces at all, so neither air nor compensated weights.
+    """
+    off, model = disabled(model), copy.copy(model)
+    for name in (array for flag in off for array in SWITCHED.get(flag, ())):
         getattr(model, name)[:] = 0
-    if flags & int(disable.mjDSBL_GRAVITY):
+    if "gravity" in off:
         model.opt.gravity[:] = 0.0
+    if {"spring", "damper"} <= off:
+        model.body_gravcomp[:] = model.opt.density = model.opt.viscosity = 0.0
     return model
+
+
+def enabled_actuators(model: Any) -> NDArray[np.bool_]:
+    """(actuators,) whether they act. The armature and damping of one that does not still count."""
+    off = [1 << group & model.opt.disableactuator if 0 <= group <= MAX_GROUP else 0 for group in model.actuator_group]
+    return ~np.array(off, bool) & ("actuation" not in disabled(model))
 
 
 def _robot_bodies(model: Any, frames: Sequence[str]) -> NDArray[np.int64]:
@@ -156,21 +228,7 @@ def _refuse(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) ->
     """Refuse what changes how the robot can move."""
     for joint in joints[model.jnt_type[joints] == BALL]:
         raise InputError(f"joint '{joint_name(model, joint)}' is a ball joint, which is not supported")
-    kinds, of_site = import_mujoco().mjtEq, int(import_mujoco().mjtObj.mjOBJ_SITE)
-    for number in np.flatnonzero(model.eq_active0):
-        kind = kinds(model.eq_type[number]).name.removeprefix("mjEQ_").lower()
-        ends = np.array([model.eq_obj1id[number], model.eq_obj2id[number]])
-        ends = ends[ends >= 0]
-        if kind in ("connect", "weld"):
-            ends = model.site_bodyid[ends] if model.eq_objtype[number] == of_site else ends
-        elif kind == "joint":
-            ends = model.jnt_bodyid[ends]
-        else:  # a tendon's or a flex's, which may pull on any body
-            ends = bodies
-        if np.isin(ends, bodies).any():
-            name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
-            message = f"it has the equality constraint <{kind}>{name}: closed loops and couplings are not supported"
-            raise InputError(message)
+    refuse_loops(model, bodies)
     for name, values in known_joints(model, joints).items():
         checks.gains(f"{name} of joints", values, len(joints))
     for joint, peak in zip(joints, peak_torques(model, joints), strict=True):
@@ -178,52 +236,93 @@ def _refuse(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) ->
             raise InputError(f"joint '{joint_name(model, joint)}' can be pushed one way only, which is not supported")
 
 
-def _tree(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -> pin.Model:
-    """Joints, inertias, limits and frames of the bodies."""
+def refuse_loops(model: Any, bodies: NDArray[np.int64]) -> None:
+    """Refuse an active equality constraint that holds one of these bodies."""
+    for number in np.flatnonzero(model.eq_active0).tolist():
+        kind = import_mujoco().mjtEq(model.eq_type[number]).name.removeprefix("mjEQ_").lower()
+        if np.isin(_tied_bodies(model, number, kind), bodies).any():
+            name = f" '{model.equality(number).name}'" if model.equality(number).name else ""
+            message = f"the equality constraint <{kind}>{name} of the MuJoCo model holds the robot"
+            raise InputError(f"{message}: closed loops and couplings are not supported", name="model")
+
+
+def _tied_bodies(model: Any, number: int, kind: str) -> Any:
+    """Bodies that an equality constraint holds."""
+    ends = np.array([end for end in (model.eq_obj1id[number], model.eq_obj2id[number]) if end >= 0])
+    if kind == "joint":
+        return model.jnt_bodyid[ends]
+    if kind == "tendon":
+        return [body for tendon in ends for body in tendon_bodies(model, tendon)]
+    if kind.startswith("flex"):
+        first = model.flex_vertadr[ends[0]]
+        return model.flex_vertbodyid[first : first + model.flex_vertnum[ends[0]]]
+    return model.site_bodyid[ends] if model.eq_objtype[number] == int(import_mujoco().mjtObj.mjOBJ_SITE) else ends
+
+
+def tendon_bodies(model: Any, tendon: int) -> list[int]:
+    """Bodies that a tendon passes."""
+    wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    passed = zip(model.wrap_type[wraps].tolist(), model.wrap_objid[wraps].tolist(), strict=True)
+    return [int(getattr(model, WRAPPED[kind])[item]) for kind, item in passed if kind in WRAPPED]
+
+
+def build_tree(
+    model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]
+) -> tuple[pin.Model, dict[int, tuple[int, pin.SE3]]]:
+    """Pinocchio's model of bodies and joints; and of each body the joint that moves it, with its place in its frame.
+
+    Args:
+        model: ``mujoco.MjModel``.
+        bodies: parents first; the first one has the free joint.
+        joints: those that move; others are held where the model draws them.
+    """
     built, known, peak = pin.Model(), known_joints(model, joints), peak_torques(model, joints)
     built.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
     built.addJointFrame(1, 0)
+    moved = {joint: k for k, joint in enumerate(joints.tolist())}
     frames = {body: [entry for entry in _frames(model, bodies) if entry[2] == body] for body in bodies.tolist()}
     last = {0: 1}  # frame of each body
-    held = {0: (1, pin.SE3.Identity())}  # joint that moves each body, and the body's place in its frame
+    held = {0: (1, pin.SE3.Identity())}
     for body in bodies.tolist():
         above = int(model.body_parentid[body])
         moving, place = held[above]
         frame = last[above]
         if above:
-            place = place * _place(model.body_pos[body], model.body_quat[body])
+            place = place * placement(model.body_pos[body], model.body_quat[body])
         first = int(model.body_jntadr[body])
-        for joint in range(first, first + int(model.body_jntnum[body])) if above else ():
-            k, arm, axis = joint - int(joints[0]), model.jnt_pos[joint], np.array(model.jnt_axis[joint])
+        for joint in range(first, first + int(model.body_jntnum[body])):
+            if joint not in moved:
+                continue
+            k, arm, axis = moved[joint], model.jnt_pos[joint], np.array(model.jnt_axis[joint])
             turns, ref = model.jnt_type[joint] == HINGE, float(model.qpos0[model.jnt_qposadr[joint]])
-            back = pin.SE3(pin.exp3(-ref * axis), np.zeros(3)) if turns else _place(-ref * axis)
+            back = pin.SE3(pin.exp3(-ref * axis), np.zeros(3)) if turns else placement(-ref * axis)
             low, high = model.jnt_range[joint] if model.jnt_limited[joint] else (-np.inf, np.inf)
             moving = built.addJoint(
                 moving,
                 _joint_model(axis, turns),
-                place * _place(arm) * back,
+                place * placement(arm) * back,
                 joint_name(model, joint),
                 *(np.array([value]) for value in (-peak[k], peak[k], -np.inf, np.inf, low, high)),
                 *(np.array([value]) for value in (-known["friction"][k], known["friction"][k], known["damping"][k])),
             )
             built.armature[built.joints[moving].idx_v] = known["armature"][k]
-            place = _place(-arm)
+            place = placement(-arm)
             name = next(name for name, kind, *_, number in frames[body] if kind == "joint" and number == joint)
             frame = built.addFrame(pin.Frame(name, moving, frame, pin.SE3.Identity(), pin.FrameType.JOINT))
-        axes = _place(model.body_ipos[body], model.body_iquat[body])
+        axes = placement(model.body_ipos[body], model.body_iquat[body])
         inertia = pin.Inertia(model.body_mass[body], np.zeros(3), np.diag(model.body_inertia[body]))
         built.appendBodyToJoint(moving, inertia, place * axes)
         for name, kind, _, number in frames[body]:
             if kind == "body":
                 last[body] = built.addFrame(pin.Frame(name, moving, frame, place, pin.FrameType.BODY))
             elif kind != "joint":
-                at = place * _place(getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number])
+                at = place * placement(getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number])
                 built.addFrame(pin.Frame(name, moving, last[body], at, pin.FrameType.OP_FRAME))
         held[body] = (moving, place)
     base = int(model.body_dofadr[bodies[0]])
     built.armature[:6] = model.dof_armature[base : base + 6]
     built.gravity.linear = np.array(model.opt.gravity)
-    return built
+    return built, held
 
 
 def _joint_model(axis: Vector, turns: bool) -> Any:
@@ -234,7 +333,7 @@ def _joint_model(axis: Vector, turns: bool) -> Any:
     return (pin.JointModelRevoluteUnaligned if turns else pin.JointModelPrismaticUnaligned)(axis)
 
 
-def _place(position: Vector, quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> pin.SE3:
+def placement(position: Vector, quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> pin.SE3:
     """A placement of MuJoCo's, whose quaternions begin with w."""
     return pin.SE3(pin.Quaternion(*(float(x) for x in quaternion)).toRotationMatrix(), np.array(position))
 
@@ -270,37 +369,56 @@ def joint_name(model: Any, number: int) -> str:
     return str(model.joint(number).name) or f"{body_name(model, body)}_joint{f'_{place}' if place else ''}"
 
 
-def _left_out(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -> list[str]:
+def left_out(model: Any, bodies: NDArray[np.int64], joints: NDArray[np.int64]) -> list[str]:
     """What a tree of rigid bodies has no place for, each in some words that name where it is."""
-    base, dofs = [body_name(model, bodies[0])], model.jnt_dofadr[joints]
-    free = model.dof_jntid == model.body_jntadr[bodies[0]]
+    base, dofs, free = [body_name(model, bodies[0])], model.jnt_dofadr[joints], model.body_jntadr[bodies[:1]]
     names, drives = [joint_name(model, joint) for joint in joints], joints[:, None] == driven_joints(model)
-    mine = np.flatnonzero(drives.any(axis=0))
+    acting = drives & enabled_actuators(model)
+    mine = np.flatnonzero(acting.any(axis=0))
     actuators = [str(model.actuator(number).name) or f"number {number}" for number in mine]
-    tendons = [str(model.tendon(number).name) or f"number {number}" for number in range(model.ntendon)]
     pulled = np.isin(np.arange(model.ntendon), model.actuator_trnid[model.actuator_trntype == TENDON, 0])
     for name in ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "armature", "limited"):
-        pulled |= getattr(model, f"tendon_{name}").any(axis=tuple(range(1, getattr(model, f"tendon_{name}").ndim)))
-    stiff = (model.jnt_stiffness != 0.0) | model.jnt_stiffnesspoly.any(axis=1)
-    bent = model.dof_dampingpoly.any(axis=1)
-    said = [
-        ("springs of joint", names, stiff[joints]),
-        ("damping that is not linear of joint", names, bent[dofs] | (drives @ model.actuator_dampingpoly).any(axis=1)),
-        ("tendon", tendons, pulled),
-        ("gravcomp of body", [body_name(model, body) for body in bodies], model.body_gravcomp[bodies]),
-        ("delay of actuator", actuators, model.actuator_delay[mine]),
-        ("a state of its own of actuator", actuators, model.actuator_dyntype[mine] != NO_DYNAMICS),
-        ("no actuator of joint", names, ~drives.any(axis=1) & drives.any()),
-        ("a spring of the free joint of body", base, stiff[model.body_jntadr[bodies[:1]]]),
-        ("damping of the free joint of body", base, [(model.dof_damping[free] + bent[free]).any()]),
-        ("dry friction of the free joint of body", base, [model.dof_frictionloss[free].any()]),
-        ("density of the option", ["air"], [model.opt.density or model.opt.viscosity]),
+        pulled |= np.atleast_2d(getattr(model, f"tendon_{name}").T).any(axis=0)
+    tendons = [n for n in np.flatnonzero(pulled).tolist() if np.isin(tendon_bodies(model, n), bodies).any()]
+    springs = np.column_stack((model.jnt_stiffness, model.jnt_stiffnesspoly))
+    squares = drives @ (model.actuator_dampingpoly * model.actuator_gear[model.actuator_outadr, :1] ** 2)
+    of_base = model.dof_jntid == free
+    left = [
+        named("springs of joint", names, springs[joints], " N·m/rad"),
+        named("damping that is not linear of joint", names, model.dof_dampingpoly[dofs] + squares, " N·m·s²/rad²"),
+        named("tendon", [str(model.tendon(n).name) or f"number {n}" for n in tendons], np.ones(len(tendons))),
+        named("gravcomp of body", [body_name(model, body) for body in bodies], model.body_gravcomp[bodies], ""),
+        named("delay of actuator", actuators, model.actuator_delay[mine], " s"),
+        named("a state of its own of actuator", actuators, model.actuator_dyntype[mine] != NO_DYNAMICS),
+        named("no actuator of joint", names, ~acting.any(axis=1) & acting.any()),
+        named("a spring of the free joint of body", base, springs[free]),
+        named("damping of the free joint of body", base, model.dof_damping[of_base], " N·s/m, N·m·s/rad"),
+        named("damping that is not linear of the free joint of body", base, model.dof_dampingpoly[of_base]),
+        named("dry friction of the free joint of body", base, model.dof_frictionloss[of_base]),
     ]
-    found = [(what, [name for name, has in zip(n, there, strict=True) if has]) for what, n, there in said]
-    left = [f"{what} {shown(n[0])}{f' and {len(n) - 1} more' if len(n) > 1 else ''}" for what, n in found if n]
-    if not np.array_equal(model.opt.gravity, pin.Model().gravity.linear):
-        left.append(f"gravity {model.opt.gravity} m/s², which the robot's model has, but no gait and no plant expects")
-    return left
+    if model.opt.density or model.opt.viscosity:
+        air = f"air of density {model.opt.density:g} kg/m³ and viscosity {model.opt.viscosity:g} Pa·s"
+        left.append(f"{air}, wind {model.opt.wind} m/s")
+    return [line for line in left if line]
+
+
+def named(what: str, names: Sequence[str], values: ArrayLike, unit: str | None = None) -> str:
+    """Words on what some things have: of the first its name and, with a unit, its numbers; empty where none has any.
+
+    Args:
+        what: they have.
+        names: of all.
+        values: (names,), or several numbers for each; zero where there is nothing.
+        unit: of the numbers.
+    """
+    numbers = np.atleast_2d(np.transpose(values)).T
+    has = np.flatnonzero(numbers.any(axis=1))
+    if not len(has):
+        return ""
+    given = ", ".join(f"{number:.4g}" for number in numbers[has[0]] if number)
+    size = "" if unit is None else f" ({given}{unit})"
+    more = f" and {len(has) - 1} more" if len(has) > 1 else ""
+    return f"{what} {shown(names[has[0]])}{size}{more}"
 
 
 def driven_joints(model: Any) -> NDArray[np.int64]:
@@ -316,18 +434,15 @@ def plain_name(name: str) -> str:
 def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
     """Numbers of joints in a ``mujoco.MjModel``, by their names without prefix.
 
-    An :class:`InputError` says that it is no such model, has no free joint, lacks a joint, or has two of that name.
+    An :class:`InputError` says that it is no such model, lacks a joint, or has two of that name.
     """
     if not is_model(model):
         raise InputError(f"model must be a mujoco.MjModel, got {shown(model)}", name="model", value=model)
-    if FREE not in model.jnt_type:
-        raise InputError("the MuJoCo model has no free joint: its base is fixed", name="model")
     found: dict[str, list[int]] = {}
-    for number in range(model.njnt):
-        if model.jnt_type[number] != FREE:
-            name = joint_name(model, number)
-            for short in {name, plain_name(name), name.removeprefix("joint:")}:
-                found.setdefault(short, []).append(number)
+    for number in np.flatnonzero(model.jnt_type != FREE).tolist():
+        name = joint_name(model, number)
+        for short in {name, plain_name(name), name.removeprefix("joint:")}:
+            found.setdefault(short, []).append(number)
     for name in names:
         checks.one_of("joint of the MuJoCo model", name, found)
         if len(found[name]) > 1:
@@ -337,13 +452,12 @@ def find_joints(model: Any, names: Sequence[str]) -> NDArray[np.int64]:
 
 def free_joint(model: Any, joints: NDArray[np.int64]) -> int:
     """Number of the free joint that moves the base of a robot with these joints; refuses a model without one."""
-    free = [number for number in range(model.njnt) if model.jnt_type[number] == FREE]
+    free = np.flatnonzero(model.jnt_type == FREE)
     if len(joints):
-        root = model.body_rootid[model.jnt_bodyid[joints[0]]]
-        free = [number for number in free if model.jnt_bodyid[number] == root]
-    if not free:
+        free = free[model.jnt_bodyid[free] == model.body_rootid[model.jnt_bodyid[joints[0]]]]
+    if not len(free):
         raise InputError("the MuJoCo model has no free joint above the robot's joints", name="model")
-    return free[0]
+    return int(free[0])
 
 
 def known_joints(model: Any, joints: NDArray[np.int64]) -> dict[str, Vector]:
@@ -361,7 +475,7 @@ def known_joints(model: Any, joints: NDArray[np.int64]) -> dict[str, Vector]:
 
 
 def peak_torques(model: Any, joints: NDArray[np.int64]) -> Vector:
-    """(joints,) torques that joints can take both ways, N·m: of their ranges and actuators; infinite without limits.
+    """(joints,) torques that joints take both ways, N·m: of their ranges and enabled actuators; infinite without any.
 
     Limits of an actuator are ``forcerange``, and ``ctrlrange`` times the gain where its force is that product, both
     times ``gear``; those of several on a joint add up. It is the smaller side of a range.
@@ -373,7 +487,7 @@ def peak_torques(model: Any, joints: NDArray[np.int64]) -> Vector:
     own = np.sort(model.actuator_gainprm[:, :1] * model.actuator_ctrlrange[control])
     force = np.where(limited[:, None], np.clip(own, force[:, :1], force[:, 1:]), force)
     force = np.sort(gear * np.where(gear == 0.0, 0.0, force))
-    drives = (joints[:, None] == driven_joints(model))[:, :, None]
+    drives = ((joints[:, None] == driven_joints(model)) & enabled_actuators(model))[:, :, None]
     low, high = np.where(drives.any(axis=1), np.where(drives, force, 0.0).sum(axis=1), everything).T
     of_joint = np.where(model.jnt_actfrclimited[joints, None], model.jnt_actfrcrange[joints], everything)
     both: Vector = np.minimum(-np.maximum(low, of_joint[:, 0]), np.minimum(high, of_joint[:, 1]))

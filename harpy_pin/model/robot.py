@@ -21,11 +21,14 @@ from harpy_pin.errors import InputError, RobotError, shown
 from harpy_pin.model.catalogue import CATALOGUE, CatalogueRobot, catalogue_robot, installed_data, known_name
 from harpy_pin.model.flat_foot import FlatFoot, add_flat_feet
 from harpy_pin.model.mjcf import (
+    Description,
     compile_mjcf,
     find_joints,
     free_joint,
+    in_effect,
     is_model,
     known_joints,
+    named,
     peak_torques,
     read_mujoco,
 )
@@ -58,6 +61,8 @@ class Robot:
             (:mod:`harpy_pin.model.flat_foot`); empty where all are points.
         rotors: thrusters with a fixed axis, the last of ``thrusters``.
         facing: yaw of the direction in which it faces, about the axes of its base, rad: gaits stand it facing x.
+        foot_radius: (feet,) of the spheres around the feet's points in an MJCF file, m; 0 where there is none, and in
+            other files.
         label: its name in the catalogue; empty for a robot that was read from a file.
         source: its ``file``, what else :func:`load_robot` was told, and arrays (nv,) of the model that were changed
             since: what :func:`~harpy_pin.model.source.read_robot` makes it from again.
@@ -74,6 +79,7 @@ class Robot:
     facing: float = 0.0
     label: str = ""
     source: Mapping[str, Any] = field(default_factory=dict)
+    foot_radius: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         parts = [f"{self.mass:.3g} kg", f"{len(self.joints)} joints", f"{len(self.corners)} feet"]
@@ -141,12 +147,10 @@ class Robot:
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, q)
         axes = [data.oMf[self.frame_id(rotor.frame)].rotation @ np.array(rotor.axis) for rotor in self.rotors]
-        values = np.linalg.svd(np.array(axes), compute_uv=False)
-        if len(values) == 3 and values[2] > ANY_DIRECTION * values[0]:
-            return None
         mean = np.sum(axes, axis=0)
         length = np.linalg.norm(mean)
-        return np.asarray(mean / length) if length > 1e-9 else None
+        spread = np.linalg.matrix_rank(np.array(axes), rtol=ANY_DIRECTION)
+        return np.asarray(mean / length) if length > 1e-9 and spread < 3 else None
 
     @property
     def joint_lower(self) -> Vector:
@@ -181,19 +185,21 @@ class Robot:
                 changed[name] = np.concatenate((getattr(self.model, name)[:base], values))
         return self.with_arrays(changed)
 
-    def with_mujoco(self, model: Any) -> Robot:
+    def with_mujoco(self, model: Any, *, prefix: str = "") -> Robot:
         """The robot with armature, damping and dry friction of a MuJoCo model's joints, see :meth:`with_joints`.
 
         The armature of the free joint is taken, too, and largest torques where they are smaller than here or there are
-        none here. Joints are found by name; a prefix that ends in ``:`` or ``/`` does not count.
+        none here. Joints are found by name; a prefix that ends in ``:`` or ``/`` does not count, unless it is given.
 
         Args:
             model: ``mujoco.MjModel`` of the robot.
+            prefix: of the robot's joints in the model, where there are several robots, such as ``"a/"``.
 
         Raises:
-            InputError: the model has no free joint, or lacks a joint.
+            InputError: the model has no free joint, lacks a joint, or has two of its name.
         """
-        joints, base = find_joints(model, self.joints), self.model.joints[1].nv
+        joints, base = find_joints(model, [prefix + name for name in self.joints]), self.model.joints[1].nv
+        model = in_effect(model)
         first = model.jnt_dofadr[free_joint(model, joints)]
         robot, limit = self.with_joints(**known_joints(model, joints)), np.array(self.model.effortLimit)
         armature = np.concatenate((model.dof_armature[first : first + base], robot.model.armature[base:]))
@@ -229,10 +235,8 @@ class Robot:
 def harpy_urdf() -> Path:
     """Path of Harpy's URDF: beside the package once installed, at the top of a checkout otherwise."""
     package = Path(__file__).parent.parent
-    for candidate in (package / "urdf" / "harpy.urdf", package.parent / "urdf" / "harpy.urdf"):
-        if candidate.is_file():
-            return candidate
-    raise RobotError("harpy.urdf is missing from this installation of harpy_pin")
+    installed = package / "urdf" / "harpy.urdf"
+    return installed if installed.is_file() else package.parent / "urdf" / "harpy.urdf"
 
 
 def load_harpy(urdf: str | Path | None = None) -> Robot:
@@ -291,34 +295,34 @@ def load_robot(
     """
     if not isinstance(thrust_limit, float) or thrust_limit != np.inf:
         thrust_limit = checks.number("thrust_limit", thrust_limit, low=0.0, strict=True)
-    known = None if is_model(urdf) else catalogue_robot(urdf)
-    path = None if is_model(urdf) else checks.path("urdf", urdf) if known is None else known.path()
+    listed = None if is_model(urdf) else catalogue_robot(urdf)
+    known = listed or CatalogueRobot("", (), {})
+    path = None if is_model(urdf) else known.path() if listed else checks.path("urdf", urdf)
     told: dict[str, Any] = {"feet": feet, "flat_feet": flat_feet, "rotors": rotors, "posture": posture}
     told["thrusters"] = checks.names("thrusters", thrusters) or None
     told["thrust_limit"] = thrust_limit if thrust_limit < np.inf else None
     if path is not None:
-        told["file"] = str(known_name(urdf)) if known else os.path.abspath(path)
+        told["file"] = str(known_name(urdf)) if listed else os.path.abspath(path)
     if feet is None:
-        if known is None:
+        if not listed:
             message = "a robot read from a file needs feet: names of frames, or () for none"
-            raise InputError(f"{message}; {_links(_read(urdf, path, ())[0])}", name="feet")
-        feet = known.feet
+            raise InputError(f"{message}; {_links(_read(urdf, path, ()).model)}", name="feet")
         flat_feet = known.flat_feet if flat_feet is None else flat_feet
-    if rotors is None:
-        rotors = () if known is None else known.rotors
+    feet = checks.names("feet", known.feet if feet is None else feet)
+    rotors = known.rotors if rotors is None else rotors
     if not isinstance(rotors, Sequence):
         raise InputError(f"rotors must be a tuple of rotors, got {shown(rotors)}", name="rotors", value=rotors)
-    feet = checks.names("feet", feet)
     rotor_frames = (checks.instance("a rotor", rotor, Rotor).frame for rotor in rotors)
     mounts = (*checks.names("thrusters", thrusters), *checks.names("frames of rotors", tuple(rotor_frames)))
+    read = _read(urdf, path, (*feet, *mounts))
+    model, angles = read.model, read.posture
+    if listed:
+        known.add_frames(model)
+        model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
+        angles = known.posture(model)
     for kind, names in (("foot", feet), ("thruster", mounts)):
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
-    model, angles, soles = _read(urdf, path, (*feet, *mounts))
-    if known is not None:
-        known.add_frames(model)
-        model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
-    for kind, names in (("foot", feet), ("thruster", mounts)):
         for name in names:
             if not model.existFrame(name):
                 where = "the MuJoCo model" if path is None else shown(str(path), 300)
@@ -327,17 +331,20 @@ def load_robot(
         moved = feet_moved(model, feet)
         legs = {name: model.supports[model.frames[model.getFrameId(name)].parentJoint] for name in feet}
         long = [name for name in feet if sum(moved[j] == 1 for j in legs[name]) >= SOLE_JOINTS]
-        flat_feet = {name: soles[name] for name in long if name in soles}
+        flat_feet = {name: read.soles[name] for name in long if name in read.soles}
     points, corners = add_flat_feet(model, feet, flat_feet)
-    angles = angles if known is None else known.posture(model)
     if posture is not None:
         angles = checks.vector("posture", posture, model.nq - 7)
-    limits, base = np.array(model.effortLimit), model.joints[1].nv
-    joints = zip(list(model.names)[2:], list(model.joints)[2:], strict=True)
-    unknown = [name for name, joint in joints if limits[joint.idx_v] == 0.0]
-    limits[base:][limits[base:] == 0.0] = np.inf
+    limits = np.array(model.effortLimit)
+    joints = list(zip(model.names, model.joints, model.inertias, strict=True))[1:]
+    unknown = [name for name, joint, _ in joints[1:] if limits[joint.idx_v] == 0.0]
+    _warn(path, "of effort 0, taken as without a limit", unknown)
+    if not listed:
+        no_inertia = [name for name, _, body in joints if body.mass > 0.0 and not body.inertia.any()]
+        _warn(path, "whose body has a mass, no inertia", no_inertia)
+    limits[6:][limits[6:] == 0.0] = np.inf
     model.effortLimit = limits
-    robot = Robot(
+    return Robot(
         model,
         path,
         points,
@@ -346,26 +353,21 @@ def load_robot(
         angles,
         flat_feet=corners if max(corners, default=1) > 1 else (),
         rotors=tuple(rotors),
-        facing=0.0 if known is None else known.facing,
-        label="" if known is None else str(known_name(urdf)),
+        facing=known.facing,
+        label=str(known_name(urdf)) if listed else "",
         source=deepcopy({name: value for name, value in told.items() if value is not None}),
+        foot_radius=tuple(read.radii.get(name, 0.0) for name in points),
     )
-    bodies = zip(list(model.names)[1:], list(model.inertias)[1:], strict=True)
-    no_inertia = [name for name, body in bodies if body.mass > 0.0 and not body.inertia.any() and known is None]
-    for what, some in (
-        ("of effort 0, taken as without a limit", unknown),
-        ("whose body has a mass, no inertia", no_inertia),
-    ):
-        if some:
-            more = f" and {len(some) - 1} more" if len(some) > 1 else ""
-            warnings.warn(f"{shown(str(path), 300)}: joints {what}: {shown(some[0])}{more}", stacklevel=2)
-    return robot
 
 
-def _read(
-    urdf: Any, path: Path | None, frames: Sequence[str]
-) -> tuple[pin.Model, Vector | None, Mapping[str, FlatFoot]]:
-    """The model of a file, or of a ``mujoco.MjModel``, with these frames; its posture, if it has one, and its soles."""
+def _warn(path: Path | None, what: str, joints: Sequence[str]) -> None:
+    """Warn of joints of a file, if there are any."""
+    if line := named(f"{shown(str(path), 300)}: joints {what}:", joints, np.ones(len(joints))):
+        warnings.warn(line, stacklevel=3)
+
+
+def _read(urdf: Any, path: Path | None, frames: Sequence[str]) -> Description:
+    """What a file, or a ``mujoco.MjModel``, says of a robot with these frames."""
     if path is None:
         try:
             return read_mujoco(urdf, frames, "the MuJoCo model")
@@ -374,7 +376,7 @@ def _read(
     with robot_errors(path, "an MJCF file"):
         if read_xml(path).tag != "mujoco":
             model = build_model(path)
-            return model, None, find_soles(path, model, frames)
+            return Description(model, soles=find_soles(path, model, frames))
         return read_mujoco(compile_mjcf(path), frames, str(path))
 
 
@@ -444,7 +446,6 @@ def robots() -> dict[str, KnownRobot]:
 def _licence(entry: CatalogueRobot) -> str | None:
     """What the page beside a robot's files says."""
     page = entry.path().parents[1] / "README.md"
-    if not page.is_file():
-        return None
-    found = re.search(r"^licen[cs]e: *(.+?) *$", page.read_text(errors="replace"), re.MULTILINE | re.IGNORECASE)
-    return found.group(1) if found is not None else None
+    text = page.read_text(errors="replace") if page.is_file() else ""
+    found = re.search(r"^licen[cs]e: *(.+?) *$", text, re.MULTILINE | re.IGNORECASE)
+    return found and found.group(1)

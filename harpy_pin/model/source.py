@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import asdict
 from inspect import signature
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError, reason
-from harpy_pin.model.catalogue import check_robot_name, known_name
+from harpy_pin.model.catalogue import CATALOGUE, known_name
 from harpy_pin.model.flat_foot import FlatFoot
 from harpy_pin.model.robot import Robot, load_harpy, load_robot
 from harpy_pin.model.rotor import Rotor
@@ -74,7 +75,9 @@ def named_robot(robot: Any) -> str | Robot:
         robot = read_robot(robot)
     if not isinstance(robot, Robot):
         name = known_name(robot)
-        check_robot_name(name)
+        path = isinstance(name, str) and (Path(name).suffix or Path(name).name != name)
+        hint = "a file comes with its feet: hp.load_robot(path, feet=...), --robot FILE --feet NAME,..." if path else ""
+        checks.one_of("robot", name, ("harpy", *CATALOGUE), hint=hint)
         return str(name)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they were shown when it was read

@@ -385,11 +385,7 @@ def all_possible(array: Vector) -> bool:
 @kernel(array=("n", 3))
 def all_possible_rows(array: Vector) -> bool:
     """Whether all entries of a matrix of three columns are numbers within ``MAX_SAMPLE``."""
-    bad = 0
-    for k in range(array.shape[0]):
-        for i in range(3):
-            bad += not abs(array[k, i]) <= MAX_SAMPLE
-    return bad == 0
+    return all_possible(array.reshape((array.size,)))
 
 
 @kernel(q=("7+",))

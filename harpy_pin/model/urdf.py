@@ -34,6 +34,7 @@ _ROUNDING = 1e-12  # what files made by programs have below zero, kg·m²
 
 _JOINTS = ("revolute", "continuous", "prismatic", "fixed")
 _FIXED = ("parent", "child", "origin")  # elements that mean something in a fixed joint
+_MOVING = (*_FIXED, "axis", "limit", "dynamics")  # in one that moves
 # Numbers of an element: how many in each attribute, the attributes it must have, those it may have.
 _NUMBERS: dict[str, tuple[int, tuple[str, ...], tuple[str, ...]]] = {
     "mass": (1, ("value",), ()),
@@ -79,7 +80,7 @@ def build_model(path: Path) -> pin.Model:
         _check_names(joints, "joint")
         _check_tree(links, joints)
         for joint in joints:
-            _drop_ignored(joint)
+            _keep(joint, _FIXED if joint.get("type") == "fixed" else _MOVING)
             _make_limited(joint)
         materials = root.findall("material")
         _check_names([material for material in materials if material.get("name")], "material")
@@ -91,12 +92,13 @@ def build_model(path: Path) -> pin.Model:
         unbounded = [joint.get("name") for joint in joints if joint.get("type") == "continuous"]
         for joint in joints:
             joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
-        _drop_shapes(root, links)
+        _keep(root, ("link", "joint"))
+        for link in links:  # no model needs shapes, and Pinocchio's reader reports unknown ones on standard error
+            _keep(link, ("inertial",))
         # The text that was checked, not the file: two readers of XML need not agree on the same bytes.
         model = pin.buildModelFromXML(ElementTree.tostring(root, encoding="unicode"), pin.JointModelFreeFlyer())
         for joint in joints:
-            dynamics = joint.find("dynamics")
-            if dynamics is not None and joint.get("type") != "fixed":
+            if (dynamics := joint.find("dynamics")) is not None:
                 index = model.joints[model.getJointId(joint.get("name"))].idx_v
                 model.armature[index] = float(dynamics.get("armature", "0"))
         for name in unbounded:
@@ -152,13 +154,6 @@ def robot_errors(path: Path, kind: str, reader: str = "Pinocchio") -> Iterator[N
         raise RobotError(f"{_shown(path)} is not {kind} that {reader} can read: {reason}", path=path) from error
 
 
-def check_file(path: Path) -> None:
-    """Refuse a path where there is no file; the :class:`RobotError` says what there is."""
-    if not path.is_file():
-        found = "it is no file" if path.exists() else "the file does not exist"
-        raise RobotError(f"no URDF at {_shown(path)}: {found}", path=path)
-
-
 def _shown(path: Path) -> str:
     """A path as messages show it; one that a file names may be long, or hold a line feed."""
     return shown(str(path), 300)
@@ -166,7 +161,9 @@ def _shown(path: Path) -> str:
 
 def read_xml(path: Path) -> ElementTree.Element:
     """Root of the XML of a robot's file; errors are those of :func:`build_model`, ``InputError`` and ``OSError``."""
-    check_file(path)
+    if not path.is_file():
+        found = "it is no file" if path.exists() else "the file does not exist"
+        raise RobotError(f"no URDF at {_shown(path)}: {found}", path=path)
     with path.open("rb") as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
@@ -218,43 +215,32 @@ def _check_tree(links: Sequence[ElementTree.Element], joints: Sequence[ElementTr
     """The joints make one tree of the links, not too large."""
     if len(links) > _MAX_LINKS:
         raise InputError(f"it has {len(links)} links; at most {_MAX_LINKS} are supported")
-    names = {link.get("name") for link in links}
+    names = [link.get("name") for link in links]
     parent_of: dict[str | None, str | None] = {}
     for joint in joints:
-        ends = {}
-        for end in ("parent", "child"):
-            element = joint.find(end)
-            ends[end] = None if element is None else element.get("link")
-            if ends[end] not in names:
-                raise InputError(f"the {end} of joint '{joint.get('name')}' is no link of the file")
-        if ends["child"] in parent_of:
-            raise InputError(f"link '{ends['child']}' is the child of two joints")
-        parent_of[ends["child"]] = ends["parent"]
-    for link in links:
-        at, passed = link.get("name"), 0
-        while at in parent_of:
-            at, passed = parent_of[at], passed + 1
-            if passed > len(links):
-                raise InputError(f"the joints above link '{link.get('name')}' go round in a circle")
-    roots = [f"'{name}'" for link in links if (name := link.get("name")) not in parent_of]
+        parent, child = (None if end is None else end.get("link") for end in map(joint.find, ("parent", "child")))
+        for kind, end in (("parent", parent), ("child", child)):
+            if end not in names:
+                raise InputError(f"the {kind} of joint '{joint.get('name')}' is no link of the file")
+        if child in parent_of:
+            raise InputError(f"link '{child}' is the child of two joints")
+        parent_of[child] = parent
+    for link in names:
+        at: str | None = link
+        for _ in names:
+            at = parent_of.get(at, at)
+        if at in parent_of:
+            raise InputError(f"the joints above link '{link}' go round in a circle")
+    roots = [f"'{name}'" for name in names if name not in parent_of]
     if len(roots) > 1:
         raise InputError(f"its links are not one tree: {roots[0]} and {roots[1]} are both without a parent")
 
 
-def _drop_ignored(joint: ElementTree.Element) -> None:
+def _keep(element: ElementTree.Element, tags: Sequence[str]) -> None:
     """Remove what :func:`build_model` ignores, so that nothing in it can be wrong."""
-    fixed = joint.get("type") == "fixed"
-    for element in list(joint):
-        if element.tag == "mimic" or (fixed and element.tag not in _FIXED):
-            joint.remove(element)
-
-
-def _drop_shapes(root: ElementTree.Element, links: Sequence[ElementTree.Element]) -> None:
-    """Remove what no model needs: Pinocchio's reader reports shapes that it does not know on standard error."""
-    for owner, tags in ((root, ("link", "joint")), *((link, ("inertial",)) for link in links)):
-        for element in list(owner):
-            if element.tag not in tags:
-                owner.remove(element)
+    for inner in list(element):
+        if inner.tag not in tags:
+            element.remove(inner)
 
 
 def _make_limited(joint: ElementTree.Element) -> None:
@@ -269,14 +255,13 @@ def _make_limited(joint: ElementTree.Element) -> None:
 
 def _move_base(model: pin.Model, links: Sequence[ElementTree.Element], joints: Sequence[ElementTree.Element]) -> None:
     """Give the floating base the frame of the first link with a mass or a moving child (not ``base_footprint``)."""
-    ends = [[str(joint.find(end).get("link")) for end in ("parent", "child")] for joint in joints]  # type: ignore[union-attr]
     massive = {link.get("name") for link in links if link.find("inertial") is not None}
     base = model.frames[2].name
     while base not in massive:
-        below = [k for k, (parent, _) in enumerate(ends) if parent == base]
-        if [joints[k].get("type") for k in below] != ["fixed"]:
+        below = [joint for joint in joints if joint.find("parent").get("link") == base]  # type: ignore[union-attr]
+        if [joint.get("type") for joint in below] != ["fixed"]:
             break
-        base = ends[below[0]][1]
+        base = str(below[0].find("child").get("link"))  # type: ignore[union-attr]
     place = model.frames[model.getFrameId(base, pin.FrameType.BODY)].placement.inverse()
     if not place.isIdentity(0.0):
         model.inertias[1] = place.act(model.inertias[1])

@@ -28,7 +28,7 @@ from harpy_pin.log.run import Run
 from harpy_pin.log.run_file import FORMAT, MAX_STEP
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.entry import all_finite, all_finite_rows, as_array, as_command
+from harpy_pin.model.entry import all_finite, as_array, as_command
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.robot import Robot, configuration
@@ -446,4 +446,4 @@ class Plant(KeepsViews, ABC):
 @kernel
 def are_finite(torque: Vector, thrust: Vector) -> bool:
     """Whether all entries are finite."""
-    return all_finite(torque) and all_finite_rows(thrust)
+    return all_finite(torque) and all_finite(thrust.reshape((thrust.size,)))

@@ -27,7 +27,7 @@ from harpy_pin.log.slip import SlipRecord, note_slip
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
-from harpy_pin.model.entry import all_finite, all_finite_rows
+from harpy_pin.model.entry import all_finite
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
@@ -246,7 +246,7 @@ def physics_steps(
     thrusters = d.body.shape[0] - d.foot_position.shape[0]
     if torque.shape[0] != v.shape[0] - 6 or thrust.shape[0] != thrusters or thrust.shape[1] != 3:
         return MISFIT_COMMAND
-    if not (all_finite(torque) and all_finite_rows(thrust)):
+    if not (all_finite(torque) and all_finite(thrust.reshape((thrust.size,)))):
         return MISFIT_COMMAND
     sweeps = 0
     s.counts[2] += read_thrusts(d, thrust, s.thrust)

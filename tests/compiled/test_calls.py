@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import tracemalloc
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from needs import needs_compiler
 
 from harpy_pin.compiled import compiler, kernel
 from harpy_pin.compiled.bridge import MAX_RESULTS
+from harpy_pin.compiled.calls import Call, Chain
 from harpy_pin.errors import KernelError
 
 pytestmark = needs_compiler
@@ -97,6 +99,41 @@ def test_arrays_that_look_different_and_are_not():
         assert change(a, 2.0, 1, True)[0] == 2.0
         assert a[0] == 2.0
     np.testing.assert_array_equal(base, [0, 0, 0, 0, 2, 1, 2, 3, 0])
+
+
+def pickled(array):
+    """The same with a type of its own, which is not the process's."""
+    made = pickle.loads(pickle.dumps(array))
+    assert made.dtype is not array.dtype
+    return made
+
+
+def test_pickled_arrays_are_taken_in_one_crossing(monkeypatch):
+    """By the versions that there are; what has other elements, or another order of bytes, is not."""
+    change(numbers(), 2.0, 1, True)
+    slow = []
+    monkeypatch.setattr(type(change), "slowly", lambda self, *arguments: slow.append(arguments))
+    a = pickled(numbers())
+    assert change(a, 2.0, 1, True)[0] == 2.0
+    assert a[0] == 2.0
+    assert slow == []
+    for kind in (">f8", np.int64, np.uint64, np.complex128, "m8[s]"):
+        change(np.zeros(4, dtype=kind), 1.0, 1, True)
+    assert len(slow) == 5
+
+
+@kernel
+def summed(a):
+    return int(a[0] + a[1])
+
+
+def test_a_chain_takes_pickled_samples():
+    memory = np.zeros(2)
+    chain = Chain([Call(summed, memory)], {"q": memory}, longest=10.0)
+    for q in (np.array([1.0, 2.0]), pickled(np.array([3.0, 4.0]))):
+        assert chain(SimpleNamespace(t=0.0, q=q)) == q.sum()
+    for kind in (">f8", np.int64, np.complex128):
+        assert chain(SimpleNamespace(t=0.0, q=np.ones(2, dtype=kind))) is None
 
 
 def test_records():

@@ -204,7 +204,7 @@ def test_kernels_reach_each_other_as_they_are():
 
 
 def test_records_that_are_none():
-    with pytest.raises(KernelError, match=r"leg_forward: 'leg\.upper'"):
-        KERNELS["harpy_pin.model.kinematics.leg_forward"](1.0, np.zeros(3), np.zeros(3))
+    with pytest.raises(KernelError, match=r"leg_jacobian: 'leg\.upper'"):
+        KERNELS["harpy_pin.model.kinematics.leg_jacobian"](1.0, np.zeros(3), np.zeros((3, 3)))
     with pytest.raises(InputError, match="p must be a record with 'rate'"):
         KERNELS["harpy_pin.governors.erg.explicit_update"](np.zeros(6), np.zeros(6), 0.0, None)

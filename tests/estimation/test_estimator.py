@@ -17,6 +17,7 @@ POSTURE = hp.make_gait(hp.load_harpy()).initial_state()[0][7:]
 LEVEL = np.eye(3)
 SLOPE = EstimatorSettings(height_noise=np.inf)
 NAMES = ("gyroscope", "accelerometer", "joint_position", "joint_velocity")
+STATES = ("q", "v", "foot_position", "foot_velocity", "foot_force")
 EXACT = {name: 0.0 for name in ("gyroscope_bias", "accelerometer_bias", "encoder_resolution", "torque_error")}
 
 
@@ -207,6 +208,65 @@ def test_a_gap_is_made_up_for(robot):
         state = estimator.step(still(robot, t))
     assert estimator.status == "good"
     np.testing.assert_allclose(state.v, 0.0, atol=1e-3)
+
+
+QUIET = {name: 0.0 for name in ("gyroscope_density", "accelerometer_density", "encoder_noise", "velocity_noise")}
+FINE = 2e-4
+"""Between the states of a run, s."""
+
+
+@pytest.fixture(scope="module")
+def fine_run():
+    return hp.walk(hp.Scenario(ground=hp.Ground(mu_s=0.8), dt=FINE, period=FINE, duration=3.0))
+
+
+@pytest.mark.parametrize("steps", [(3,), (4,), (6,), (8,), (4, 5, 6), (5,) * 40 + (50,)], ids=str)
+def test_the_time_that_passes_counts(robot, fine_run, steps):
+    """Steps of 0.6 to 1.6 ms, uneven ones, and gaps of 10 ms: the place is that of steps of the stated 1 ms."""
+
+    def end(multiples):
+        run, k, n = fine_run, 0, 0
+        sensing = Sensing(robot, hp.Imu(**EXACT, **QUIET, torque_noise=0.0), period=1e-3)
+        estimator = hp.Estimator(robot)
+        estimator.reset(run["q"][0], run["v"][0])
+        while k < len(run):
+            before, sensing.period = max(k - multiples[n % len(multiples)], 0), FINE * multiples[n % len(multiples)]
+            state = hp.State(run["t"][k], *(run[name][k] for name in STATES))
+            readings = sensing.read(state, run["torque"][before : k + 1].mean(0), run["thrust"][before : k + 1].mean(0))
+            estimate, last = estimator.step(readings), k
+            n += 1
+            k += multiples[n % len(multiples)]
+        return estimate.q[:3] - run["q"][last, :3]
+
+    way = np.linalg.norm(np.diff(fine_run["q"][:, :2], axis=0), axis=1).sum()
+    np.testing.assert_allclose(end(steps), end((5,)), rtol=0, atol=1e-3 * way)
+
+
+def test_steps_that_are_missing_are_said(robot):
+    estimator, said = hp.Estimator(robot), []
+    for t in (0.0, 0.001, 0.0024, 0.0044, 0.0054):
+        estimator.step(still(robot, t))
+        said.append(estimator.status)
+    assert said == ["good", "good", "good", "steps are missing", "good"]
+
+
+@pytest.mark.parametrize("settings", [SLOPE, EstimatorSettings()], ids=["slope", "level"])
+@pytest.mark.parametrize("acceleration", [(20.0, 0.0, 0.0), (-30.0, 40.0, 10.0)])
+def test_feet_that_agree_are_believed_against_a_velocity_that_is_lost(robot, acceleration, settings):
+    """A blow while the encoders are gone: metres per second, with which no foot could be in contact."""
+    estimator, said, speed = hp.Estimator(robot, settings=settings), [], []
+    for n in range(3000):
+        readings = still(robot, 1e-3 * n)
+        if 500 <= n < 700:
+            readings.joint_position[:] = np.nan
+            readings.accelerometer += acceleration
+        state = estimator.step(readings)
+        said.append(estimator.status)
+        speed.append(np.linalg.norm(state.v[:3]))
+    assert max(speed) > 3.0
+    assert max(speed[2000:]) < 0.05
+    assert all(status != "good" for status, v in zip(said[:2000], speed, strict=False) if v > 1.0)
+    assert said[-1] == "good"
 
 
 def test_a_wrong_mounting_is_said(robot):

@@ -3,6 +3,7 @@
 import ctypes
 import shutil
 import subprocess
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -149,6 +150,26 @@ def test_the_estimate_is_the_estimators(folders):
         readings.thrust = given.inputs["thrust"][n].reshape(2, 3)
         state = estimator.step(readings, target)
         np.testing.assert_array_equal(row[:25], np.concatenate([state.q, state.v]))
+
+
+@needs_compiler
+def test_an_estimate_in_single_precision_lasts(folders):
+    """Forty seconds at rest, on both feet: as good as in double precision."""
+    robot, ticks, rng = hp.load_harpy(), 40_000, np.random.default_rng(0)
+    motion = ready(robot, "estimator", duration=0.01)
+    what, imu = exportable(motion.sensors.estimator), motion.sensors.estimator.imu
+    given, share = record(motion, what), 1.0 / np.sqrt(1e-3)
+    inputs = {name: np.zeros((ticks, *rows.shape[1:])) for name, rows in given.inputs.items()}
+    inputs["elapsed"][1:] = 1e-3
+    inputs["gyroscope"] += imu.gyroscope_density * share * rng.standard_normal((ticks, 3))
+    inputs["accelerometer"] += imu.accelerometer_density * share * rng.standard_normal((ticks, 3)) + (0.0, 0.0, 9.81)
+    inputs["joint_position"] += given.inputs["joint_position"][0] + imu.encoder_noise * rng.standard_normal((ticks, 6))
+    inputs["normal_force"] += 0.5 * 9.81 * robot.mass
+    still = replace(given, inputs=inputs, target=np.repeat(given.target[:1], ticks, axis=0))
+    for precision in ("float", "double"):
+        found, statuses = answers(what, folders("harpy", "estimator", precision).code, still)
+        assert np.linalg.norm(found[ticks // 2 :, 13:16], axis=1).max() < 0.02
+        assert not statuses[ticks // 2 :].any()
 
 
 @needs_compiler

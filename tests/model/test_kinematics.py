@@ -17,7 +17,7 @@ from harpy_pin import InputError, RobotError
 from harpy_pin.errors import OutOfReachError
 from harpy_pin.model import LegGeometry, leg_inverse_kinematics, solve_ik
 from harpy_pin.model.ik import IKStatus
-from harpy_pin.model.kinematics import leg_forward, leg_jacobian
+from harpy_pin.model.kinematics import leg_jacobian
 
 UPPER, LOWER = 0.5, 0.2
 seeds = st.integers(0, 2**32 - 1)
@@ -77,14 +77,6 @@ def test_geometry_is_read_from_the_model(legs):
 
 
 hanging = st.tuples(sides, st.floats(-1.5, 1.5), st.floats(-2.5, 2.5), st.floats(0.05, np.pi - 0.05))
-
-
-@given(leg=hanging)
-def test_leg_forward(legs, leg):
-    side, *angles = leg
-    out = np.zeros(3)
-    leg_forward(legs[side].record[0], np.array(angles), out)
-    np.testing.assert_allclose(out, foot_of(side, angles), rtol=0, atol=1e-15)
 
 
 @given(leg=hanging)

@@ -146,6 +146,8 @@ FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 JOINTS = tuple(f"{leg}_{part}" for leg in ("FL", "FR", "RL", "RR") for part in ("hip", "thigh", "calf"))
 PAYLOAD = '<inertial pos="0 0 0" mass="{}" diaginertia="0.01 0.01 0.01"/>'
 BALL = '<body name="ball" pos="1 0 1"><freejoint/><geom size="0.1"/></body>'
+CLOTH = '<body name="sheet" pos="3 0 1"><flexcomp name="c" type="grid" count="3 3 1" spacing="0.1 0.1 0.1" dim="2">'
+CLOTH += '<edge equality="true"/></flexcomp></body>'
 HOME = (0.0, 0.8, -1.6) * 4
 KEY = " ".join(str(x) for x in (0, 0, 0.3, 1, 0, 0, 0, *HOME))
 
@@ -203,6 +205,12 @@ LIKE_MUJOCO = {
         ("</worldbody>", f"{BALL}</worldbody>"), sections='<equality><weld body1="ball"/></equality>'
     ),
     "tendon that measures": dog(sections=tendon("")),
+    "a tendon elsewhere": dog(
+        ("</worldbody>", '<body name="door"><joint name="d"/><geom size="0.1"/></body></worldbody>'),
+        sections='<tendon><fixed name="t" stiffness="3"><joint joint="d" coef="1"/></fixed></tendon>'
+        '<equality><tendon tendon1="t"/></equality>',
+    ),
+    "a cloth elsewhere": dog(("</worldbody>", f"{CLOTH}</worldbody>")),
 }
 
 
@@ -227,10 +235,10 @@ def test_what_a_file_says_is_mujocos(tmp_path, case):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (dog(leg=' stiffness="20" springref="10"'), "springs of joint 'FL_calf' and 3 more"),
-        (dog(leg=' damping="0.1 0.02"'), "damping that is not linear of joint 'FL_calf' and 3 more"),
-        (dog(sections=motors('damping="0.1 0.02"')), "damping that is not linear of joint 'FL_hip' and 11 more"),
-        (dog(sections=motors('delay="0.02" nsample="20"')), "delay of actuator 'FL_hip' and 11 more"),
+        (dog(leg=' stiffness="20" springref="10"'), r"springs of joint 'FL_calf' \(20 N·m/rad\) and 3 more"),
+        (dog(leg=' damping="0.1 0.02"'), r"damping that is not linear of joint 'FL_calf' \(0.02 N.* and 3 more"),
+        (dog(sections=motors('damping="0.1 0.02"')), r"damping that is not linear of joint 'FL_hip' \(0.02 N.*11 more"),
+        (dog(sections=motors('delay="0.02" nsample="20"')), r"delay of actuator 'FL_hip' \(0.02 s\) and 11 more"),
         (dog(sections=motors('dyntype="filter" dynprm="0.1"').replace("<motor", "<general")), "a state of its own of"),
         (dog(sections=tendon('stiffness="3"')), "tendon 'strap'"),
         (dog(sections=tendon('range="-1 1"')), "tendon 'strap'"),
@@ -238,7 +246,7 @@ def test_what_a_file_says_is_mujocos(tmp_path, case):
         (dog(('name="FL_hip" pos', 'gravcomp="1" name="FL_hip" pos')), "gravcomp of body 'FL_hip'"),
         (dog(sections='<option gravity="0 0 -3.71"/>'), r"gravity \[.* -3.71\] m/s²"),
         (dog(sections='<option gravity="0 0 -9.81"><flag gravity="disable"/></option>'), r"gravity \[0. 0. 0.\] m/s²"),
-        (dog(sections='<option density="1.2"/>'), "density of the option 'air'"),
+        (dog(sections='<option density="1.2"/>'), "air of density 1.2 kg/m³ and viscosity 0 Pa·s"),
         (dog(sections='<actuator><motor joint="FL_hip"/></actuator>'), "no actuator of joint 'FL_thigh' and 10 more"),
         (
             dog(
@@ -266,7 +274,10 @@ def test_what_no_rigid_tree_has_is_said(tmp_path, text, words):
     [
         (dog(('<freejoint name="root"/>', "")), "no free joint: its base is fixed"),
         (dog(('name="FL_calf" axis="0 1 0" range="-150 -20"', 'name="FL_calf" type="ball"')), "'FL_calf' is a ball"),
-        (dog(sections=tendon("") + '<equality><tendon tendon1="strap"/></equality>'), "constraint <tendon>: closed"),
+        (
+            dog(sections=tendon("") + '<equality><tendon tendon1="strap"/></equality>'),
+            "<tendon> of the .* holds the robot",
+        ),
         (dog(sections='<equality><weld name="w" body1="FL_calf"/></equality>'), "constraint <weld> 'w'"),
         (dog(sections='<equality><connect site1="FL_foot" site2="FR_foot"/></equality>'), "<connect>"),
         (dog(sections='<equality><joint joint1="FL_calf" joint2="FR_calf"/></equality>'), "<joint>"),
@@ -467,3 +478,24 @@ def test_a_box_is_a_sole_by_its_own_name():
     pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
     corner = data.oMf[robot.frame_id("box_0")].translation
     np.testing.assert_allclose(corner, (0.12, 0.03, -0.66), atol=1e-12)
+
+
+def test_radii_of_spheres_are_the_robots():
+    """Around sites, geoms and bodies, also on a link above; none where a foot is flat, or a box, or touches nothing."""
+    two = f'<geom size="0.03" contype="0" conaffinity="0"/><geom size="0.01"/>{BOX}<site name="sole" pos="0 0 -0.005"/>'
+    for shapes, feet, radii in (
+        ('<geom size="0.02" pos="0 0 -0.05"/><site name="sole" pos="0 0 -0.05"/>', ("sole", "link2"), (0.02, 0.0)),
+        ('<body name="tip" pos="0 0 -0.1"><geom name="ball" size="0.04"/></body>', ("tip", "ball"), (0.04, 0.04)),
+        (two, ("sole", "box"), (0.01, 0.0)),
+        (BOX, ("link5",), (0.0,) * 4),
+    ):
+        robot = hp.load_robot(leg(shapes, joints=4 if "sole" in feet else 6), feet=feet)
+        assert robot.foot_radius == radii
+    dogs = hp.load_robot(mujoco.MjModel.from_xml_string(dog()), feet=FEET)
+    assert dogs.foot_radius == (0.02,) * 4
+    model = mujoco.MjModel.from_xml_string(dog(sections=motors("")))
+    np.testing.assert_array_equal(hp.MujocoBridge(model, dogs).foot_radius, dogs.foot_radius)
+    assert pickle.loads(pickle.dumps(dogs)).foot_radius == dogs.foot_radius
+    assert hp.load_harpy().foot_radius == (0.0, 0.0)
+    np.testing.assert_array_equal(hp.Estimator(dogs).record["foot_radius"][0], 0.02)
+    np.testing.assert_array_equal(hp.Estimator(dogs, foot_radius=0.0).record["foot_radius"][0], 0.0)

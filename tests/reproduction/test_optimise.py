@@ -13,7 +13,6 @@ import harpy_pin as hp
 from harpy_pin.errors import RobotError
 from harpy_pin.gaits.straight import GaitParameters
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.model.record import field
 from harpy_pin.simulation.step import step_record
 from reproduction.gait.planar_gait import PACKAGED_GAIT, PAPER_CURVES_GAIT, SPACE_GAIT, PlanarGait, load_gait
@@ -168,14 +167,15 @@ def test_hand_made_walk_in_the_plane(robot, double):
 
 
 def test_joint_targets_put_the_feet_there(robot, model):
-    geometry = LegGeometry.from_robot(robot, "left_foot")
-    gait, foot = ENDS, np.zeros(3)
+    gait, data, q = ENDS, robot.model.createData(), pin.neutral(robot.model)
     for t in np.linspace(0.02, 1.45, 20):
         found, rate = joints_at(t, gait, model)
         ahead, _ = joints_at(t + 1e-6, gait, model)
         position = targets(gait, t)[0]
         for k in range(2):
-            leg_forward(geometry.record[0], np.array([0.0, *found[2 * k : 2 * k + 2]]), foot)
+            q[7:10] = 0.0, *found[2 * k : 2 * k + 2]
+            pin.framesForwardKinematics(robot.model, data, q)
+            foot = data.oMf[robot.frame_id("left_foot")].translation
             np.testing.assert_allclose(foot[[0, 2]], position[k], atol=1e-12)
         np.testing.assert_allclose(rate, (ahead - found) / 1e-6, atol=1e-4)
 

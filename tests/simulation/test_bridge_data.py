@@ -65,8 +65,14 @@ def test_two_robots_in_one_world(go2):
     for prefix, aside in parts.items():
         spec.attach(described(go2, actuators="motor"), prefix=prefix, frame=spec.worldbody.add_frame(pos=(0, aside, 0)))
     model = spec.compile()
-    with pytest.raises(InputError, match="2 joints"):
-        MujocoBridge(model, go2)
+    for function in (lambda: MujocoBridge(model, go2), lambda: go2.with_mujoco(model)):
+        with pytest.raises(InputError, match="2 joints"):
+            function()
+    model.dof_armature[-12:] = 0.03  # of the second one's joints
+    armature = {prefix: go2.with_mujoco(model, prefix=prefix).model.armature[6:] for prefix in parts}
+    np.testing.assert_array_equal(armature["a/"], 0.0)
+    np.testing.assert_array_equal(armature["b/"], 0.03)
+    model.dof_armature[:] = 0.0
     data, (q, v) = mujoco.MjData(model), hp.Standing(go2).initial_state()
     bridges = {prefix: MujocoBridge(model, go2, prefix=prefix) for prefix in parts}
     for n, (prefix, one) in enumerate(bridges.items()):

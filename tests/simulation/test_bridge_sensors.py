@@ -17,13 +17,16 @@ GYROSCOPE, ACCELEROMETER = mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS
 SITE = mujoco.mjtObj.mjOBJ_SITE
 
 
-def sensing(robot, *, body="base", kinds=(GYROSCOPE, ACCELEROMETER), apart=0.0):
-    """Go2 in MuJoCo, with sensors at a site of a body."""
+def sensing(robot, *, body="base", kinds=(GYROSCOPE, ACCELEROMETER), apart=0.0, off=False, **how):
+    """Go2 in MuJoCo, with sensors at a site of a body; the last one is made so, or all are disabled."""
     spec = described(robot, actuators="motor")
     x, y, z, w = pin.Quaternion(pin.rpy.rpyToMatrix(*TURN)).coeffs()
     for n, kind in enumerate(kinds):
         spec.body(body).add_site(name=f"unit_{n}", pos=PLACE + np.array([n * apart, 0, 0]), quat=(w, x, y, z))
-        spec.add_sensor(name=f"sensor_{n}", type=kind, objtype=SITE, objname=f"unit_{n}")
+        sensor = spec.add_sensor(name=f"sensor_{n}", type=kind, objtype=SITE, objname=f"unit_{n}")
+    for name, value in how.items():
+        setattr(sensor, name, value)
+    spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_SENSOR) if off else 0
     return spec.compile()
 
 
@@ -61,9 +64,22 @@ def test_a_robot_stands_on_what_the_models_sensors_say():
         ({"kinds": (GYROSCOPE, GYROSCOPE, ACCELEROMETER)}, "2 gyroscope"),
         ({"body": "FL_calf"}, "no gyroscope"),
         ({"apart": 0.1}, "apart"),
+        ({"off": True}, "no gyroscope"),
+        ({"delay": 0.01, "nsample": 20}, "accelerometer 'sensor_1' of the MuJoCo model has a delay or an interval"),
+        ({"interval": (0.01, 0.0), "nsample": 4}, "accelerometer 'sensor_1' of the MuJoCo model has a delay or an"),
     ],
 )
 def test_sensors_that_are_no_inertial_unit(how, what):
     robot = hp.load_robot("go2")
+    bridge = MujocoBridge(sensing(robot, **how), robot)
     with pytest.raises(InputError, match=what):
-        _ = MujocoBridge(sensing(robot, **how), robot).imu
+        _ = bridge.imu
+    with pytest.raises(InputError, match=what):
+        bridge.readings(mujoco.MjData(bridge.model))
+
+
+def test_a_sensor_that_readings_do_not_use_may_be_late():
+    robot = hp.load_robot("go2")
+    kinds = (GYROSCOPE, ACCELEROMETER, mujoco.mjtSensor.mjSENS_VELOCIMETER)
+    bridge = MujocoBridge(sensing(robot, kinds=kinds, delay=0.01, nsample=20), robot)
+    np.testing.assert_allclose(bridge.imu.position, PLACE, atol=1e-9)

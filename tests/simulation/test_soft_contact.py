@@ -6,6 +6,7 @@ import pytest
 from walks import put
 
 import harpy_pin as hp
+from comparison.studies.contacts import creep
 from harpy_pin import Command, Ground, Mujoco, Scenario
 from harpy_pin.simulation.mujoco import CONTACTS, MujocoPlant
 
@@ -48,10 +49,10 @@ def test_a_block_inside_the_cone_creeps_as_the_closed_form_says(sled, name, mu, 
     plant.advance(NOTHING, steps=2000)
     (inverse,) = plant.inverse_mass
     assert inverse == pytest.approx(0.5)
-    creep = contact.creep(force, -plant.q[2], inverse_mass=inverse, friction=mu)
-    assert creep[1] == 0.0
-    assert plant.q[0] - before == pytest.approx(creep[0], rel=1e-3)
-    assert creep[0] > 1e-6
+    velocity = creep(contact, force, -plant.q[2], inverse_mass=inverse, friction=mu)
+    assert velocity[1] == 0.0
+    assert plant.q[0] - before == pytest.approx(velocity[0], rel=1e-3)
+    assert velocity[0] > 1e-6
 
 
 @pytest.mark.parametrize("heading", [0.3, 0.6, 2.0])
@@ -61,8 +62,8 @@ def test_a_pyramid_creeps_along_its_edges_one_by_one(sled, heading):
     plant = rest(sled, contact, mu, np.arctan(0.6 * mu), heading)
     force, before = plant.state.foot_force[0], plant.q[:2].copy()
     plant.advance(NOTHING, steps=2000)
-    creep = contact.creep(force, -plant.q[2], inverse_mass=0.5, friction=mu)
-    np.testing.assert_allclose(plant.q[:2] - before, creep, rtol=1e-3)
+    velocity = creep(contact, force, -plant.q[2], inverse_mass=0.5, friction=mu)
+    np.testing.assert_allclose(plant.q[:2] - before, velocity, rtol=1e-3)
 
 
 @pytest.mark.parametrize("name", CONTACTS)
@@ -99,6 +100,6 @@ def test_what_slips_under_the_condensed_wbc_on_the_default_contact_is_its_creep(
     walk = hp.build(Scenario(plant=Mujoco("default"), ground=Ground(mu_s=0.25), duration=3.0))
     run = walk.run()
     force, depth = run["foot_force"], -run["foot_position"][:, :, 2]
-    creep = CONTACTS["default"].creep(force, depth, inverse_mass=walk.simulator.inverse_mass, friction=0.25)
-    way = 1e-3 * np.linalg.norm(creep, axis=2)[force[:, :, 2] > 0.0].sum()
+    velocity = creep(CONTACTS["default"], force, depth, inverse_mass=walk.simulator.inverse_mass, friction=0.25)
+    way = 1e-3 * np.linalg.norm(velocity, axis=2)[force[:, :, 2] > 0.0].sum()
     assert run["slip_path"][-1].sum() == pytest.approx(way, rel=0.02)

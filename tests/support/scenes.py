@@ -28,7 +28,6 @@ from harpy_pin.governors.rows import StackedRows
 from harpy_pin.governors.thrust import CentreGains
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.dynamics import Dynamics
-from harpy_pin.model.kinematics import LegGeometry, leg_forward
 from harpy_pin.scenario import Walk
 from harpy_pin.wbc import FORMULATIONS, WholeBodyTargets, make_problem
 from harpy_pin.wbc.condensed import CondensedSolver
@@ -322,11 +321,9 @@ def _tick_alone(motion: Walk, what: Exportable | None = None) -> None:
 @scene
 def pieces() -> None:
     """Kernels that users call by themselves."""
-    robot = hp.load_harpy()
-    leg, model = LegGeometry.from_robot(robot, robot.feet[0]), model_record(mass=4.0, g=9.81, gains=None, law=Law.FULL)
+    robot, model = hp.load_harpy(), model_record(mass=4.0, g=9.81, gains=None, law=Law.FULL)
     r, c, zero, out = cartesian(0.1, 0.3, 0.5), cartesian(0.1, 0.3, 0.5), np.zeros(3), np.empty(3)
     g = np.array([0.0, 0.0, -9.81])
-    leg_forward(leg.record[0], np.array([0.1, 0.2, 0.3]), out)
     multiplier(r, 4.0, g, zero, 0.0, zero)
     leg_force(r, 4.0, g, zero, 0.0, zero, out)
     axial_force(r, c, zero, model[0], np.empty(6))

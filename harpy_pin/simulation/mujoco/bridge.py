@@ -16,19 +16,17 @@ from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
-from harpy_pin.model.mjcf import plain_name
+from harpy_pin.model.mjcf import driven_joints, enabled_actuators, plain_name, refuse_loops, sphere_radius
 from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.model.terms import all_finite, place_bodies, point_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_of, motors_record
 from harpy_pin.simulation.mujoco.conventions import Conventions, ConventionsRecord, from_mujoco, import_mujoco
-from harpy_pin.simulation.mujoco.differences import AtZero, differences, enabled_actuators, tendon_trees
+from harpy_pin.simulation.mujoco.differences import ROOT, AtZero, differences
 
 DEPTH = 0.02
 """How deep a foot may be in soft ground, m: contacts so far from its point are its, however small its shape."""
-CLOSING = {0: "connect", 1: "weld", 2: "joint", 3: "tendon", 7: "distance"}
-"""Equality constraints that hold bodies, joints or tendons together, ``mujoco.mjtEq``."""
 
 
 class BridgeRecord(RecordOf):
@@ -69,8 +67,8 @@ class MujocoBridge(Conventions):
         foot_radius: (feet,) of the spheres around the feet's points, m; 0 where there is none.
 
     Raises:
-        InputError: MuJoCo is not installed, or the model is another robot's: without its joints, with closed loops, or
-            with actuators that are missing or not supported.
+        InputError: MuJoCo is not installed, or the model is another robot's: without its joints, with closed loops that
+            are active in it, or with actuators that are missing or not supported.
     """
 
     @checked
@@ -78,7 +76,7 @@ class MujocoBridge(Conventions):
         self._mujoco = import_mujoco()
         super().__init__(model, robot, prefix=prefix)
         self._check_joints()
-        self._check_loops()
+        refuse_loops(self._at_zero.model, self._at_zero.bodies)
         nq, nv, self.foot_radius = robot.model.nq, robot.model.nv, np.zeros(len(robot.feet))
         self._record = make_record(
             BridgeRecord,
@@ -96,10 +94,11 @@ class MujocoBridge(Conventions):
     def differences(self) -> str:
         """What the model has otherwise than the robot, as it is now, one line each; empty where they agree.
 
-        Compared are masses, centres and inertias of the links, places and axes of the joints with all angles at zero,
-        their ends, armature, damping, dry friction and largest torques. Named is what the robot has not: gravity of
-        another size, springs, weights that are compensated, air, tendons, actuators with a delay or whose range of
-        control cuts torques off, contacts with a margin, trees that sleep, and solvers that are wrong.
+        What the model's options disable has no effect, and is left out. Compared are masses, centres and inertias of
+        the links, places and axes of the joints with all angles at zero, their ends, armature, damping, dry friction
+        and largest torques. Named is what the robot has not: gravity of another size, springs, weights that are
+        compensated, air, tendons, actuators with a delay or whose range of control cuts torques off, contacts with a
+        margin, trees that sleep, and solvers that are wrong.
         """
         here = AtZero(self._mujoco, self.model, self.robot, self.joints, self.free)
         return differences(here, self._record["link"][0], self._actuators)
@@ -152,26 +151,26 @@ class MujocoBridge(Conventions):
         return Readings(data.time, turning, felt, data.qpos[places], data.qvel[self.velocity], torque)
 
     @cached_property
-    def _sensors(self) -> tuple[Imu, tuple[int, int]]:
+    def _sensors(self) -> tuple[Imu, list[int]]:
         """The inertial unit, and where its two sensors are in ``sensordata``."""
-        model, here, kinds = self.model, self._at_zero, self._mujoco.mjtSensor
-        body, found = int(model.jnt_bodyid[self.free]), list[tuple[int, int]]()
-        for kind in (kinds.mjSENS_GYRO, kinds.mjSENS_ACCELEROMETER):
-            sites = {k: int(model.sensor_objid[k]) for k in np.flatnonzero(model.sensor_type == int(kind)).tolist()}
-            own = {k: site for k, site in sites.items() if here.link[model.site_bodyid[site]] == here.link[body]}
+        here, kinds = self._at_zero, self._mujoco.mjtSensor
+        model, found = here.model, list[int]()
+        for what, kind in (("gyroscope", kinds.mjSENS_GYRO), ("accelerometer", kinds.mjSENS_ACCELEROMETER)):
+            numbers = np.flatnonzero(model.sensor_type == int(kind))
+            own = numbers[here.link[model.site_bodyid[model.sensor_objid[numbers]]] == ROOT].tolist()
             if len(own) != 1:
-                what = "gyroscope" if kind == kinds.mjSENS_GYRO else "accelerometer"
                 raise InputError(f"the MuJoCo model has {len(own) or 'no'} {what} on the robot's body", name="model")
-            found += own.items()
-        (first, site), (second, other) = found
-        places, axes = here.data.site_xpos, here.data.site_xmat
-        if not np.allclose(places[site], places[other], atol=1e-3) or not np.allclose(
-            axes[site], axes[other], atol=1e-3
-        ):
+            if model.sensor_delay[own[0]] or model.sensor_interval[own[0]].any():
+                message = f"the {what} '{model.sensor(own[0]).name}' of the MuJoCo model has a delay or an interval"
+                raise InputError(f"{message}: readings are of one step", name="model")
+            found += own
+        first, second = (here.place("site", site) for site in model.sensor_objid[found])
+        if not np.allclose(first.homogeneous, second.homogeneous, atol=1e-3):
             raise InputError("gyroscope and accelerometer of the MuJoCo model are apart", name="model")
-        turn = pin.rpy.matrixToRpy(axes[site].reshape(3, 3))
-        unit = Imu(position=tuple(places[site].tolist()), orientation=tuple(turn.tolist()))
-        return unit, (int(model.sensor_adr[first]), int(model.sensor_adr[second]))
+        unit = Imu(
+            position=tuple(first.translation.tolist()), orientation=tuple(pin.rpy.matrixToRpy(first.rotation).tolist())
+        )
+        return unit, model.sensor_adr[found].tolist()
 
     def write(self, command: Command, data: Any) -> None:
         """Write a command into the controls of MuJoCo's data.
@@ -206,34 +205,16 @@ class MujocoBridge(Conventions):
 
     def _check_joints(self) -> None:
         """The robot's joints are all joints of its tree."""
-        model, bodies = self.model, self.model.jnt_bodyid
-        of_tree = np.flatnonzero(model.body_rootid[bodies] == model.body_rootid[bodies[self.free]])
-        more = [model.joint(number).name for number in np.setdiff1d(of_tree, [self.free, *self.joints])]
+        of_tree = np.flatnonzero(np.isin(self.model.jnt_bodyid, self._at_zero.bodies))
+        more = [self.model.joint(number).name for number in np.setdiff1d(of_tree, [self.free, *self.joints])]
         if more:
             raise InputError(f"the MuJoCo model has joints that the robot has not: {', '.join(more)}", name="model")
-
-    def _check_loops(self) -> None:
-        """No equality constraint closes a loop of the robot's bodies, or couples its joints."""
-        model, of_site = self.model, int(self._mujoco.mjtObj.mjOBJ_SITE)
-        root = model.body_rootid[model.jnt_bodyid[self.free]]
-        for number in np.flatnonzero(model.eq_active0):
-            kind, pair = CLOSING.get(int(model.eq_type[number])), (model.eq_obj1id[number], model.eq_obj2id[number])
-            objects = [item for item in pair if item >= 0]
-            if model.eq_objtype[number] == of_site:
-                objects = model.site_bodyid[objects]
-            if kind == "tendon":
-                roots = [tree for item in objects for tree in tendon_trees(model, item)]
-            else:
-                roots = model.body_rootid[model.jnt_bodyid[objects] if kind == "joint" else objects]
-            if kind is not None and root in roots:
-                message = f"the MuJoCo model has the equality constraint '{kind}' on the robot"
-                raise InputError(f"{message}: closed loops and couplings are not supported", name="model")
 
     def _find_actuators(self) -> dict[str, NDArray[Any]]:
         """Each joint's actuator, its place in the controls, and gears, gains and biases of all."""
         model, size = self.model, len(self.joints)
-        on_joint = (model.actuator_trntype <= 1) & enabled_actuators(model)
-        found = [np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint)) for joint in self.joints]
+        driven = np.where(enabled_actuators(model), driven_joints(model), -1)
+        found = [np.flatnonzero(driven == joint) for joint in self.joints]
         if not any(map(len, found)):
             if model.nu and size:
                 raise InputError(
@@ -263,21 +244,20 @@ class MujocoBridge(Conventions):
 
     def _find_feet(self) -> dict[str, NDArray[Any]]:
         """Radii of the feet's spheres, reach of each foot, and which geoms are on its link."""
-        model, robot, here = self.model, self.robot, self._at_zero
+        robot, here = self.robot, self._at_zero
+        model = here.model
         moved = [robot.model.frames[robot.frame_id(name)].parentJoint for name in robot.feet]
         link, reach = np.zeros((model.ngeom, len(moved)), np.int64), np.zeros(len(moved))
-        touching = (model.geom_contype | model.geom_conaffinity) != 0
-        touching[[*model.pair_geom1, *model.pair_geom2]] = True
-        spheres = touching & (model.geom_type == int(self._mujoco.mjtGeom.mjGEOM_SPHERE))
         for k, name in enumerate(robot.feet):
-            for geom in np.flatnonzero(here.link[model.geom_bodyid] == moved[k]).tolist():
-                link[geom, k] = 1
+            own = np.flatnonzero(here.link[model.geom_bodyid] == moved[k]).tolist()
+            link[own, k] = 1
+            places = [here.place("geom", geom).translation for geom in own]
+            self.foot_radius[k] = sphere_radius(model, own, places, here.foot[k])
+            for geom, place in zip(own, places, strict=True):
                 names = {plain_name(item.name) for item in (model.geom(geom), model.body(model.geom_bodyid[geom]))}
-                size, apart = model.geom_rbound[geom], np.linalg.norm(here.data.geom_xpos[geom] - here.foot[k])
-                if spheres[geom] and apart <= size:
-                    self.foot_radius[k] = max(self.foot_radius[k], size)
-                    names.add(name)
-                if name in names:
+                size, apart = model.geom_rbound[geom], np.linalg.norm(place - here.foot[k])
+                is_sphere = apart <= size and size == self.foot_radius[k]
+                if name in names or is_sphere:
                     reach[k] = max(reach[k], 2.0 * (apart + size), DEPTH)
             if reach[k] == 0.0 or moved.count(moved[k]) > 1:
                 reach[k] = np.inf

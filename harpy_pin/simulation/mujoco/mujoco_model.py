@@ -15,7 +15,7 @@ from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.model.tree import SLIDING, tree_record
+from harpy_pin.model.tree import SLIDING, UNBOUNDED, tree_record
 from harpy_pin.simulation.mujoco.conventions import Conventions, import_mujoco, to_mujoco
 
 NO_MOMENT = np.zeros(3)
@@ -76,7 +76,6 @@ class MujocoModel(KeepsViews):
         self.conventions = Conventions(self.model, robot)
         self.joint_places = self.conventions.velocity.tolist()
         self.model.dof_damping[self.joint_places] = robot.model.damping[6:]
-        _set_ends(self.model, robot.model)
         self.data: Any = mujoco.MjData(self.model)
         self.feet = [int(self.model.geom(f"foot:{foot}").id) for foot in robot.feet]
         self.planes = [int(self.model.geom(name).id) for name in planes if own_planes]
@@ -139,6 +138,7 @@ def _describe(
     """``mujoco.MjSpec`` of a robot and the plane of that name, or one for each foot."""
     model, t = robot.model, tree[0]
     spec = mujoco.MjSpec()
+    spec.compiler.degree = False
     sphere, plane = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_PLANE
     for name in planes:
         spec.worldbody.add_geom(
@@ -161,6 +161,9 @@ def _describe(
             kind = mujoco.mjtJoint.mjJNT_SLIDE if t["kind"][i] == SLIDING else mujoco.mjtJoint.mjJNT_HINGE
             joint = body.add_joint(name=f"joint:{name}", type=kind, axis=t["axis"][i])
             joint.armature = float(model.armature[t["column"][i]])
+            ends = model.lowerPositionLimit[t["place"][i]], model.upperPositionLimit[t["place"][i]]
+            if t["kind"][i] != UNBOUNDED and np.isfinite(ends).all() and ends[0] < ends[1]:
+                joint.limited, joint.range = 1, ends
         else:
             body.add_freejoint(name=f"joint:{name}")
         bodies.append(body)
@@ -182,15 +185,6 @@ def _describe(
         frame = model.frames[robot.frame_id(thruster)]
         bodies[frame.parentJoint - 1].add_site(name=f"thruster:{thruster}", pos=frame.placement.translation)
     return spec
-
-
-def _set_ends(mujoco_model: Any, model: pin.Model) -> None:
-    """Let joints with limits end there."""
-    for name, joint in zip(list(model.names)[2:], list(model.joints)[2:], strict=True):
-        low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-        if joint.nq == 1 and np.isfinite(low) and np.isfinite(high) and low < high:
-            number = mujoco_model.joint(f"joint:{name}").id
-            mujoco_model.jnt_limited[number], mujoco_model.jnt_range[number] = 1, (low, high)
 
 
 def _body_inertia(inertia: Vector) -> list[float]:

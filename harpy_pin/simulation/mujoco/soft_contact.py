@@ -79,38 +79,12 @@ class SoftContact:
         return 2.0 / (self._last * self.solref[0])
 
     @checked
-    def creep(self, force: ArrayLike, depth: ArrayLike, *, inverse_mass: ArrayLike, friction: float) -> Vector:
-        """Velocity of feet that creep steadily under forces inside the friction cone, m/s.
-
-        Args:
-            force: (..., 3) of the ground on the feet, along x, y and the normal, N; a pyramid's edges are those axes.
-            depth: (...) of the feet, m.
-            inverse_mass: (...) MuJoCo's own estimate for the feet's bodies, ``body_invweight0``, 1/kg.
-            friction: coefficient.
-
-        Returns:
-            (..., 2) along x and y.
-        """
-        friction = checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
-        force, depth, inverse_mass = _checked_forces(force, depth=depth, inverse_mass=inverse_mass)
-        rate = (self._regularisation(depth, inverse_mass, friction) / (self.impratio * self.damping_rate))[..., None]
-        along, velocity = force[..., :2], np.zeros_like(force[..., :2])
-        if self.cone == "elliptic" or friction == 0.0:
-            velocity[:] = -rate * along
-            return velocity
-        edges, load = np.abs(along) / friction, force[..., 2]
-        share = np.maximum(np.minimum(0.25 * load, 0.5 * (load - edges.max(axis=-1))), 0.0)[..., None]
-        moved = np.where(edges <= 2.0 * share, 0.5 * edges, edges - share)
-        velocity[:] = -rate * np.sign(along) * 2.0 * friction * moved
-        return velocity
-
-    @checked
     def normal_force(self, depth: float, *, inverse_mass: float, friction: float) -> float:
         """Normal force of a foot at rest, N.
 
         Args:
             depth: of the foot, m.
-            inverse_mass: of the foot's body, 1/kg, as of :meth:`creep`.
+            inverse_mass: MuJoCo's own estimate for the foot's body, ``body_invweight0``, 1/kg.
             friction: coefficient of the contact.
         """
         depth, inverse_mass, friction = _checked(depth=depth, inverse_mass=inverse_mass, friction=friction)
@@ -123,7 +97,7 @@ class SoftContact:
 
         Args:
             load: N.
-            inverse_mass: of the foot's body, 1/kg, as of :meth:`creep`.
+            inverse_mass: MuJoCo's own estimate for the foot's body, ``body_invweight0``, 1/kg.
             friction: coefficient of the contact.
         """
         load, inverse_mass, friction = _checked(load=load, inverse_mass=inverse_mass, friction=friction)
@@ -140,7 +114,7 @@ class SoftContact:
     def _last(self) -> float:
         return min(max(self.solimp[1], LEAST), MOST)
 
-    def _regularisation(self, depth: ArrayLike, inverse_mass: ArrayLike, friction: float) -> Vector:
+    def regularisation(self, depth: ArrayLike, inverse_mass: ArrayLike, friction: float) -> Vector:
         """R of the normal force of a cone, 1/kg; of a pyramid with the inverse mass of its edges."""
         d = self.impedance(depth)
         edge = 1.0 if self.cone == "elliptic" else 1.0 + friction * friction
@@ -150,7 +124,7 @@ class SoftContact:
     def _held(self, depth: float, inverse_mass: float, friction: float) -> float:
         """R of a load, which the four edges of a pyramid share."""
         share = 1.0 if self.cone == "elliptic" else max(friction**2, SMALLEST) / (2.0 * self.impratio)
-        return float(self._regularisation(depth, inverse_mass, friction)) * share
+        return float(self.regularisation(depth, inverse_mass, friction)) * share
 
 
 def write_contact(contact: SoftContact, mujoco: Any, model: Any) -> None:
@@ -177,21 +151,6 @@ CONTACTS = {
 where slip is a problem: elliptic cones, a large impratio, a very small tolerance. ``menagerie``: the feet of Go2, A1
 and ANYmal C in MuJoCo Menagerie (``solimp="0.015 1 0.031"``, ``cone="elliptic" impratio="100"``), without their
 friction against turning and rolling; their spheres have 20 to 30 mm."""
-
-
-def _checked_forces(force: ArrayLike, **others: ArrayLike) -> tuple[Vector, ...]:
-    """Forces (..., 3), and other numbers for each of them by their names, as arrays."""
-    forces = checks.array("force", force, None)
-    if forces.shape[-1:] != (3,):
-        raise InputError(f"force must have shape (..., 3), got {forces.shape}", name="force", value=force)
-    arrays = {name: checks.array(name, value, None) for name, value in others.items()}
-    for name, array in arrays.items():
-        try:
-            arrays[name] = np.broadcast_to(array, forces.shape[:-1])
-        except ValueError:
-            message = f"{name} must fit forces of shape {forces.shape[:-1]}, got {array.shape}"
-            raise InputError(message, name=name, value=others[name]) from None
-    return forces, *arrays.values()
 
 
 PRESETS = {"soft": (1.0, 1.0), "overdamped": (1.0, 2.0 * math.sqrt(2.0)), "stiff": (10.0, math.sqrt(10.0))}

@@ -248,11 +248,11 @@ class Clock:
 
     width: float  # of a span, s
     count: int  # of spans
-    period: float  # the longest time between two rows of any run, s: no span misses a row of it
+    period: float  # between two rows, of the run with the longest one, s
 
     @classmethod
     def of(cls, times: Sequence[Vector], *, most: int = MAX_SPANS) -> Clock:
-        """The clock of runs, from the evenly spaced times of their rows, s, with so many spans at most."""
+        """The clock of runs, from the times of their rows, s, with so many spans at most."""
         period = max((float(t[-1]) / (len(t) - 1) for t in times if len(t) > 1), default=1.0)
         rows = round(max(float(t[-1]) for t in times) / period) + 1
         share = -(-rows // most)
