@@ -71,13 +71,15 @@ def _kernels() -> Any:
 
 
 def _show_as_a_line() -> None:
-    """Show our own warnings without the line of code."""
+    """Show our own warnings without the line of code, each once: some commands read a robot several times."""
     others = warnings.showwarning
-    own = str(Path(__file__).parents[1])
+    own, said = str(Path(__file__).parents[1]), set[str]()
 
     def show(message: Any, category: type[Warning], filename: str, *place: Any, **more: Any) -> None:
         if issubclass(category, RunFileWarning) or (category is UserWarning and filename.startswith(own)):
-            say(message)
+            if str(message) not in said:
+                say(message)
+            said.add(str(message))
         else:
             others(message, category, filename, *place, **more)
 

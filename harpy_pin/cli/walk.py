@@ -108,7 +108,7 @@ def _report(
 ) -> int:
     """Print the tables, write what was asked for, and return the exit code that the ending deserves."""
     from harpy_pin.log.measures import STUMBLE, WORDS, measure
-    from harpy_pin.scenario.gait_parts import Stand, Walking, gaits_of
+    from harpy_pin.scenario.gait_parts import Stand, Walking, gaits_of, why_not
 
     measured = measure(run)
     measures = measured.as_dict()
@@ -116,7 +116,7 @@ def _report(
     slope = f", slope {math.degrees(scenario.ground.slope):g}°" if scenario.ground.slope else ""
     who = f"{scenario.robot_name}, {scenario.controller.name}, {scenario.gait.name} gait, {scenario.plant.name} plant"
     if scenario.gait.name == Stand.name and Walking.name not in gaits_of(scenario.robot):
-        who += " (two or four feet walk)"
+        who += f" ({why_not(scenario.robot, Walking.name) or 'two, four or six feet walk'})"
     estimated = ", on its estimate" if scenario.state == "estimated" else ""
     title = f"{who}{estimated}, friction {scenario.ground.mu_s:g}{ice}{slope}"
     values = {**measures, "steps": f"{measures['steps']:.1f}"}

@@ -8,7 +8,6 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 
 from harpy_pin.cli.output import stderr
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
 
 LEG_OF_SOLE = 6
 """Joints of a leg that can hold a sole level."""
-HUB = 1e-3
-"""Distance from the axis of an endless joint within which a foot is the hub of a wheel, m."""
+ENDLESS = 13.0
+"""Range from which on a joint whose hub is a foot turns like a wheel: a little more than two turns, rad."""
 ROBOTS = "harpy (by default), a robot that `harpy robots` lists, or a URDF or MJCF file with --feet."
 RobotOption = Annotated[str, typer.Option(help=ROBOTS.replace(" (by default)", ""))]
 FrictionOption = Annotated[float | None, typer.Option(help="Static friction.  [default: 0.25]", show_default=False)]
@@ -116,19 +115,12 @@ def _sole(text: str) -> FlatFoot:
 def _notes(robot: Robot) -> Iterator[str]:
     """What may be otherwise with the feet of a robot from a file than its user thinks."""
     from harpy_pin.model.legs import legs
-    from harpy_pin.model.tree import tree_record
 
-    model, axes = robot.model, tree_record(robot.model)["axis"][0]
-    frames = {foot: model.frames[robot.frame_id(foot)] for foot in robot.feet}
-    joints = {foot: frame.parentJoint for foot, frame in frames.items()}
-    wheels = []
-    for foot, joint in joints.items():
-        endless = joint > 1 and np.isinf(model.upperPositionLimit[model.joints[joint].idx_q])
-        if endless and np.linalg.norm(np.cross(axes[joint - 1], frames[foot].placement.translation)) < HUB:
-            wheels.append(foot)
+    found, turns = legs(robot), robot.joint_upper - robot.joint_lower
+    wheels = [leg.points[0] for leg in found if leg.hub and turns[leg.joints[-1] - 2] > ENDLESS]
     if wheels:
         yield f"{', '.join(wheels)} on joints that turn without end: wheels do not roll here, they are feet"
-    of_sole = [leg.points[0] for leg in legs(robot) if len(leg.joints) == LEG_OF_SOLE]
+    of_sole = [leg.points[0] for leg in found if len(leg.joints) == LEG_OF_SOLE]
     if of_sole and not robot.flat_feet and not wheels:
         yield f"{', '.join(of_sole)} behind six joints, taken as points: for soles give --flat-feet, such as 0.2x0.09"
 

@@ -199,8 +199,9 @@ def _drawn(lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
 def find_posture(robot: Robot) -> Vector:
     """(joints,) angles in which a robot with feet stands, rad.
 
-    They are those that were given; its file's, if its feet are on one level. Otherwise soles are level, and joints of
-    no leg at zero or the next limit; an :class:`InputError` says that no such posture was found.
+    They are those that were given; its file's, if its feet are on one level. Otherwise feet are below the hips, of
+    sprawling legs below the knees as these are at zero; soles are level, and joints of no leg at zero or the next
+    limit. An :class:`InputError` says that no such posture was found, and why it may be.
     """
     model, data, q = robot.model, robot.model.createData(), pin.neutral(robot.model)
     if robot.posture is not None:
@@ -216,10 +217,12 @@ def find_posture(robot: Robot) -> Vector:
     for k, leg in enumerate(found):
         corners = [data.oMf[robot.frame_id(name)] for name in leg.points]
         middle = np.mean([corner.translation for corner in corners], axis=0)
-        points = [*(data.oMi[j].translation for j in leg.below_hip), middle]
+        below = leg.joints[leg.knee :] if leg.sprawls else leg.below_hip
+        points = [*(data.oMi[j].translation for j in below), middle]
         hip[k], length[k] = points[0], sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points))
         turn = pin.Quaternion.FromTwoVectors(corners[0].rotation[:, 2], np.array((0.0, 0.0, 1.0))).matrix()
-        place = np.array((hip[k, 0], middle[1], 0.0)) + turn @ (corners[0].translation - middle)
+        aside = hip[k, 1] if leg.sprawls else middle[1]
+        place = np.array((hip[k, 0], aside, 0.0)) + turn @ (corners[0].translation - middle)
         target.append(pin.SE3(turn @ corners[0].rotation, place))
     for bent in SOLE_BENT if robot.flat_feet else BENT:
         posture, down = q.copy(), pin.SE3(np.eye(3), np.array((0.0, 0.0, (hip[:, 2] - bent * length).max())))
@@ -230,6 +233,14 @@ def find_posture(robot: Robot) -> Vector:
     up = [data.oMf[robot.frame_id(leg.points[0])].rotation[2, 2] for leg in found if len(leg.points) > 1]
     if min(up, default=1.0) < UPRIGHT:
         message += "; its soles do not face the ground at zero: a FlatFoot has an orientation"
+    hub = next((leg for leg in found if leg.hub), None)
+    if hub is not None:
+        message += f"; '{hub.points[0]}' is on the axis of '{model.names[hub.joints[-1]]}', which cannot move it: "
+        message += "a foot is at the end of its leg"
+    still = {j + 2 for j in np.flatnonzero(robot.joint_lower == robot.joint_upper)}
+    fixed = [model.names[j] for leg in found for j in leg.joints if j in still]
+    if fixed:
+        message += f"; {len(fixed)} joints of its legs have no range, such as '{fixed[0]}'"
     raise InputError(message, name="posture")
 
 

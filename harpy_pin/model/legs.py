@@ -14,6 +14,8 @@ PARALLEL = 0.9
 """Least cosine of the angle between the axes of hip and knee."""
 APART = 5e-3
 """Least distance between these axes, m."""
+HUB = 1e-3
+"""Distance from the axis of the last joint within which a foot is its hub, m."""
 
 
 @dataclass(frozen=True)
@@ -25,11 +27,16 @@ class Leg:
         joints: Pinocchio's numbers of the joints, from the base on.
         knee: which of ``joints`` is the knee: the first one whose axis is parallel to that of a joint above it, and
             beside it, so that the two bend the leg; without such joints the second one, −1 where there are none.
+        sprawls: whether the first of three joints turns the leg about the vertical at zero, as insects have it, and
+            the last one moves the foot.
+        hub: whether the foot is on the axis of the last joint, which then cannot move it.
     """
 
     points: tuple[str, ...]
     joints: tuple[int, ...]
     knee: int
+    sprawls: bool
+    hub: bool
 
     @property
     def below_hip(self) -> tuple[int, ...]:
@@ -48,9 +55,10 @@ def legs(robot: Robot) -> list[Leg]:
     own = tree_record(model)["axis"][0]
     axis = [np.zeros(3), *(data.oMi[j].rotation @ own[j - 1] for j in range(1, model.njoints))]
     found = []
-    for end, corners in zip(np.cumsum(robot.corners), robot.corners, strict=True):
-        points = robot.feet[end - corners : end]
-        chain = model.supports[model.frames[robot.frame_id(points[0])].parentJoint]
+    for last, corners in zip(np.cumsum(robot.corners), robot.corners, strict=True):
+        points = robot.feet[last - corners : last]
+        end = model.frames[robot.frame_id(points[0])]
+        chain = model.supports[end.parentJoint]
         joints = tuple(j for j in chain if moved[j] == 1)
         bends = [
             any(
@@ -60,5 +68,8 @@ def legs(robot: Robot) -> list[Leg]:
             )
             for k, j in enumerate(joints)
         ]
-        found.append(Leg(points, joints, bends.index(True) if any(bends) else min(1, len(joints) - 1)))
+        knee = bends.index(True) if any(bends) else min(1, len(joints) - 1)
+        hub = bool(joints) and bool(np.linalg.norm(np.cross(own[joints[-1] - 1], end.placement.translation)) < HUB)
+        sprawls = len(joints) == 3 and not hub and bool(abs(axis[joints[0]][2]) > PARALLEL)
+        found.append(Leg(points, joints, knee, sprawls, hub))
     return found

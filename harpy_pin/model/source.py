@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict
 from inspect import signature
@@ -78,7 +79,10 @@ def named_robot(robot: Any) -> str | Robot:
         hint = "a file comes with its feet: hp.load_robot(path, feet=...), --robot FILE --feet NAME,..." if path else ""
         checks.one_of("robot", name, ("harpy", *CATALOGUE), hint=hint)
         return str(name)
-    if "file" not in robot.source or read_robot(robot.source).model != robot.model:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # they were shown when it was read
+        same = "file" in robot.source and read_robot(robot.source).model == robot.model
+    if not same:
         message = f"'{robot.name}' is not what its file says, which no scenario can write down: change it by"
         raise InputError(f"{message} with_joints, or give hp.walk a gait of it", name="robot", value=robot)
     if robot.source == {"file": robot.label}:

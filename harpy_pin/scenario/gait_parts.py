@@ -16,7 +16,7 @@ from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.gaits.velocity import is_sequence, read_velocity
-from harpy_pin.gaits.walking.build import BY_FEET, FOUR_FEET, SHORT_LEG, TWO_FEET, why_no_walk
+from harpy_pin.gaits.walking.build import BY_FEET, SCHEDULES, SHORT_LEG, why_no_walk
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
 from harpy_pin.ground.terrain import Terrain
@@ -128,7 +128,7 @@ class Commanded(GaitPart):
 
 @dataclass(frozen=True, kw_only=True)
 class Walking(GaitPart):
-    """A robot with two or four feet follows a velocity, see :class:`harpy_pin.gaits.WalkingGait`.
+    """A robot with two, four or six feet follows a velocity, see :class:`harpy_pin.gaits.WalkingGait`.
 
     Attributes:
         schedule: ``trot`` (default), ``crawl``, ``pace`` or ``bound`` on four feet, ``walk`` (default) or ``step`` on
@@ -139,14 +139,14 @@ class Walking(GaitPart):
     """
 
     name = "walking"
-    foot_counts = (2, 4)
+    foot_counts = tuple(BY_FEET)
     without = ("solo8",)  # its legs have too few joints to place their feet
     schedule: str | None = None
     velocity: str | Sequence[float] | Sequence[Sequence[float]] | None = None
 
     def __post_init__(self) -> None:
         if self.schedule is not None:
-            checks.one_of("schedule", self.schedule, ("stand", *FOUR_FEET, *TWO_FEET))
+            checks.one_of("schedule", self.schedule, ("stand", *SCHEDULES))
         if self.velocity is not None:
             checks.keep(self, velocity=_rows(self.velocity, 4))
 
@@ -193,10 +193,14 @@ def gaits_of(robot: str | Robot) -> tuple[str, ...]:
         robot: ``harpy``, a robot of the catalogue, or one's own.
 
     Raises:
-        InputError: there is no such robot.
+        InputError: there is no such robot, or no gait for so many feet.
     """
     robot = named_robot(robot)
-    return tuple(name for name, kind in GAIT_PARTS.items() if kind.fits(robot) and not why_not(robot, name))
+    names = tuple(name for name, kind in GAIT_PARTS.items() if kind.fits(robot) and not why_not(robot, name))
+    if not names and isinstance(robot, Robot):
+        feet = ", ".join(robot.feet)
+        raise InputError(f"no gait is for the {_feet(robot)} feet of '{robot.name}': {feet}", name="robot", value=robot)
+    return names
 
 
 def _feet(robot: str | Robot) -> int:

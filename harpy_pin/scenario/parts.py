@@ -11,7 +11,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.controllers.named_controllers import GOVERNORS
 from harpy_pin.errors import InputError, shown
-from harpy_pin.gaits.walking.build import FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.build import SCHEDULES
 
 _Part = TypeVar("_Part", bound="Part")
 _Record = TypeVar("_Record")
@@ -95,7 +95,7 @@ def check_part_name(kinds: Mapping[str, type[Part]], what: str, name: object) ->
     """Refuse a part that is none of these kinds; for a schedule or a governor the message says where it goes."""
     hint = ""
     if isinstance(name, str):
-        if what == "gait" and name in (*FOUR_FEET, *TWO_FEET):
+        if what == "gait" and name in SCHEDULES:
             hint = f"'{name}' is a schedule: Walking(schedule='{name}'), --set gait.schedule={name}"
         if what == "controller" and name in GOVERNORS:
             hint = f"it is Governed(governor='{name}'), --set controller.governor={name}"

@@ -105,12 +105,15 @@ def test_a_leg_of_six_joints_with_a_point_is_told_of_soles(talos, capsys):
     assert capsys.readouterr().err == ""
 
 
-def test_wheels_are_said_not_to_roll(tmp_path, capsys):
+@pytest.mark.parametrize("kind", ["continuous", "revolute"])
+def test_wheels_are_said_not_to_roll(tmp_path, capsys, kind):
+    """Their joints turn without end, or so far that no leg's joint does."""
     root = ElementTree.parse(CATALOGUE["go2"].path()).getroot()
     for joint in root.findall("joint"):
         if joint.get("name").endswith("_foot_joint"):
-            joint.set("type", "continuous")
+            joint.set("type", kind)
             joint.find("axis").set("xyz", "0 1 0")
+            ElementTree.SubElement(joint, "limit", lower="-1e6", upper="1e6", effort="10", velocity="30")
     for link in root.findall("link"):
         for shape in (*link.findall("visual"), *link.findall("collision")):
             link.remove(shape)

@@ -238,6 +238,19 @@ def test_it_is_said_why_a_walk_falls(monkeypatch, command, tmp_path):
     assert dict(headline(line_up(hp.Run.load("a.npz"))[0])[1])["why"] == dry.causes
 
 
+def test_what_a_file_lacks_is_said_once(dog, command):
+    """A walk by patterns reads its file three times."""
+    dog.write_text(dog.read_text().replace('effort="23.7"', 'effort="0"', 1))
+    code, _, err = command("walk", "--robot", str(dog), "--feet", "*_foot", "--duration", 0.05)
+    assert (code, err.count("joints of effort 0, taken as without a limit: 'FL_hip_joint'")) == (0, 1)
+
+
+def test_why_a_robot_stands_is_said(command):
+    code, out, _ = command("walk", "--robot", "solo8", "--set=controller=wbc", "--duration", 0.05)
+    said = "solo8, wbc, standing gait, compliant plant ('solo8' has a leg of fewer than three joints: its feet"
+    assert (code, said in " ".join(out.split())) == (0, True)
+
+
 def test_an_environment_of_it(dog):
     gymnasium = pytest.importorskip("gymnasium")
     robot, name = hp.load_robot(dog, feet=FEET), "harpy_pin.contrib.gym:Robot-v0"

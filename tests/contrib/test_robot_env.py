@@ -254,7 +254,7 @@ def test_a_robot_of_ones_own_and_mujoco():
     ("arguments", "reason"),
     [
         ({"robot": "go3"}, "go2"),
-        ({"robot": "iris"}, "two or four feet"),
+        ({"robot": "iris"}, "two, four or six feet"),
         ({"robot": 3}, "robot"),
         ({"action": "torque"}, "velocity"),
         ({"reward": {"speed": 1.0}}, "velocity"),

@@ -311,7 +311,7 @@ def test_what_it_cannot_do_is_refused():
         hp.WalkingGait(robot, "gallop")
     with pytest.raises(hp.InputError, match="walk"):
         hp.WalkingGait(hp.load_robot("bolt"), "trot")
-    with pytest.raises(hp.InputError, match="two or four"):
+    with pytest.raises(hp.InputError, match="two, four or six"):
         hp.WalkingGait(hp.load_robot("iris"))
     for velocity in ((0.1, 0.2), (0.1, np.nan, 0.0), "fast", ((1.0, 0, 0, 0), (0.5, 0, 0, 0))):
         with pytest.raises(hp.InputError):

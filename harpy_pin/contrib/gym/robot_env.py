@@ -65,11 +65,11 @@ ASKED = 0.5  # share of the gait's largest velocity, and of 1 rad/s, that is ask
 
 
 class RobotEnv(gymnasium.Env[Numbers, Numbers]):
-    """A robot on two or four feet that is to move as it is asked; see :mod:`harpy_pin.contrib.gym.robot_env`.
+    """A robot on two, four or six feet that is to move as it is asked; see :mod:`harpy_pin.contrib.gym.robot_env`.
 
     Args:
-        robot: name in the catalogue; or a :class:`~harpy_pin.model.robot.Robot` with two or four feet. By default the
-            scenario's, or go2 where that is Harpy.
+        robot: name in the catalogue; or a :class:`~harpy_pin.model.robot.Robot` with two, four or six feet. By default
+            the scenario's, or go2 where that is Harpy.
         action: ``velocity`` or ``joints``.
         reward: scales by name, see :mod:`harpy_pin.contrib.gym.rewards`; or a function of the
             :class:`~harpy_pin.contrib.gym.rewards.Step` that returns the reward.

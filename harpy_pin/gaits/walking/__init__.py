@@ -1,4 +1,4 @@
-"""A walk of any robot with two or four feet."""
+"""A walk of any robot with two, four or six feet."""
 
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 

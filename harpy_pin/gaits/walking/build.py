@@ -146,7 +146,7 @@ def build_of(robot: Robot, q: Vector) -> Build:
         lengths.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
         knees.append(model.effortLimit[model.joints[leg.joints[leg.knee]].idx_v])
         hips.append(float(points[0][2] - place[k, 2]))
-        if len(robot.corners) == 4 and leg.knee > 1:
+        if len(robot.corners) > 2 and leg.knee > 1:
             beside[k] = place[k, 1] + q[1] - data.oMi[leg.joints[0]].translation[1]
         for joint in leg.below_hip[:1] if robot.corners[k] == 1 else leg.joints[: max(leg.knee, 1)]:  # soles roll, too
             column, arm = model.joints[joint].idx_v, float(data.oMi[joint].translation[2] - q[2] - place[k, 2])
@@ -156,7 +156,7 @@ def build_of(robot: Robot, q: Vector) -> Build:
     lower = max(hip - bent * length, 0.0)  # than the posture, where its legs would be almost stretched
     reach = float(np.sqrt(max((stretched * length) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
-    height, over = float(q[2]) - lower, hip - lower if len(place) == 4 or robot.flat_feet else 0.0
+    height, over = float(q[2]) - lower, hip - lower if len(place) > 2 or robot.flat_feet else 0.0
     reactions = _reactions(robot, q, rise)
     soles = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
     narrow = SOLE_NARROW * rise + 2.0 * INNER * float(soles[:, 1].min()) if robot.flat_feet else NARROW * rise
@@ -201,39 +201,44 @@ def draw_together(places: Vector, group: NDArray[np.int64], most: float) -> floa
 
 
 Steps = tuple[tuple[str, ...], ...]
-FOUR_FEET: dict[str, Steps] = {
-    "trot": (("left front", "right hind"), ("right front", "left hind")),
-    "crawl": (("left hind",), ("left front",), ("right hind",), ("right front",)),
-    "pace": (("left front", "left hind"), ("right front", "right hind")),
-    "bound": (("left front", "right front"), ("left hind", "right hind")),
+BY_FEET: dict[int, dict[str, Steps]] = {
+    2: {"walk": (("left",), ("right",)), "step": (("left",), ("right",))},
+    4: {
+        "trot": (("left front", "right hind"), ("right front", "left hind")),
+        "crawl": (("left hind",), ("left front",), ("right hind",), ("right front",)),
+        "pace": (("left front", "left hind"), ("right front", "right hind")),
+        "bound": (("left front", "right front"), ("left hind", "right hind")),
+    },
+    6: {"tripod": (("left front", "right middle", "left hind"), ("right front", "left middle", "right hind"))},
 }
-"""Feet of four-legged robots that swing together, step after step."""
-TWO_FEET: dict[str, Steps] = {"walk": (("left",), ("right",)), "step": (("left",), ("right",))}
-"""Feet of bipeds that swing, step after step; ``step`` goes on stepping where it stands."""
-BY_FEET = {2: TWO_FEET, 4: FOUR_FEET}
-"""Schedules by the number of feet."""
+"""Feet that swing together, step after step, by the number of feet and the name of the schedule; the first one is the
+default. ``step`` goes on stepping where it stands."""
+SCHEDULES = tuple(name for schedules in BY_FEET.values() for name in schedules)
+"""Their names."""
+ROWS = {1: ("",), 2: (" front", " hind"), 3: (" front", " middle", " hind")}
+"""What the feet of a side are called, from the front on."""
 
 
 def groups_of(schedule: str, places: Vector) -> NDArray[np.int64]:
     """(feet,) the step of the cycle in which each foot swings.
 
     Args:
-        schedule: a name of :data:`FOUR_FEET`, of :data:`TWO_FEET`, or ``stand``.
+        schedule: a name of :data:`BY_FEET`, or ``stand``.
         places: (feet, 2) of the feet about their middle, x forward and y to the left, m.
 
     Raises:
-        InputError: an unknown name, one for another number of feet, or two feet in the same quarter.
+        InputError: an unknown name, one for another number of feet, or not as many feet on the left as on the right.
     """
     known = BY_FEET.get(len(places), {})
     checks.one_of("schedule", schedule, ("stand", *known))
     if schedule == "stand":
         return np.zeros(len(places), dtype=np.int64)
-    names = []
-    for x, y in places:
-        side = "left" if y > 0.0 else "right"
-        names.append(side if len(places) == 2 else f"{side} {'front' if x > 0.0 else 'hind'}")
-    if len(set(names)) < len(names):
-        raise InputError(f"the feet must be in different quarters about their middle, got {names}", name="robot")
+    left, names = places[:, 1] > 0.0, [""] * len(places)
+    if 2 * left.sum() != len(places):
+        raise InputError(f"half of the feet must be on the left, got {left.sum()} of {len(places)}", name="robot")
+    for side, feet in (("left", np.flatnonzero(left)), ("right", np.flatnonzero(~left))):
+        for k, row in zip(feet[np.argsort(-places[feet, 0])], ROWS[len(feet)], strict=True):
+            names[k] = side + row
     steps = known[schedule]
     return np.array([next(g for g, feet in enumerate(steps) if name in feet) for name in names], dtype=np.int64)
 
@@ -248,11 +253,11 @@ def pace_of(
     """
     groups = int(group.max()) + 1
     natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
-    gentle = groups == 2 and len(build.place) == 4 and not soles and not _one_behind_the_other(build, group)
-    double_support = SOLE_BOTH if soles else BOTH if len(build.place) == 4 else POINT_BOTH
+    gentle = groups == 2 and len(build.place) > 2 and not soles and not _one_behind_the_other(build, group)
+    double_support = SOLE_BOTH if soles else BOTH if len(build.place) > 2 else POINT_BOTH
     slow = SLOW_BOTH if gentle else double_support
     duration = (SOLE_STEP if soles else max(STEP, SWING * GRAVITY / build.swing_acceleration)) * natural
-    runs = groups == 2 and len(build.place) == 4
+    runs = groups == 2 and len(build.place) > 2
     stride = STRIDE * build.leg if runs else inf
     share = (ROLLING_SPEED if len(build.place) == 2 else SOLE_SPEED) if soles else SPEED if runs else SLOW_SPEED
     most, limited_by = share * GRAVITY * natural, "the length of its legs"

@@ -1,4 +1,4 @@
-"""A walk of any robot with two or four feet that follows a velocity command."""
+"""A walk of any robot with two, four or six feet that follows a velocity command."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, warn_maker
-from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of, pace_of, why_no_walk
+from harpy_pin.gaits.walking.build import BY_FEET, Build, Pace, build_of, draw_together, groups_of, pace_of, why_no_walk
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR
@@ -71,7 +71,7 @@ LOADED, MIN_LOADED = 0.03, 0.6
 
 @fixed_arrays("applied", "command", "record")
 class WalkingGait(FollowsVelocity):
-    """Targets of a robot on two or four feet that follows a velocity command.
+    """Targets of a robot on two, four or six feet that follows a velocity command.
 
     It needs the measured state: controllers of this library call :meth:`observe` before each :meth:`update`. All
     settings follow from the robot's mass, legs, feet and standing posture.
@@ -87,9 +87,9 @@ class WalkingGait(FollowsVelocity):
     that is more than a step before the last, begins anew.
 
     Args:
-        robot: with two or four feet, points or flat ones.
+        robot: with two, four or six feet, points or flat ones.
         schedule: ``trot``, ``crawl``, ``pace`` or ``bound`` on four feet; ``walk``, or ``step`` to go on stepping at
-            zero command, on two; ``stand``. By default ``trot`` or ``walk``.
+            zero command, on two; ``tripod`` on six; ``stand``. By default the first one.
         velocity: the command; or rows of a script, (t, forward, to the left, turning[, height]), each valid from its
             time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default as of :class:`Standing`.
@@ -124,8 +124,8 @@ class WalkingGait(FollowsVelocity):
         max_speed: float | None = None,
     ) -> None:
         feet = len(robot.corners)
-        if feet not in (2, 4):
-            raise InputError(f"the gait needs two or four feet; '{robot.name}' has {feet}", name="robot")
+        if feet not in BY_FEET:
+            raise InputError(f"the gait needs two, four or six feet; '{robot.name}' has {feet}", name="robot")
         self.robot = robot
         self._standing = Standing(robot, posture)
         q, v = self._standing.initial_state()
@@ -135,7 +135,7 @@ class WalkingGait(FollowsVelocity):
         def optional(name: str, value: float | None, high: float) -> float | None:
             return None if value is None else checks.number(name, value, low=0.0, high=high, strict=True)
 
-        self.schedule = ("walk" if feet == 2 else "trot") if schedule is None else schedule
+        self.schedule = next(iter(BY_FEET[feet])) if schedule is None else schedule
         if self.schedule != "stand" and (why := why_no_walk(robot)):
             raise InputError(why, name="robot")
         if feet == 2 and not soles and (most_joints := max(len(leg.joints) for leg in legs(robot))) >= SOLE_JOINTS:
@@ -205,7 +205,7 @@ class WalkingGait(FollowsVelocity):
             fast_load_ramp=FAST_LOAD_RAMP if gentle else 1.0,
             slow_load_ramp=LOAD_RAMP if gentle else 1.0,
             omega=omega,
-            arrives=1.0 - SETTLE if soles else (NEAR if gentle else STRAIGHT_NEAR) if feet == 4 else 0.0,
+            arrives=1.0 - SETTLE if soles else (NEAR if gentle else STRAIGHT_NEAR) if feet > 2 else 0.0,
             lean=LEAN * build.rise if balances else np.inf,
             max_aside=max_aside,
             touch_force=max(LOADED * robot.mass * GRAVITY / feet, MIN_LOADED),

@@ -68,7 +68,7 @@ class LiveSession:
 
     Args:
         settings: to begin with; by default :func:`usual_settings`.
-        robot: who walks: Harpy, the default, or any robot with two or four feet and a posture in which it stands.
+        robot: who walks: Harpy, the default, or any robot with two, four or six feet and a posture in which it stands.
         on_standing: called with the session when the robot stands, before the controllers' kernels are compiled.
 
     Attributes:

@@ -11,7 +11,7 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.commanded import CommandedGait, make_commanded_gait
-from harpy_pin.gaits.walking.build import FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.build import BY_FEET, SCHEDULES
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground, walking_stiffness
 from harpy_pin.model.record import field
@@ -92,7 +92,7 @@ class LiveSettings:
         for name, (low, high) in ENDS.items():
             checks.keep(self, **{name: checks.number(name, getattr(self, name), low=low, high=high)})
         if self.schedule is not None:
-            checks.one_of("schedule", self.schedule, (*FOUR_FEET, *TWO_FEET))
+            checks.one_of("schedule", self.schedule, SCHEDULES)
         checks.keep(self, friction_strips=Ground(friction_strips=self.friction_strips).friction_strips)
         if self.assumed is not None:
             assumed = checks.number("assumed friction", self.assumed, low=0.0, high=checks.MAX_FRICTION)
@@ -163,7 +163,7 @@ class DriveRanges:
 
     @classmethod
     def of(cls, robot: Robot) -> DriveRanges:
-        """The ranges of Harpy or a variant of it, or of any robot with two or four feet.
+        """The ranges of Harpy or a variant of it, or of any robot with two, four or six feet.
 
         Raises:
             InputError: it does not walk.
@@ -208,7 +208,7 @@ def is_harpy(robot: Robot) -> bool:
 
 def _schedules(robot: Robot) -> tuple[str, ...]:
     """Contact schedules for its number of feet."""
-    return tuple(TWO_FEET if len(robot.corners) == 2 else FOUR_FEET)
+    return tuple(BY_FEET[len(robot.corners)])
 
 
 def usual_settings(robot: Robot) -> LiveSettings:
