@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import chdir, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -196,7 +196,8 @@ def _expand_xacro(path: Path) -> ElementTree.Element:
         message = "it is a xacro file: pip install xacrodoc, or make a URDF of it by xacro robot.xacro > robot.urdf"
         raise InputError(message) from error
     try:
-        text = XacroDoc.from_file(str(path), resolve_packages=False).to_urdf_string()
+        with chdir(path.parent):  # from which it reads what the file includes
+            text = XacroDoc.from_file(path.name, resolve_packages=False).to_urdf_string()
     except Exception as error:  # a file with expressions of Python's, whose errors are of all kinds
         raise InputError(f"xacro cannot expand it: {' '.join(str(error).split())}") from error
     return ElementTree.fromstring(text)
@@ -361,12 +362,12 @@ def check_bodies(model: pin.Model) -> None:
     for name, body in zip(model.names, model.inertias, strict=True):
         smallest, middle, largest = np.linalg.eigvalsh(body.inertia)
         margin = _ROUNDING + 1e-6 * abs(largest)
-        if smallest < -margin or smallest + middle < largest - margin:
-            moments = f"{smallest:.3g}, {middle:.3g}, {largest:.3g} kg·m²"
-            raise InputError(
-                f"no body has the inertia of what joint '{name}' moves: of its principal moments {moments} "
-                "one is negative or larger than the sum of the others"
-            )
+        moments = f"{smallest:.3g}, {middle:.3g}, {largest:.3g} kg·m²"
+        message = f"no body has the inertia of what joint '{name}' moves: of its principal moments {moments} one is"
+        if smallest < -margin:
+            raise InputError(f"{message} negative")
+        if smallest + middle < largest - margin:
+            warnings.warn(f"{message} larger than the sum of the others", stacklevel=2)
     matrix = pin.crba(model, model.createData(), pin.neutral(model))
     try:
         np.linalg.cholesky(matrix)
