@@ -28,6 +28,7 @@ from harpy_pin.gaits.walking.body import mean_felt
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
+from harpy_pin.model.legs import legs
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
@@ -166,8 +167,7 @@ class JointPD:
 
 def _joints_of(robot: Robot, foot: str) -> list[int]:
     """Columns of the joints between body and foot."""
-    model = robot.model
-    chain = [model.joints[j].idx_v for j in model.supports[model.frames[robot.frame_id(foot)].parentJoint] if j > 1]
+    chain = [robot.model.joints[j].idx_v for leg in legs(robot) if foot in leg.points for j in leg.joints]
     if len(chain) != JOINTS:
         raise ValueError(f"joint PD is for legs of {JOINTS} joints, '{robot.name}' has one of {len(chain)}")
     return chain

@@ -31,7 +31,10 @@ FeetOption = Annotated[
     typer.Option("--feet", metavar="NAME,...", help="Frames of the feet of a URDF or MJCF file, or '*_foot'."),
 ]
 FlatFeetOption = Annotated[
-    str | None, typer.Option("--flat-feet", metavar="LxW[@X,Y,Z]", help="The feet are soles: sides, and middle, m.")
+    str | None,
+    typer.Option(
+        "--flat-feet", metavar="LxW[@X,Y,Z[,R,P,Y]]", help="The feet are soles: sides, middle, m, and axes, rad."
+    ),
 ]
 PostureOption = Annotated[
     str | None, typer.Option("--posture", metavar="RAD,...", help="Standing angles, of all joints or of one leg.")
@@ -96,21 +99,23 @@ def _matching(model: Any, pattern: str) -> list[str]:
 
 
 def _sole(text: str) -> FlatFoot:
-    """A flat foot from ``LxW`` or ``LxW@X,Y,Z``."""
+    """A flat foot from ``LxW``, ``LxW@X,Y,Z`` or ``LxW@X,Y,Z,ROLL,PITCH,YAW``."""
     from harpy_pin.model.flat_foot import FlatFoot
 
     sides, _, centre = text.partition("@")
     try:
         length, width = (float(side) for side in sides.split("x"))
-        x, y, z = (float(part) for part in (centre or "0,0,0").split(","))
+        x, y, z, *turn = (float(part) for part in (centre or "0,0,0").split(","))
+        roll, pitch, yaw = turn or (0.0, 0.0, 0.0)
     except ValueError:
         message = f"--flat-feet must look like 0.2x0.09 or 0.2x0.09@0.03,0,-0.05 (m), got '{text}'"
         raise InputError(message, name="flat_feet", value=text) from None
-    return FlatFoot(length=length, width=width, centre=(x, y, z))
+    return FlatFoot(length=length, width=width, centre=(x, y, z), orientation=(roll, pitch, yaw))
 
 
 def _notes(robot: Robot) -> Iterator[str]:
     """What may be otherwise with the feet of a robot from a file than its user thinks."""
+    from harpy_pin.model.legs import legs
     from harpy_pin.model.tree import tree_record
 
     model, axes = robot.model, tree_record(robot.model)["axis"][0]
@@ -123,9 +128,9 @@ def _notes(robot: Robot) -> Iterator[str]:
             wheels.append(foot)
     if wheels:
         yield f"{', '.join(wheels)} on joints that turn without end: wheels do not roll here, they are feet"
-    legs = [foot for foot, joint in joints.items() if len(model.supports[joint]) - 2 == LEG_OF_SOLE]
-    if legs and not robot.flat_feet and not wheels:
-        yield f"{', '.join(legs)} behind six joints, taken as points: for soles give --flat-feet, such as 0.2x0.09"
+    of_sole = [leg.points[0] for leg in legs(robot) if len(leg.joints) == LEG_OF_SOLE]
+    if of_sole and not robot.flat_feet and not wheels:
+        yield f"{', '.join(of_sole)} behind six joints, taken as points: for soles give --flat-feet, such as 0.2x0.09"
 
 
 def read_scenario(

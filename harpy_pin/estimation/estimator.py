@@ -20,6 +20,7 @@ from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRe
 from harpy_pin.estimation.tick import estimate
 from harpy_pin.model.dynamics import dynamics_record
 from harpy_pin.model.entry import as_array
+from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
 from harpy_pin.model.robot import Robot, configuration
@@ -255,7 +256,7 @@ def _record(
     start = (s.tilt, s.tilt, 0.0, *[s.velocity] * 3, 0.0, 0.0, 0.0)
     start += (max(imu.gyroscope_bias, 1e-6),) * 3 + (max(imu.accelerometer_bias, 1e-6),) * 3
     names = ("gyroscope_density", "accelerometer_density", "gyroscope_walk", "accelerometer_walk")
-    legs, feet = _legs(robot)
+    joints_of, feet = _legs(robot)
     return make_record(
         EstimatorRecord,
         robot.sizes,
@@ -281,10 +282,10 @@ def _record(
             weight=robot.mass * GRAVITY / np.repeat(robot.corners, robot.corners),
             of_sole=np.repeat(robot.corners, robot.corners) > 1,
             near=NEAR * s.height_noise if np.isfinite(s.height_noise) else 0.0,
-            leg_joints=legs,
+            leg_joints=joints_of,
             leg_feet=feet,
-            normal=np.zeros((legs.shape[1], legs.shape[1])),
-            moment=np.zeros(legs.shape[1]),
+            normal=np.zeros((joints_of.shape[1],) * 2),
+            moment=np.zeros(joints_of.shape[1]),
         ),
         dynamics=dynamics_record(robot, gravity=gravity),
         mounting=imu.rotation,
@@ -302,19 +303,14 @@ def _record(
 
 def _legs(robot: Robot) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Columns in v of the joints that each leg alone has, and its contact points; −1 where there are fewer."""
-    model = robot.model
-    legs: dict[tuple[int, ...], list[int]] = {}
-    for k, name in enumerate(robot.feet):
-        joint, columns = model.frames[robot.frame_id(name)].parentJoint, []
-        while joint > 1:
-            columns.append(model.joints[joint].idx_v)
-            joint = model.parents[joint]
-        legs.setdefault(tuple(columns), []).append(k)
-    shared = [column for columns in legs for column in set(columns)]
-    own = [[column for column in columns if shared.count(column) == 1] for columns in legs]
-    most, points = max((len(columns) for columns in own), default=0), max(map(len, legs.values()), default=0)
+    points_on: dict[tuple[int, ...], list[int]] = {}
+    for leg in legs(robot):
+        columns = tuple(robot.model.joints[j].idx_v for j in reversed(leg.joints))
+        points_on.setdefault(columns, []).extend(robot.feet.index(name) for name in leg.points)
+    own = list(points_on)
+    most, points = max(map(len, own), default=0), max(map(len, points_on.values()), default=0)
     joints = np.full((len(own), most), -1, np.int64)
     feet = np.full((len(own), points), -1, np.int64)
-    for n, (columns, numbers) in enumerate(zip(own, legs.values(), strict=True)):
+    for n, (columns, numbers) in enumerate(zip(own, points_on.values(), strict=True)):
         joints[n, : len(columns)], feet[n, : len(numbers)] = columns, numbers
     return joints, feet

@@ -19,6 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
+from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -141,22 +142,17 @@ def standing_parameters(robot: Robot) -> dict[str, Any]:
 
 
 def leg_length(robot: Robot) -> float:
-    """Length of a stretched leg from the hip's pitch to the foot, the shortest of all, m; zero of a
-    robot without legs.
+    """Length of a stretched leg from the last joint above its knee to the foot, the shortest of all,
+    m; zero of a robot without legs.
 
     Args:
         robot: any.
     """
     model, data = robot.model, robot.model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    starts = np.cumsum((0, *robot.corners))
     lengths = []
-    for k, corners in enumerate(robot.corners):
-        points = robot.feet[starts[k] : starts[k + 1]]
-        frames = [robot.frame_id(name) for name in points]
-        foot: Vector = np.mean([data.oMf[frame].translation for frame in frames], axis=0)
-        chain = [j for j in model.supports[model.frames[frames[0]].parentJoint] if j > 1]
-        joints = chain[-2:] if corners == 1 else chain[-4:]
-        way = [*(data.oMi[j].translation for j in joints), foot]
+    for leg in legs(robot):
+        foot: Vector = np.mean([data.oMf[robot.frame_id(name)].translation for name in leg.points], axis=0)
+        way = [*(data.oMi[j].translation for j in leg.below_hip), foot]
         lengths.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(way)))
     return min(lengths, default=0.0)

@@ -28,7 +28,7 @@ Script = tuple[tuple[float, Vector], ...]
 """Rows (t, command), each valid from its time, s, on."""
 ROUNDING = 1e-9
 """Relative; a gait at its largest speed is not warned of."""
-WRAPPERS = ("harpy_pin.arguments", "harpy_pin.model.memory")
+WRAPPERS = ("harpy_pin.arguments", "harpy_pin.model.memory", "harpy_pin.gaits")
 """Modules that stand between the making of a gait and whoever makes it."""
 
 
@@ -60,6 +60,7 @@ class FollowsVelocity(KeepsViews):
     command: Vector
     applied: Vector
     script: Script
+    limited_by = ""
 
     def _follow(self, velocity: Velocity) -> None:
         """Take what is to be followed; warn, in one line, of the first command beyond the limits of the record."""
@@ -72,10 +73,9 @@ class FollowsVelocity(KeepsViews):
             if share < 1.0 - ROUNDING:
                 given, limited = ("({:.3g}, {:.3g}, {:.3g})".format(*(f * command[:3])) for f in (1.0, share))
                 message = f"velocity {given} is more than the robot walks: limited to {limited} (m/s, m/s, rad/s)"
-                level, frame = 3, sys._getframe(2)
-                while frame.f_back is not None and frame.f_globals.get("__name__") in WRAPPERS:
-                    level, frame = level + 1, frame.f_back
-                warnings.warn(message, stacklevel=level)  # whoever made the gait
+                if self.limited_by and foot_speed.python(self._record_, command) > self._record_["max_speed"][0]:
+                    message += f" by {self.limited_by}"
+                warn_maker(message)
                 break
 
     @property
@@ -117,6 +117,14 @@ class FollowsVelocity(KeepsViews):
             raise InputError(message, name="velocity", value=given)
         self._given[: len(array)] = array
         self._given[len(array) :] = 0.0
+
+
+def warn_maker(message: str) -> None:
+    """Warn whoever made a gait."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith(WRAPPERS):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(message, stacklevel=level)
 
 
 def is_sequence(value: object) -> bool:

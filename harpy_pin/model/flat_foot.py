@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import pinocchio as pin
@@ -26,36 +27,83 @@ LARGEST = 10.0  # longest side of a flat foot, m
 MIN_SPREAD = 1e-3
 """Least spread of the corners in their narrower direction, root mean square, m: less is a line, which turns freely."""
 
+UPRIGHT = 0.99
+"""Least cosine of the angle between the normal of a sole and the vertical in the standing posture."""
+SOLE_DEPTH, SOLE_SIDE = 5e-3, 1e-2
+"""How far above the lowest end of a foot's shapes an end of a sole is, m, and the least side of a sole, m."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FlatFoot:
     """A rectangle on a link, with which the robot stands on flat ground.
 
     Its corners are feet of the robot, named like its frame with ``_0`` to ``_3`` behind: front left, front right, rear
-    left and rear right, if x of the frame points to the front and y to the left.
+    left and rear right, if x of the sole points to the front, y to the left and z up, away from the ground. Where the
+    model has a frame of such a name, the corner's is ``corner:`` with that behind.
 
     Attributes:
-        length: along x of the frame, m.
-        width: along y of the frame, m.
+        length: along x of the sole, m.
+        width: along y of the sole, m.
         centre: (3,) of the middle, in the frame, m.
+        orientation: (3,) of the sole in the frame: roll, pitch and yaw as in a URDF, rad.
     """
 
     length: float
     width: float
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         for name in ("length", "width"):
             least = 2.0 * MIN_SPREAD
             value = checks.number(f"{name} of a flat foot", getattr(self, name), low=least, high=LARGEST)
             checks.keep(self, **{name: value})
-        checks.keep(self, centre=tuple(checks.vector("centre of a flat foot", self.centre, 3).tolist()))
+        for name in ("centre", "orientation"):
+            vector = checks.vector(f"{name} of a flat foot", getattr(self, name), 3)
+            checks.keep(self, **{name: tuple(vector.tolist())})
 
     @property
-    def corners(self) -> list[tuple[float, float, float]]:
-        """Places of the corners in the frame, in the order of their names, m."""
-        x, y, z = self.centre
-        return [(x + 0.5 * a * self.length, y + 0.5 * b * self.width, z) for a in (1, -1) for b in (1, -1)]
+    def placement(self) -> pin.SE3:
+        """Of the sole in the frame: its middle, with x along its length and z up."""
+        return pin.SE3(pin.rpy.rpyToMatrix(*self.orientation), np.array(self.centre))
+
+    @property
+    def corners(self) -> Vector:
+        """(4, 3) places of the corners in the frame, in the order of their names, m."""
+        half, place = 0.5 * np.array((self.length, self.width, 0.0)), self.placement
+        return np.array([place.act(half * (a, b, 0.0)) for a in (1, -1) for b in (1, -1)])
+
+
+def find_sole(shapes: Sequence[tuple[pin.SE3, Vector, float]], upright: Vector) -> FlatFoot | None:
+    """The rectangle around the lowest ends of a foot's shapes, where it is level; None for a point or a line.
+
+    Of the axes of the lowest shape, if it is a box, else of the frame, the one that is up while the robot stands is the
+    sole's normal, and the one that is to the front its x axis.
+
+    Args:
+        shapes: place of each in the frame, half of its sides (3,), m, and the radius of the ball at each of its
+            corners, m; zero of a box.
+        upright: (3, 3) the frame's axes while the robot stands, in the world.
+    """
+    ends, lowest, axes = [], np.inf, upright
+    for place, half, radius in shapes:
+        own = [(*(upright @ place.act(half * sign)), radius) for sign in product((-1.0, 1.0), repeat=3)]
+        height = min(end[2] - end[3] for end in own)
+        if height < lowest:
+            lowest, axes = height, upright @ place.rotation if radius == 0.0 else upright
+        ends += own
+    signed = np.hstack((axes, -axes))
+    up, ahead = (signed[:, np.argmax(signed[k])] for k in (2, 0))
+    sole = np.column_stack((ahead, np.cross(up, ahead), up))
+    points = np.array(ends).reshape(-1, 4)
+    points = points[:, :3] @ sole - points[:, 3:] * (0.0, 0.0, 1.0)
+    points = points[points[:, 2] < points[:, 2].min(initial=np.inf) + SOLE_DEPTH]
+    low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
+    if up[2] < UPRIGHT or min(high[:2] - low[:2]) < SOLE_SIDE:
+        return None
+    turn, middle = upright.T @ sole, (*(0.5 * (low + high))[:2], low[2])
+    length, width, _ = high - low
+    return FlatFoot(length=length, width=width, centre=turn @ middle, orientation=pin.rpy.matrixToRpy(turn))
 
 
 def add_flat_feet(
@@ -80,11 +128,11 @@ def add_flat_feet(
         number = model.getFrameId(name)
         frame = model.frames[number]
         for i, corner in enumerate(flat_feet[name].corners):
-            if model.existFrame(f"{name}_{i}"):
-                raise InputError(f"there is a frame '{name}_{i}' already: '{name}' cannot be made flat")
-            place = frame.placement * pin.SE3(np.eye(3), np.array(corner))
-            model.addFrame(pin.Frame(f"{name}_{i}", frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
+            place = frame.placement * pin.SE3(flat_feet[name].placement.rotation, corner)
             points.append(f"{name}_{i}")
+            while model.existFrame(points[-1]):
+                points[-1] = f"corner:{points[-1]}"
+            model.addFrame(pin.Frame(points[-1], frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
         counts.append(len(flat_feet[name].corners))
     return tuple(points), tuple(counts)
 

@@ -6,7 +6,7 @@ A posture is found for robots whose files have none: legs bent, every foot below
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from itertools import pairwise
 
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
+from harpy_pin.model.legs import Leg, legs
 from harpy_pin.model.robot import Robot, configuration
 from harpy_pin.model.state import Vector
 
@@ -24,6 +25,8 @@ BENT, SOLE_BENT = (0.75, 0.85, 0.65, 0.92), (0.92, 0.85, 0.75)
 """Heights of the hips above point feet and soles that are tried one after the other, in lengths of the leg."""
 STARTS, ITERATIONS, CLOSE = 12, 60, 1e-6
 """Configurations from which each leg's inverse kinematics begins, its steps from each, at most, and its error, m."""
+UPRIGHT = 0.7
+"""Cosine of the angle between the normal of a sole and the vertical, below which a message says it."""
 LEVEL = 2e-3  # largest difference between the heights of the feet in a posture, m
 BACKWARD = 0.1
 """Of postures alike in their angles the one with the knees further back is taken, in rad² per metre."""
@@ -201,11 +204,6 @@ def _drawn(lower: Vector, upper: Vector) -> tuple[Vector, Vector]:
     return low, np.where(lower > np.pi, np.minimum(upper, lower + turn), np.minimum(upper, np.pi))
 
 
-def leg_joints(robot: Robot, foot: str) -> list[int]:
-    """Pinocchio's numbers of the joints between the base and the frame of a foot."""
-    return [j for j in robot.model.supports[robot.model.frames[robot.frame_id(foot)].parentJoint] if j > 1]
-
-
 @checked
 def find_posture(robot: Robot) -> Vector:
     """(joints,) angles in which a robot with feet stands, rad.
@@ -222,37 +220,43 @@ def find_posture(robot: Robot) -> Vector:
             return robot.posture
     q[7:] = np.clip(0.0, robot.joint_lower, robot.joint_upper)
     pin.framesForwardKinematics(model, data, q)
-    feet = [robot.feet[end - n : end] for end, n in zip(np.cumsum(robot.corners), robot.corners, strict=True)]
-    hip, leg, target = np.empty((len(feet), 3)), np.empty(len(feet)), []
-    for k, foot in enumerate(feet):
-        corners = [data.oMf[robot.frame_id(name)] for name in foot]
+    found = legs(robot)
+    hip, length, target = np.empty((len(found), 3)), np.empty(len(found)), []
+    for k, leg in enumerate(found):
+        corners = [data.oMf[robot.frame_id(name)] for name in leg.points]
         middle = np.mean([corner.translation for corner in corners], axis=0)
-        joints = leg_joints(robot, foot[0])[-2 if len(foot) == 1 else -4 :]  # from the hip's pitch on
-        points = [*(data.oMi[j].translation for j in joints), middle]
-        hip[k], leg[k] = points[0], sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points))
+        points = [*(data.oMi[j].translation for j in leg.below_hip), middle]
+        hip[k], length[k] = points[0], sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points))
         turn = pin.Quaternion.FromTwoVectors(corners[0].rotation[:, 2], np.array((0.0, 0.0, 1.0))).matrix()
         place = np.array((hip[k, 0], middle[1], 0.0)) + turn @ (corners[0].translation - middle)
         target.append(pin.SE3(turn @ corners[0].rotation, place))
     for bent in SOLE_BENT if robot.flat_feet else BENT:
-        posture, down = q.copy(), pin.SE3(np.eye(3), np.array((0.0, 0.0, (hip[:, 2] - bent * leg).max())))
-        ends = [(foot, down * end) for foot, end in zip(feet, target, strict=True)]
-        if all(_bend(robot, q, foot[0], end if len(foot) > 1 else end.translation, posture) for foot, end in ends):
+        posture, down = q.copy(), pin.SE3(np.eye(3), np.array((0.0, 0.0, (hip[:, 2] - bent * length).max())))
+        if all(_bend(robot, q, leg, down * end, posture) for leg, end in zip(found, target, strict=True)):
             return np.array(posture[7:])
     message = f"no standing posture of '{robot.name}' was found: give one, of {len(robot.joints)} angles"
-    raise InputError(f"{message} in the order of robot.joints", name="posture")
+    message = f"{message} in the order of robot.joints"
+    up = [data.oMf[robot.frame_id(leg.points[0])].rotation[2, 2] for leg in found if len(leg.points) > 1]
+    if min(up, default=1.0) < UPRIGHT:
+        message += "; its soles do not face the ground at zero: a FlatFoot has an orientation"
+    raise InputError(message, name="posture")
 
 
-def _bend(robot: Robot, q: Vector, foot: str, target: pin.SE3 | Vector, posture: Vector) -> bool:
-    """Set the angles of a leg in a posture so that its frame is at a target; whether that is in reach."""
-    model, data, joints = robot.model, robot.model.createData(), leg_joints(robot, foot)
-    rng, least, columns = np.random.default_rng(0), np.inf, [model.joints[j].idx_q for j in joints]
+def _bend(robot: Robot, q: Vector, leg: Leg, end: pin.SE3, posture: Vector) -> bool:
+    """Set the angles of a leg in a posture so that its first contact point is at a place, that of a sole turned as it
+    is there; whether that is in reach. Joints of no leg stay as in q."""
+    model, data = robot.model.copy(), robot.model.createData()
+    rng, least, columns = np.random.default_rng(0), np.inf, [model.joints[j].idx_q for j in leg.joints]
+    others = np.setdiff1d(np.arange(7, model.nq), columns)
+    model.lowerPositionLimit[others] = model.upperPositionLimit[others] = q[others]
+    robot, targets = replace(robot, model=model), {leg.points[0]: end if len(leg.points) > 1 else end.translation}
     low, high = _drawn(model.lowerPositionLimit, model.upperPositionLimit)
     for _ in range(STARTS):
         start = q.copy()
         start[columns] = rng.uniform(low[columns], high[columns])
-        found = solve_ik(robot, {foot: target}, start, tolerance=CLOSE, max_iterations=ITERATIONS, restarts=0)
+        found = solve_ik(robot, targets, start, tolerance=CLOSE, max_iterations=ITERATIONS, restarts=0)
         pin.forwardKinematics(model, data, found.q)
-        cost = float(np.sum(found.q[columns] ** 2)) + BACKWARD * float(data.oMi[joints[-1]].translation[0])
+        cost = float(np.sum(found.q[columns] ** 2)) + BACKWARD * float(data.oMi[leg.joints[-1]].translation[0])
         if found.converged and cost < least:
             least, posture[columns] = cost, found.q[columns]
     return least < np.inf

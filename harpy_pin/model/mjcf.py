@@ -11,7 +11,6 @@ import copy
 import re
 import warnings
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, install_line, shown
-from harpy_pin.model.flat_foot import FlatFoot
+from harpy_pin.model.flat_foot import FlatFoot, find_sole
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import check_bodies, robot_errors
@@ -31,12 +30,6 @@ JOINT_IN_PARENT, TENDON = 1, 3  # ``mujoco.mjtTrn``; a joint's own is 0
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
 UNNAMED = "MuJoCo Model"
 """Name of a model whose file gives none."""
-SOLE_JOINTS = 5
-"""Least number of joints of a leg whose foot is found to be flat: fewer cannot keep it level."""
-UPRIGHT = 0.99
-"""Least cosine of the angle between the z axis of a sole's frame and the vertical."""
-SOLE_DEPTH, SOLE_SIDE = 5e-3, 1e-2
-"""How far above the lowest end of a foot's shapes an end of a sole is, m, and the least side of a sole, m."""
 SWITCHES = {
     "mjDSBL_EQUALITY": ("eq_active0",),
     "mjDSBL_FRICTIONLOSS": ("dof_frictionloss",),
@@ -77,8 +70,7 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> tuple[pin.Mode
     ``site:FL_foot``. The posture is the keyframe ``home``, None where there is none.
 
     Soles are the flat ones of these frames: rectangles around the ends of the lowest boxes, capsules and spheres of the
-    frame's body that collide, or of the geom itself. A leg with a sole has five joints at least, and in the posture the
-    frame's z axis points up.
+    frame's body that collide, or of the geom itself, where these are level in the posture.
 
     Args:
         model: is not changed.
@@ -111,35 +103,27 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> tuple[pin.Mode
     pin.framesForwardKinematics(built, data, q)
     soles = {}
     for name, kind, body, number in _frames(model, bodies):
-        frame = built.getFrameId(name)
-        above = len(built.supports[built.frames[frame].parentJoint]) - 2
-        if name in frames and above >= SOLE_JOINTS and data.oMf[frame].rotation[2, 2] > UPRIGHT:
-            soles[name] = _sole(model, kind, body, number)
+        if name in frames:
+            soles[name] = _sole(model, kind, body, number, data.oMf[built.getFrameId(name)].rotation)
     return built, posture, {name: sole for name, sole in soles.items() if sole is not None}
 
 
-def _sole(model: Any, kind: str, body: int, number: int) -> FlatFoot | None:
-    """The rectangle in the plane of a frame around the lowest ends of its geoms; None for a point or a line."""
-    own, shapes = pin.SE3.Identity(), import_mujoco().mjtGeom
+def _sole(model: Any, kind: str, body: int, number: int, upright: Vector) -> FlatFoot | None:
+    """The sole of a frame's body, or of a geom, whose axes are ``upright`` (3, 3) while the robot stands."""
+    own, shapes, found = pin.SE3.Identity(), import_mujoco().mjtGeom, []
     if kind in ("site", "geom"):
         own = _place(getattr(model, f"{kind}_pos")[number], getattr(model, f"{kind}_quat")[number])
     touching = (model.geom_bodyid == body) & ((model.geom_contype | model.geom_conaffinity) != 0)
-    ends = []
     for geom in [number] if kind == "geom" else np.flatnonzero(touching):
         place, size = own.actInv(_place(model.geom_pos[geom], model.geom_quat[geom])), model.geom_size[geom]
-        reach, radius = {
-            int(shapes.mjGEOM_BOX): (size, 0.0),
-            int(shapes.mjGEOM_CAPSULE): (size[1] * np.array([0.0, 0.0, 1.0]), size[0]),
-            int(shapes.mjGEOM_SPHERE): (np.zeros(3), size[0]),
-        }.get(int(model.geom_type[geom]), (np.full(3, np.nan), 0.0))
-        ends += [place.act(reach * sign) - (0.0, 0.0, radius) for sign in product((-1.0, 1.0), repeat=3)]
-    points = np.array(ends).reshape(-1, 3)
-    points = points[points[:, 2] < np.nanmin(points[:, 2], initial=np.inf) + SOLE_DEPTH]
-    low, high = points.min(axis=0, initial=np.inf), points.max(axis=0, initial=-np.inf)
-    if min(high[:2] - low[:2]) < SOLE_SIDE:
-        return None
-    x, y, _ = 0.5 * (low + high)
-    return FlatFoot(length=high[0] - low[0], width=high[1] - low[1], centre=(x, y, low[2]))
+        match int(model.geom_type[geom]):
+            case shapes.mjGEOM_BOX:
+                found.append((place, size, 0.0))
+            case shapes.mjGEOM_CAPSULE:
+                found.append((place, np.array((0.0, 0.0, size[1])), size[0]))
+            case shapes.mjGEOM_SPHERE:
+                found.append((place, np.zeros(3), size[0]))
+    return find_sole(found, upright)
 
 
 def _in_effect(model: Any) -> Any:

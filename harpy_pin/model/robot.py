@@ -31,11 +31,14 @@ from harpy_pin.model.mjcf import (
 )
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
-from harpy_pin.model.urdf import build_model, read_xml, robot_errors
+from harpy_pin.model.tree import feet_moved
+from harpy_pin.model.urdf import build_model, find_soles, read_xml, robot_errors
 
 HARPY_FEET = ("left_foot", "right_foot")
 HARPY_THRUSTERS = ("left_thruster", "right_thruster")
 HARPY_THRUST_LIMIT = 53.0  # hardware limit of one thruster, N (equations.md §3)
+SOLE_JOINTS = 5
+"""Least number of joints of a leg whose foot is found to be flat: fewer cannot keep it level."""
 ANY_DIRECTION = 0.1
 """Rotors push in any direction where the least singular value of their axes is above this share of the largest."""
 
@@ -268,8 +271,10 @@ def load_robot(
             Its feet, its standing posture and its rotors are known.
         feet: frame names of the feet, in an MJCF file bodies, sites or geoms; () for none.
         flat_feet: the feet of these frames are flat; the others are points. Their corners take the place of the frame
-            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given. In an
-            MJCF file soles are found (:func:`harpy_pin.model.mjcf.read_mujoco`), unless they are given; {} for none.
+            in :attr:`Robot.feet`. A robot known by name has its own, unless ``feet`` or ``flat_feet`` are given. Of
+            legs of five joints or more soles are found, unless they are given: in an MJCF file of the lowest boxes,
+            capsules and spheres that collide, in a URDF of boxes (:func:`harpy_pin.model.flat_foot.find_sole`); {} for
+            none.
         thrusters: frame names of the mounts of free thrusters, which push in any direction.
         thrust_limit: largest magnitude of one free thruster's force, N.
         rotors: thrusters with a fixed axis.
@@ -310,8 +315,6 @@ def load_robot(
         if len(set(names)) != len(names):
             raise InputError(f"a {kind} is named twice: {shown(', '.join(names), 300)}", name=kind)
     model, angles, soles = _read(urdf, path, (*feet, *mounts))
-    if flat_feet is None:
-        flat_feet = {name: soles[name] for name in feet if name in soles}
     if known is not None:
         known.add_frames(model)
         model.upperDryFrictionLimit = model.lowerDryFrictionLimit = np.zeros(model.nv)
@@ -320,6 +323,11 @@ def load_robot(
             if not model.existFrame(name):
                 where = "the MuJoCo model" if path is None else shown(str(path), 300)
                 raise RobotError(f"{where} has no {kind} frame {shown(name)}; {_links(model)}", path=path)
+    if flat_feet is None:
+        moved = feet_moved(model, feet)
+        legs = {name: model.supports[model.frames[model.getFrameId(name)].parentJoint] for name in feet}
+        long = [name for name in feet if sum(moved[j] == 1 for j in legs[name]) >= SOLE_JOINTS]
+        flat_feet = {name: soles[name] for name in long if name in soles}
     points, corners = add_flat_feet(model, feet, flat_feet)
     angles = angles if known is None else known.posture(model)
     if posture is not None:
@@ -365,7 +373,8 @@ def _read(
             raise InputError(f"the MuJoCo model: {error}", name="urdf") from error
     with robot_errors(path, "an MJCF file"):
         if read_xml(path).tag != "mujoco":
-            return build_model(path), None, {}
+            model = build_model(path)
+            return model, None, find_soles(path, model, frames)
         return read_mujoco(compile_mjcf(path), frames, str(path))
 
 

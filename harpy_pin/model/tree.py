@@ -6,6 +6,7 @@ joint has one axis, about which it turns or along which it slides.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,20 @@ def tree_record(model: pin.Model) -> Records[TreeRecord]:
         gravity=np.array(model.gravity.linear),
         axes=np.tile(np.eye(3), (bodies, 1, 1)),
     )
+
+
+def feet_moved(model: pin.Model, feet: Sequence[str]) -> list[int]:
+    """How many feet each of the model's joints moves, by Pinocchio's numbers; points on one link are one foot.
+
+    A joint that moves one foot is of a leg; one that moves several, such as a waist, of none.
+
+    Args:
+        model: any.
+        feet: names of frames.
+    """
+    ends = {model.frames[model.getFrameId(name)].parentJoint for name in feet}
+    above = [j for end in ends for j in model.supports[end]]
+    return [above.count(j) if j > 1 else 0 for j in range(model.njoints)]
 
 
 def _axis(joint: Any, model: pin.Model) -> tuple[int, Vector]:

@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, RobotError, shown
+from harpy_pin.model.flat_foot import FlatFoot, find_sole
 
 _MAX_BYTES = 4_000_000
 _MAX_LINKS = 500
@@ -107,6 +108,34 @@ def build_model(path: Path) -> pin.Model:
         _name_frames(model)
         check_bodies(model)
     return model
+
+
+def find_soles(path: Path, model: pin.Model, frames: Sequence[str]) -> dict[str, FlatFoot]:
+    """The soles of these frames, of the boxes that collide on links that move with them; the joints are at zero.
+
+    Args:
+        path: of a URDF that :func:`build_model` has read.
+        model: what it has made of it.
+        frames: names; those that the model has not are left out.
+    """
+    boxes = []
+    for link in read_xml(path).findall("link"):
+        frame = model.frames[model.getFrameId(link.get("name"), pin.FrameType.BODY)]
+        for shape in link.findall("collision"):
+            box, origin = shape.find("geometry/box"), shape.find("origin")
+            if box is not None:
+                place = {} if origin is None else origin.attrib
+                x, turn = (np.array(place.get(name, "0 0 0").split(), dtype=float) for name in ("xyz", "rpy"))
+                half = 0.5 * np.array(box.get("size", "").split(), dtype=float)
+                boxes.append((frame.parentJoint, frame.placement * pin.SE3(pin.rpy.rpyToMatrix(turn), x), half))
+    data, soles = model.createData(), {}
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    for name in filter(model.existFrame, frames):
+        number = model.getFrameId(name)
+        foot = model.frames[number]
+        own = [(foot.placement.actInv(place), half, 0.0) for joint, place, half in boxes if joint == foot.parentJoint]
+        soles[name] = find_sole(own, data.oMf[number].rotation)
+    return {name: sole for name, sole in soles.items() if sole is not None}
 
 
 @contextmanager

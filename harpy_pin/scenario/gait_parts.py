@@ -16,12 +16,11 @@ from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.gaits.velocity import is_sequence, read_velocity
-from harpy_pin.gaits.walking.build import BY_FEET, FOUR_FEET, TWO_FEET
+from harpy_pin.gaits.walking.build import BY_FEET, FOUR_FEET, SHORT_LEG, TWO_FEET, why_no_walk
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import MAX_STIFFNESS
 from harpy_pin.ground.terrain import Terrain
 from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.ik import leg_joints
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import named_robot
 from harpy_pin.scenario.parts import Part
@@ -213,10 +212,11 @@ def schedules_of(robot: str | Robot) -> tuple[str, ...]:
 
 def why_not(robot: str | Robot, gait: object) -> str:
     """Why a robot has not a gait, where that is not plain."""
-    legs: list[list[int]] = [] if isinstance(robot, str) else [leg_joints(robot, foot) for foot in robot.feet]
-    if gait == Walking.name and (robot in Walking.without or any(len(joints) < 3 for joints in legs)):
-        return f"'{getattr(robot, 'name', robot)}' has a leg of fewer than three joints: its feet cannot go aside"
-    return ""
+    if gait != Walking.name:
+        return ""
+    if isinstance(robot, str):
+        return SHORT_LEG.format(robot) if robot in Walking.without else ""
+    return why_no_walk(robot)
 
 
 def _rows(velocity: Any, entries: int) -> tuple[tuple[float, ...], ...]:

@@ -1,6 +1,7 @@
 """Feet of a file on the command line: by pattern, flat, and what is said of wheels and of legs with an ankle."""
 
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 
 import pytest
 from needs import needs_robots
@@ -34,6 +35,9 @@ def test_soles_and_patterns_are_those_of_python(talos):
     expected = hp.load_robot(talos, feet=feet, flat_feet=dict.fromkeys(feet, SOLE))
     assert (read.feet, read.flat_feet) == (expected.feet, expected.flat_feet)
     assert read.model == expected.model
+    turned = read_robot_options(talos, "*_sole_link", None, "0.2x0.12@0.01,0,-0.02,0,0.1,0")
+    sole = replace(SOLE, orientation=(0.0, 0.1, 0.0))
+    assert turned.model == hp.load_robot(talos, feet=feet, flat_feet=dict.fromkeys(feet, sole)).model
     dog = read_robot_options(str(CATALOGUE["go2"].path()), "F?_foot,R*_foot", None)
     assert dog.feet == ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 
@@ -63,7 +67,9 @@ def test_wheels_are_said_not_to_roll(tmp_path, capsys):
     )
 
 
-@pytest.mark.parametrize("flat", ["0.2", "0.2x", "axb", "0.2x0.1@1,2", "0.2x0.1x0.1", "0x0.1", "0.2x0.1@a,b,c"])
+@pytest.mark.parametrize(
+    "flat", ["0.2", "0.2x", "axb", "0.2x0.1@1,2", "0.2x0.1@0,0,0,1", "0.2x0.1x0.1", "0x0.1", "0.2x0.1@a,b,c"]
+)
 def test_soles_that_are_none(talos, flat):
     with pytest.raises(hp.InputError, match=r"--flat-feet must look like 0\.2x0\.09|length of a flat foot must be"):
         read_robot_options(talos, "*_sole_link", None, flat)

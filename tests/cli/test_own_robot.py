@@ -13,7 +13,7 @@ from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.ik import leg_joints
+from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import heavier
 from harpy_pin.model.source import read_robot
 from harpy_pin.view.identity import robot_of
@@ -44,7 +44,7 @@ def test_a_posture_is_found_where_there_is_none(name):
     feet = np.array([data.oMf[robot.frame_id(foot)].translation for foot in robot.feet])
     assert np.ptp(feet[:, 2]) < 1e-4
     if not robot.flat_feet:
-        hips = [data.oMi[leg_joints(robot, foot)[-2]].translation for foot in robot.feet]
+        hips = [data.oMi[leg.joints[-2]].translation for leg in legs(robot)]
         np.testing.assert_allclose(feet[:, 0], np.array(hips)[:, 0], atol=1e-5)
 
 

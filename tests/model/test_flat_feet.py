@@ -1,16 +1,19 @@
 """Flat feet: corners and their cones against the closed form, and the law of a humanoid against dense algebra."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from needs import needs_robots
+from biped_urdf import biped_urdf
+from needs import PLANTS, needs_robots
 from scipy.optimize import linprog
 
 import harpy_pin as hp
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.flat_foot import MIN_SPREAD, flat_foot_rows
+from harpy_pin.model.source import plain_source, read_robot
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 
@@ -100,6 +103,42 @@ def test_corners_of_a_flat_foot_and_their_names(sled):
     assert sled.corners == (1,)
 
 
+@pytest.mark.parametrize("plant", PLANTS)
+def test_a_turned_sole_is_that_of_a_frame_that_is_not(tmp_path, plant):
+    """The same biped, whose soles' frames have other axes: corners, posture, and a walk are the same."""
+    turn = (0.4, -1.2, 2.5)
+    back = pin.rpy.matrixToRpy(pin.rpy.rpyToMatrix(*turn).T)
+    runs = []
+    for frame, orientation in (((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), (turn, back)):
+        (tmp_path / "biped.urdf").write_text(biped_urdf(sole="{} {} {}".format(*frame)))
+        place = tuple(pin.rpy.rpyToMatrix(*frame).T @ (0.03, 0.0, -0.01))
+        sole = hp.FlatFoot(length=0.2, width=0.1, centre=place, orientation=orientation)
+        feet = ("L_sole", "R_sole")
+        robot = hp.load_robot(tmp_path / "biped.urdf", feet=feet, flat_feet=dict.fromkeys(feet, sole))
+        read = read_robot(json.loads(json.dumps(plain_source(robot.source))))
+        assert read.model == robot.model
+        gait = hp.WalkingGait(read, velocity=(0.1, 0.0, 0.0))
+        run = hp.walk(hp.Scenario(robot=read, plant=plant, duration=0.6), gait=gait)
+        runs.append([gait.initial_state()[0], *(run[name] for name in ("q", "foot_position", "foot_force"))])
+    assert np.ptp(runs[0][1][:, 1]) > 1e-3  # it sways
+    for plain, turned in zip(*runs, strict=True):
+        np.testing.assert_allclose(turned, plain, rtol=0, atol=1e-4 * max(1.0, np.abs(plain).max()))
+
+
+def test_corners_have_names_of_their_own(tmp_path):
+    more = '<link name="L_sole_1"/><joint name="corner:L_sole_2" type="fixed"><parent link="L_sole"/>'
+    more += '<child link="L_sole_1"/><origin xyz="1 1 1"/></joint><link name="L_sole_2"/>'
+    more += '<joint name="mark" type="fixed"><parent link="L_sole"/><child link="L_sole_2"/></joint>'
+    (tmp_path / "biped.urdf").write_text(biped_urdf(more=more))
+    feet = ("L_sole", "R_sole")
+    robot = hp.load_robot(tmp_path / "biped.urdf", feet=feet, flat_feet=dict.fromkeys(feet, SOLE))
+    assert robot.feet[:4] == ("L_sole_0", "corner:L_sole_1", "corner:corner:L_sole_2", "L_sole_3")
+    assert len(set(robot.feet)) == 8
+    frames = [robot.model.frames[robot.frame_id(name)] for name in robot.feet[:4]]
+    sole = robot.model.frames[robot.frame_id("L_sole")].placement
+    np.testing.assert_allclose([sole.actInv(f.placement).translation for f in frames], SOLE.corners, atol=1e-15)
+
+
 LINE = {"length": 0.2, "width": 1.9 * MIN_SPREAD}
 """A foot so narrow that it turns freely about the line of its corners."""
 
@@ -109,7 +148,9 @@ def test_what_is_no_flat_foot_is_refused(sled):
         hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"base": SOLE})
     with pytest.raises(hp.InputError, match="must be a FlatFoot"):
         hp.load_robot(sled.urdf, feet=("skid",), flat_feet={"skid": (0.2, 0.1)})
-    for bad in ({"length": 0.0, "width": 0.1}, {"length": 0.2, "width": np.nan}, {"length": -0.2, "width": 0.1}, LINE):
+    nowhere = {"length": 0.2, "width": 0.1, "orientation": (0.0, np.nan, 0.0)}
+    bare = {"length": 0.0, "width": 0.1}, {"length": 0.2, "width": np.nan}, {"length": -0.2, "width": 0.1}
+    for bad in (*bare, LINE, nowhere):
         with pytest.raises(hp.InputError, match="of a flat foot"):
             hp.FlatFoot(**bad)
 

@@ -431,13 +431,34 @@ def test_soles_are_found(shapes, sole):
         ('<geom type="capsule" size="0.02" fromto="-0.1 0 -0.05 0.1 0 -0.05"/>', 6, "link5"),
         (FOUR.replace("<geom", '<geom contype="0" conaffinity="0"'), 6, "link5"),
         (BOX, 3, "link2"),
-        (BOX + '<site name="tilted" euler="90 0 0"/>', 6, "tilted"),
-        (BOX + '<site name="down" euler="180 0 0"/>', 6, "down"),
+        (BOX.replace("box", "b").replace("/>", ' euler="0 20 0"/>', 1).replace('type="b"', 'type="box"'), 6, "link5"),
         ("", 6, "link5"),
     ],
 )
 def test_points_lines_and_short_legs_have_no_sole(foot, joints, name):
     assert hp.load_robot(leg(foot, joints), feet=(name,)).feet == (name,)
+
+
+@pytest.mark.parametrize("frame", ["0 0 0", "90 0 0", "180 0 0", "0 90 0", "0 -90 30", "20 40 60"])
+@pytest.mark.parametrize(
+    "box",
+    ["0.085 0.03 0.02 : 0 0 0", "0.02 0.03 0.085 : 0 90 0", "0.085 0.02 0.03 : 90 0 0", "0.03 0.085 0.02 : 0 0 90"],
+)
+@pytest.mark.parametrize("yaw", [0, 25])
+def test_turned_boxes_and_frames_have_turned_soles(frame, box, yaw):
+    """A box that is given by other axes, seen from a frame that is turned, is the same rectangle in the same order."""
+    size, turn = box.split(" : ")
+    shapes = f'<geom type="box" size="{size}" euler="{turn}" pos="0 0 -0.04"/>'
+    site = f'<site name="sole" pos="0.01 0.02 -0.03" euler="{frame}"/>'
+    foot = f'<frame pos="0.035 0 0" euler="0 0 {yaw}">{shapes}</frame>{site}'
+    robot = hp.load_robot(leg(foot), feet=("sole",))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
+    corners = [data.oMf[robot.frame_id(name)] for name in robot.feet]
+    around = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(yaw)), np.array((0.035, 0.0, -0.66)))
+    expected = [around.act(np.array((x, y, 0.0))) for x in (0.085, -0.085) for y in (0.03, -0.03)]
+    np.testing.assert_allclose([corner.translation for corner in corners], expected, atol=1e-9)
+    np.testing.assert_allclose([corner.rotation for corner in corners], [around.rotation] * 4, atol=1e-9)
 
 
 def test_a_box_is_a_sole_by_its_own_name():

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from biped_urdf import biped_urdf
 from entrances import CONTROLLERS, few_ticks
 from hostile import outcome, spoil_urdf
 
@@ -386,3 +387,24 @@ def test_without_xacrodoc_a_xacro_file_is_refused(tmp_path, monkeypatch):
     path.write_text(XACRO.format(half=1.5))
     with pytest.raises(RobotError, match=r"robot.xacro': it is a xacro file: pip install xacrodoc, or"):
         hp.load_robot(path, feet=())
+
+
+@pytest.mark.parametrize("frame", ["0 0 0", "0 -1.5707963267948966 0", "0.3 0.7 -2.0"])
+@pytest.mark.parametrize(("size", "axes"), [("0.2 0.08 0.04", [0, 1, 2]), ("0.04 0.2 0.08", [2, 0, 1])])
+def test_soles_are_the_boxes_of_links_that_move_with_the_foot(tmp_path, frame, size, axes):
+    """Whichever axes box and frame, a link of its own, have: the sole is level, and its x axis to the front."""
+    roll, pitch, yaw = pin.rpy.matrixToRpy(np.eye(3)[:, axes])
+    box = f'<collision><origin xyz="0.03 0 -0.04" rpy="{roll} {pitch} {yaw}"/><geometry><box size="{size}"/></geometry>'
+    text = biped_urdf(sole=frame)
+    for side in "LR":
+        text = text.replace(f'<link name="{side}_tilt">', f'<link name="{side}_tilt">{box}</collision>')
+    (tmp_path / "biped.urdf").write_text(text)
+    feet = ("L_sole", "R_sole")
+    robot = hp.load_robot(tmp_path / "biped.urdf", feet=feet)
+    assert robot.flat_feet == (4, 4)
+    foot = robot.model.frames[robot.frame_id("L_tilt")].placement
+    corners = [foot.actInv(robot.model.frames[robot.frame_id(name)].placement) for name in robot.feet[:4]]
+    expected = [(0.03 + x, y, -0.06) for x in (0.1, -0.1) for y in (0.04, -0.04)]
+    np.testing.assert_allclose([corner.translation for corner in corners], expected, atol=1e-9)
+    np.testing.assert_allclose([corner.rotation for corner in corners], [np.eye(3)] * 4, atol=1e-9)
+    assert hp.load_robot(tmp_path / "biped.urdf", feet=feet, flat_feet={}).feet == feet

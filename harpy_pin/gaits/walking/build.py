@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError
-from harpy_pin.gaits.fitting import GRAVITY
+from harpy_pin.gaits.fitting import GRAVITY, leg_length
+from harpy_pin.gaits.velocity import warn_maker
 from harpy_pin.gaits.walking.pendulum import NEAR, STRAIGHT_NEAR, UPRIGHT_END, toward, upright_end
+from harpy_pin.model.legs import legs
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 
@@ -39,6 +41,8 @@ SLOW_BOTH = 0.2
 SPEED, SLOW_SPEED, SOLE_SPEED, ROLLING_SPEED = 0.8, 0.65, 0.26, 0.33
 """Largest velocity of a foot's place in √(g leg): where two groups of point feet on four legs take turns; on other
 points; on four soles; on two, which roll."""
+SLOW = 0.1
+"""Share of this velocity below which a robot is said to be slow."""
 LEFT, KNEE = 0.75, 0.62
 """Share that is used of the reach that is left where feet are drawn together: a stretched leg cannot push. On two soles
 all of it, as long as a knee needs no more than this share of its torque for the weight."""
@@ -48,7 +52,11 @@ which then have to hold the body too, swing them with less of their torques."""
 PEAK = 15.6
 """Peak of the acceleration of two feet that are swung, in the velocity of the walk over the duration of a step."""
 MOST_LOAD = 0.85
-"""Largest torque of a leg that swings, as a share of its limit."""
+"""Largest torque of a leg that swings in a trot, pace or bound, as a share of its limit; in other walks all of it."""
+DIRECTION = 0.3
+"""Least singular value of the Jacobian of a level sole that moves forward and aside, in lengths of the leg."""
+SHORT_LEG = "'{}' has a leg of fewer than three joints: its feet cannot go aside"
+"""Why a robot cannot walk."""
 SAMPLES = 30
 """Samples of a swing."""
 ITERATIONS = 6
@@ -57,6 +65,34 @@ SMALL = 1e-6
 """Regularises it where a leg is stretched, m²."""
 HALVINGS = 7
 """How often the range of speeds is halved."""
+
+
+def why_no_walk(robot: Robot) -> str:
+    """Why the legs of a robot cannot walk, in one sentence; empty where they can.
+
+    A foot has to go forward and aside, and a sole to stay level on its way: directions of the foot's Jacobian that the
+    joints of its leg have to have, in the posture or at zero. They need not turn it about the vertical.
+    """
+    model, data, q = robot.model, robot.model.createData(), pin.neutral(robot.model)
+    q[7:] = np.clip(0.0, robot.joint_lower, robot.joint_upper) if robot.posture is None else robot.posture
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    for leg in legs(robot):
+        joints = len(leg.joints)
+        if joints < 3:
+            return SHORT_LEG.format(robot.name)
+        frames = [robot.frame_id(name) for name in leg.points]
+        jacobian = np.mean([pin.getFrameJacobian(model, data, k, pin.LOCAL_WORLD_ALIGNED) for k in frames], axis=0)
+        level = jacobian[:, [model.joints[j].idx_v for j in leg.joints]][[0, 4, 1, 3]]  # (forward, pitch, aside, roll)
+        level[[0, 2]] /= leg_length(robot)
+        way, size, _ = np.linalg.svd(level)
+        if len(frames) > 1 and size[-1] < DIRECTION:
+            where = "aside" if np.abs(way[2:, -1]).max() > np.abs(way[:2, -1]).max() else "forward"
+            return (
+                f"'{robot.name}' cannot walk on soles: the {joints} joints of the leg of '{leg.points[0]}' "
+                f"cannot move it {where} and keep it level"
+            )
+    return ""
 
 
 @dataclass(frozen=True)
@@ -102,36 +138,31 @@ def build_of(robot: Robot, q: Vector) -> Build:
     foot = np.repeat(np.arange(len(robot.corners)), robot.corners)
     place = np.array([point[foot == k].mean(axis=0) for k in range(len(robot.corners))])
     inertia = pin.crba(model, data, q)
-    legs, hips, knees, swings, beside = [], [], [], [], np.zeros(len(robot.corners))
-    for k, first in enumerate(np.unique(foot, return_index=True)[1]):
-        chain = [j for j in model.supports[model.frames[robot.frame_id(robot.feet[first])].parentJoint] if j > 1]
-        joints = chain[-2:] if robot.corners[k] == 1 else chain[-4:]  # from the hip's pitch on
-        points = [*(data.oMi[j].translation - q[:3] for j in joints), place[k]]
-        lengths = [float(np.linalg.norm(b - a)) for a, b in pairwise(points)]
-        legs.append(sum(lengths))
-        knee = joints[np.argmax(np.convolve(lengths, (1.0, 1.0))[1:-1]) + 1 if len(joints) > 1 else 0]  # of long links
-        knees.append(model.effortLimit[model.joints[knee].idx_v] or inf)
+    lengths, hips, knees, swings, beside = [], [], [], [], np.zeros(len(robot.corners))
+    for k, leg in enumerate(legs(robot)):
+        points = [*(data.oMi[j].translation - q[:3] for j in leg.below_hip), place[k]]
+        lengths.append(sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points)))
+        knees.append(model.effortLimit[model.joints[leg.joints[leg.knee]].idx_v])
         hips.append(float(points[0][2] - place[k, 2]))
-        if len(robot.corners) == 4 and len(chain) > len(joints):
-            beside[k] = place[k, 1] + q[1] - data.oMi[chain[0]].translation[1]
-        hip_joints = joints[:1] if robot.corners[k] == 1 else chain[: max(len(chain) - 3, 1)]  # on soles the roll, too
-        for joint in hip_joints:
+        if len(robot.corners) == 4 and leg.knee > 1:
+            beside[k] = place[k, 1] + q[1] - data.oMi[leg.joints[0]].translation[1]
+        for joint in leg.below_hip[:1] if robot.corners[k] == 1 else leg.joints[: max(leg.knee, 1)]:  # soles roll, too
             column, arm = model.joints[joint].idx_v, float(data.oMi[joint].translation[2] - q[2] - place[k, 2])
-            swings.append(arm * (model.effortLimit[column] or inf) / float(inertia[column, column]))
-    leg, hip = min(legs), max(hips)
+            swings.append(arm * model.effortLimit[column] / float(inertia[column, column]))
+    length, hip = min(lengths), max(hips)
     bent, stretched = (SOLE_BENT, SOLE_STRETCHED) if robot.flat_feet else (BENT, STRETCHED)
-    lower = max(hip - bent * leg, 0.0)  # than the posture, where its legs would be almost stretched
-    reach = float(np.sqrt(max((stretched * leg) ** 2 - (hip - lower) ** 2, 0.0)))
+    lower = max(hip - bent * length, 0.0)  # than the posture, where its legs would be almost stretched
+    reach = float(np.sqrt(max((stretched * length) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
-    height, over = float(q[2]) - lower, hip - lower if len(legs) == 4 or robot.flat_feet else 0.0
+    height, over = float(q[2]) - lower, hip - lower if len(place) == 4 or robot.flat_feet else 0.0
     reactions = _reactions(robot, q, rise)
     soles = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
     narrow = SOLE_NARROW * rise + 2.0 * INNER * float(soles[:, 1].min()) if robot.flat_feet else NARROW * rise
     sole = soles.max(axis=0)
-    moment = 0.5 * leg * float(np.sqrt(1.0 - SOLE_BENT**2)) * robot.mass * GRAVITY
+    moment = 0.5 * length * float(np.sqrt(1.0 - SOLE_BENT**2)) * robot.mass * GRAVITY
     share = moment / min(knees) if robot.flat_feet else 0.0
     return Build(
-        point, foot, place, leg, height, rise, reach, over, beside, min(swings), reactions, share, narrow, sole
+        point, foot, place, length, height, rise, reach, over, beside, min(swings), reactions, share, narrow, sole
     )
 
 
@@ -207,10 +238,11 @@ def groups_of(schedule: str, places: Vector) -> NDArray[np.int64]:
 
 def pace_of(
     robot: Robot, q: Vector, build: Build, group: NDArray[np.int64], clearance: float, *, max_speed: float | None
-) -> Pace:
-    """The pace of a robot that stands in q, whose feet swing in the given groups.
+) -> tuple[Pace, str]:
+    """The pace of a robot that stands in q, whose feet swing in the given groups, and what limits its largest speed.
 
-    The largest speed is what legs and motors can do, where none is given.
+    The largest speed is what legs and motors can do, where none is given: what holds the robot in mid-step, and swings
+    the other legs, and how far feet reach. An :class:`InputError` says that it is zero.
     """
     groups = int(group.max()) + 1
     natural, soles = float(np.sqrt(build.leg / GRAVITY)), bool(robot.flat_feet)
@@ -221,30 +253,41 @@ def pace_of(
     runs = groups == 2 and len(build.place) == 4
     stride = STRIDE * build.leg if runs else inf
     share = (ROLLING_SPEED if len(build.place) == 2 else SOLE_SPEED) if soles else SPEED if runs else SLOW_SPEED
-    most = share * GRAVITY * natural
+    most, limited_by = share * GRAVITY * natural, "the length of its legs"
     push = PEAK * float(np.abs(build.reaction[:, 0, 0]).max()) / GRAVITY
-    if runs and push > 0.0:
-        most = min(most, float(np.sqrt(MOST_PUSH * stride / push)))
+    if runs and push > 0.0 and (slower := float(np.sqrt(MOST_PUSH * stride / push))) < most:
+        most, limited_by = slower, "the push of the legs that it swings"
     if max_speed is not None:
-        most = max_speed
-    elif runs:
+        most, limited_by = max_speed, "max_speed"
+    else:
 
         def load(speed: float) -> float:
-            shortened = min(duration, stride / speed)
+            shortened = FAST_SOLE_STEP * natural if soles else min(duration, stride / speed)
             near = NEAR if gentle else STRAIGHT_NEAR
             upright = upright_end(speed, float(np.sqrt(GRAVITY / build.rise)) * build.height, near)
-            pushed = max(push * speed / (shortened * FREE_PUSH), 1.0)
+            pushed = max(push * speed / (shortened * FREE_PUSH), 1.0) if runs else 1.0
             return pushed * swing_load(robot, q, build, speed, shortened, double_support, clearance, upright)
 
-        most = fastest_speed(load, most, MOST_LOAD)
-    if most == 0.0:
-        message = f"at no speed can the motors of '{robot.name}' swing its legs: give a max_speed, or larger efforts"
-        raise InputError(message, name="max_speed")
+        held = holding_load(robot, q, group)
+        swung = fastest_speed(load, most, MOST_LOAD if runs else 1.0) if held <= 1.0 else 0.0
+        if swung < most:
+            most, limited_by = swung, "the torques of its motors"
+        if swung == 0.0:
+            why = f"hold it in mid-step, which takes {held:.2g} times their torques" if held > 1.0 else "swing its legs"
+            message = f"at no speed can the motors of '{robot.name}' {why}: give a max_speed, or larger efforts"
+            raise InputError(message, name="max_speed")
     shortest = FAST_SOLE_STEP * natural if soles else min(duration, stride / most)
-    most = min(most, 2.0 * _reach(build, group) / ((groups - 1 + double_support) * shortest))
+    reached = 2.0 * _reach(build, group) / ((groups - 1 + double_support) * shortest)
+    if reached <= 0.0:
+        apart = f"its feet, {np.ptp(build.place[:, 1]):.2g} m apart, have to come together"
+        raise InputError(f"'{robot.name}' cannot walk: {apart}, and its legs do not reach so far", name="robot")
+    if reached < most:
+        most, limited_by = reached, "how far its feet reach"
+    if most < SLOW * share * GRAVITY * natural and max_speed is None:
+        warn_maker(f"'{robot.name}' walks at {most:.2g} m/s at most, limited by {limited_by}")
     if soles:
         stride = most * shortest
-    return Pace(duration, double_support, slow, gentle, stride, most)
+    return Pace(duration, double_support, slow, gentle, stride, most), limited_by
 
 
 def _one_behind_the_other(build: Build, group: NDArray[np.int64]) -> bool:
@@ -263,6 +306,25 @@ def _reach(build: Build, group: NDArray[np.int64]) -> float:
     draw_together(together, group, build.narrow)
     drawn = float(np.linalg.norm(apart - together, axis=1).max())
     return left * (build.reach - drawn) if drawn > 0.0 else build.reach
+
+
+def holding_load(robot: Robot, q: Vector, group: NDArray[np.int64]) -> float:
+    """Largest torque of the motors of the legs that hold the weight, in equal shares, while each group of feet swings,
+    as a share of their limits."""
+    model, data = robot.model, robot.model.createData()
+    weight = pin.computeGeneralizedGravity(model, data, q)
+    pin.computeJointJacobians(model, data, q)
+    pin.updateFramePlacements(model, data)
+    found, worst = legs(robot), 0.0
+    for swinging in range(int(group.max()) + 1):
+        holding = [leg for leg, number in zip(found, group, strict=True) if number != swinging] or found
+        for leg in holding:
+            frames = [robot.frame_id(name) for name in leg.points]
+            up = np.mean([pin.getFrameJacobian(model, data, k, pin.LOCAL_WORLD_ALIGNED)[2] for k in frames], axis=0)
+            joints = [model.joints[j].idx_v for j in leg.joints]
+            torque = weight[joints] - up[joints] * robot.mass * GRAVITY / len(holding)
+            worst = max(worst, float(np.max(np.abs(torque) / model.effortLimit[joints])))
+    return worst
 
 
 def swing_load(
@@ -289,8 +351,9 @@ def swing_load(
     way[:, 0] = speed * (2.0 * step_duration * ahead - 0.5 * (1.0 + double_support) * step_duration - time)
     way[:, 2] = q[2] - build.height + 64.0 * clearance * (u * (1.0 - u)) ** 3
     worst = 0.0
-    for first in np.cumsum((0, *robot.corners))[:-1]:
-        path, joints = _follow(robot, q, robot.feet[first], way)
+    for leg in legs(robot):
+        joints = [model.joints[j].idx_v for j in leg.joints]
+        path = _follow(robot, q, leg.points[0], joints, way)
         rate = [pin.difference(model, a, b) / time[1] for a, b in pairwise(path)]
         for i in range(1, SAMPLES - 1):
             torque = pin.rnea(model, data, path[i], 0.5 * (rate[i - 1] + rate[i]), (rate[i] - rate[i - 1]) / time[1])
@@ -298,12 +361,11 @@ def swing_load(
     return worst
 
 
-def _follow(robot: Robot, q: Vector, foot: str, way: Vector) -> tuple[list[Vector], list[int]]:
-    """Configurations in which one leg brings its foot along a way, and the columns of this leg's joints."""
+def _follow(robot: Robot, q: Vector, foot: str, joints: list[int], way: Vector) -> list[Vector]:
+    """Configurations in which the joints of one leg, of these columns, bring its foot along a way."""
     model, data, frame = robot.model, robot.model.createData(), robot.frame_id(foot)
     pin.framesForwardKinematics(model, data, q)
     start, path = data.oMf[frame].translation.copy(), []
-    joints = [model.joints[j].idx_v for j in model.supports[model.frames[frame].parentJoint] if j > 1]
     for offset in way:
         for _ in range(ITERATIONS):
             jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3, joints]
@@ -313,7 +375,7 @@ def _follow(robot: Robot, q: Vector, foot: str, way: Vector) -> tuple[list[Vecto
             q = pin.integrate(model, q, step)
             pin.framesForwardKinematics(model, data, q)
         path.append(q)
-    return path, joints
+    return path
 
 
 def fastest_speed(load: Callable[[float], float], high: float, most: float) -> float:

@@ -16,7 +16,7 @@ from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity
-from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of, pace_of
+from harpy_pin.gaits.walking.build import Build, Pace, build_of, draw_together, groups_of, pace_of, why_no_walk
 from harpy_pin.gaits.walking.footholds import APART
 from harpy_pin.gaits.walking.measuring import measure
 from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR
@@ -93,7 +93,8 @@ class WalkingGait(FollowsVelocity):
             time, s, on; or a function from the time to the command.
         posture: (joints,) angles in which it stands, rad; by default as of :class:`Standing`.
         clearance: height of a foot at mid-swing, m.
-        max_speed: largest velocity of a foot's place, m/s; by default what legs and motors can do, √(g leg) at most.
+        max_speed: largest velocity of a foot's place, m/s; by default what legs can reach and motors can hold and
+            swing, √(g leg) at most.
 
     Attributes:
         step_duration: of a slow walk, s.
@@ -101,12 +102,13 @@ class WalkingGait(FollowsVelocity):
         command: (4,) the present command; set it in place.
         applied: (4,) the velocity that is applied, of the height m/s; read only.
         schedule: its name.
+        limited_by: what :attr:`max_speed` is not larger for, in words, such as ``the torques of its motors``.
         record: all that it knows and remembers, for kernels.
         target: of the last update.
         script: rows (t, command).
 
     Raises:
-        InputError: values out of their domains, an unknown schedule, or another number of feet.
+        InputError: values out of their domains, an unknown schedule, another number of feet, or legs that cannot walk.
     """
 
     @checked
@@ -133,9 +135,12 @@ class WalkingGait(FollowsVelocity):
             return None if value is None else checks.number(name, value, low=0.0, high=high, strict=True)
 
         self.schedule = ("walk" if feet == 2 else "trot") if schedule is None else schedule
+        if self.schedule != "stand" and (why := why_no_walk(robot)):
+            raise InputError(why, name="robot")
         clearance = optional("clearance", clearance, build.leg) or CLEARANCE * build.leg
         group = groups_of(self.schedule, build.place[:, :2] - build.place[:, :2].mean(axis=0))
-        pace = pace_of(robot, q, build, group, clearance, max_speed=optional("max_speed", max_speed, 20.0))
+        most = optional("max_speed", max_speed, 20.0)
+        pace, self.limited_by = pace_of(robot, q, build, group, clearance, max_speed=most)
         self._build, self._pace, self._chosen_speed = build, pace, max_speed is not None
         self.step_duration, self.double_support = pace.usual_step, pace.fast_double_support
         self.record: Records[WalkingRecord] = self._make_record(

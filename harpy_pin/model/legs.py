@@ -1,0 +1,64 @@
+"""Legs of a robot: which joints move a foot, and which of them is the knee, by their axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.tree import feet_moved, tree_record
+
+PARALLEL = 0.9
+"""Least cosine of the angle between the axes of hip and knee."""
+APART = 5e-3
+"""Least distance between these axes, m."""
+
+
+@dataclass(frozen=True)
+class Leg:
+    """The joints that move one foot and no other.
+
+    Attributes:
+        points: frame names of the foot's contact points.
+        joints: Pinocchio's numbers of the joints, from the base on.
+        knee: which of ``joints`` is the knee: the first one whose axis is parallel to that of a joint above it, and
+            beside it, so that the two bend the leg; without such joints the second one, −1 where there are none.
+    """
+
+    points: tuple[str, ...]
+    joints: tuple[int, ...]
+    knee: int
+
+    @property
+    def below_hip(self) -> tuple[int, ...]:
+        """The joints from the last one above the knee on; the leg's length is measured from there."""
+        return self.joints[max(self.knee - 1, 0) :]
+
+
+def legs(robot: Robot) -> list[Leg]:
+    """The legs of a robot, in the order of its feet.
+
+    Args:
+        robot: any. Joints between its base and several feet, such as a waist, belong to no leg.
+    """
+    model, data, moved = robot.model, robot.model.createData(), feet_moved(robot.model, robot.feet)
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    own = tree_record(model)["axis"][0]
+    axis = [np.zeros(3), *(data.oMi[j].rotation @ own[j - 1] for j in range(1, model.njoints))]
+    found = []
+    for end, corners in zip(np.cumsum(robot.corners), robot.corners, strict=True):
+        points = robot.feet[end - corners : end]
+        chain = model.supports[model.frames[robot.frame_id(points[0])].parentJoint]
+        joints = tuple(j for j in chain if moved[j] == 1)
+        bends = [
+            any(
+                abs(axis[i] @ axis[j]) > PARALLEL
+                and np.linalg.norm(np.cross(axis[j], data.oMi[j].translation - data.oMi[i].translation)) > APART
+                for i in joints[:k]
+            )
+            for k, j in enumerate(joints)
+        ]
+        found.append(Leg(points, joints, bends.index(True) if any(bends) else min(1, len(joints) - 1)))
+    return found
