@@ -11,16 +11,18 @@ them half a tick later, q* + ½ h q̇* + ⅛ h² a and q̇* + ½ h a. Where the 
 nothing: q* − q comes from the change of accelerations within a tick alone. Where it does not, the difference is what it
 lags behind the intended motion over some 1/λ: the leak keeps targets from drifting away.
 
-**What the model lacks of the joints.** Few files have the inertia that a motor's rotor adds to its joint, the armature. Legs
-then come late, the faster they swing, and the robot falls where it walks fast. So for every joint an inertia I and a damping b
-are learned while walking, and the torques get I a + b q̇*. As in the adaptive control of Slotine and Li ("On the adaptive
-control of robot manipulators", 1987) they follow the gradient of the squared error of velocity, which needs no measured
-acceleration:
+**What the model lacks of the joints.** Few files have the inertia that a motor's rotor adds to its
+joint, the armature. Without it swing legs come late, the more so the faster they swing, and the
+robot falls where it walks fast. So an inertia I and a damping b of every joint are learned while
+walking, and its torque gets I a + b q̇*. As in the adaptive control of Slotine and Li ("On the
+adaptive control of robot manipulators", 1987) they follow the gradient of the squared error of the
+velocity, which needs no measured acceleration:
 
-    (I, b) ← max((I, b) + η h k_d (q̇* − q̇) y / (⟨y²⟩ + y₀²), 0),    y = a and q̇, low-passed with the leak λ,
+    (I, b) ← max((I, b) + ρ' k_d (q̇* − q̇) y / (⟨y²⟩ + y₀²), 0),    ρ' = 1 − e^(−η h),
 
-with the mean ⟨y²⟩ over some 1/η, and y₀ below which a joint hardly moves. q̇* − q̇ is itself the error of the acceleration,
-low-passed with λ. Legs on the ground do not learn, since there the error is that of the contact.
+where y is a and q̇, low-passed with the leak, ⟨y²⟩ its mean over some 1/η, and y₀ what a joint has
+that hardly moves. The error q̇* − q̇ is that of the acceleration over λ, low-passed alike. A leg
+whose foot is held does not learn, since its error is that of the contact.
 
 At the first tick, and after one without a solution or with a bad sample, targets start at the measured state. In a tick
 without a solution they are the measured motion; with bad samples they stay, and the gains fade as the torques do.
