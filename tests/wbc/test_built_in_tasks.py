@@ -77,7 +77,7 @@ def test_a_joint_that_moves_one_foot_weighs_as_a_leg_others_as_an_arm(tmp_path, 
     arm += '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="20" velocity="9"/></joint>'
     file.write_text(biped_urdf(waist=("waist",), more=arm))
     soles = dict.fromkeys(("L_sole", "R_sole"), hp.FlatFoot(length=0.2, width=0.1))
-    robot = hp.load_robot(file, flat_feet=soles)
+    robot = hp.load_robot(file, feet=tuple(soles), flat_feet=soles)
     legs = [joint[2:4] in ("L_", "R_") for joint in robot.joints]
     problem = make_problem(formulation, robot, WEIGHTS)
     expected = np.where(legs, WEIGHTS.posture, WEIGHTS.arms)
