@@ -3,8 +3,8 @@
 Torques alone, in models that have one of dry friction, damping and armature in the joints, round feet, their own steps
 and pyramids as friction cones; then in the whole model, with what the controller may know or the motors may do. Random
 commands at friction 0.8 and 0.3. Then commands that last, at up to 0.8 of a robot's largest speed, with the motor law
-that learns nothing of the joints, without one property at a time. "peers --install" installs the models. This takes many
-minutes.
+that learns nothing of the joints, without one property at a time. "peers --install" installs the models. This takes
+many minutes.
 """
 
 from __future__ import annotations
