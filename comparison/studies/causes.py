@@ -2,7 +2,9 @@
 
 Torques alone, in models that have one of dry friction, damping and armature in the joints, round feet, their own steps
 and pyramids as friction cones; then in the whole model, with what the controller may know or the motors may do. Random
-commands at friction 0.8 and 0.3. "peers --install" installs the models. This takes many minutes.
+commands at friction 0.8 and 0.3. Then commands that last, at up to 0.8 of a robot's largest speed, with the motor law
+that learns nothing of the joints, without one property at a time. "peers --install" installs the models. This takes
+many minutes.
 """
 
 from __future__ import annotations
@@ -13,10 +15,11 @@ from typing import Any
 import numpy as np
 
 from comparison.measure.walking import Rows, grouped
-from comparison.studies.worlds import SPEED, random_walk
+from comparison.studies.worlds import LASTING, SPEED, fast_walks, random_walk
 from comparison.study import Job, Study, View
 from comparison.worlds.models import FEET, JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, world
 from comparison.worlds.walk import LAW, LAW_CONTACT_DAMPING, walked
+from harpy_pin import WalkingGait
 from harpy_pin.view.palette import SLIDING
 
 UNTOLD: dict[str, Any] = {"round": False}
@@ -38,18 +41,31 @@ CASES: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
     "motor law, all joints": (None, {"known": list(JOINTS), **_LAW}),
 }
 """What is kept of a model (None: all), and what the condensed WBC is given; by the name of the row."""
+_UNLEARNED: dict[str, Any] = {**_LAW, "learning": 0.0}
+AT_SPEED: dict[str, tuple[tuple[str, ...] | None, dict[str, Any]]] = {
+    "nothing learned": (None, _UNLEARNED),
+    **{f"without {gone}": (tuple(name for name in PROPERTIES if name != gone), _UNLEARNED) for gone in PROPERTIES},
+    "armature known": (None, {"known": ["armature"], **_UNLEARNED}),
+    "four times as stiff": (None, {**_UNLEARNED, "law": tuple(4.0 * gain for gain in LAW)}),
+    "learned": (None, _LAW),
+}
+"""The same with the motor law, for commands that last."""
 CAUSES = len(PROPERTIES) + 2
 """The first so many are causes, the rest remedies."""
 
 
 def _jobs(s: Any) -> Iterator[Job]:
     for name in s.worlds:
-        world(name, FEET)
+        robot = world(name, FEET)[1]
         for case, (kept, who) in CASES.items():
             for friction in SPEED:
                 for number in range(s.sequences):
                     walk = random_walk(s.seed, number, friction, s.duration)
                     yield {"world": name, "feet": list(FEET), "case": case, **walk, "kept": kept, "who": who}
+        fast = list(fast_walks(WalkingGait(robot).max_speed, s.lasting) if s.lasting else ())
+        for case, (kept, who) in AT_SPEED.items():
+            for walk in (walk for walk in fast if walk["what"] == LASTING[0]):
+                yield {"world": name, "feet": list(FEET), "case": case, **walk, "kept": kept, "who": who}
 
 
 def _cell(rows: Rows) -> str:
@@ -102,15 +118,20 @@ STUDY = Study(
         "worlds": (*ROBOTS, PLAYGROUND),
         "sequences": 4,  # of random commands, at each friction
         "duration": 8.0,  # s
+        "lasting": 10.0,  # of a command that lasts, s
         "seed": 2000,
     },
-    quick={"worlds": ("Mini Cheetah",), "sequences": 1, "duration": 2.0},
-    options={"sequences": "Sequences of random commands at each friction."},
+    quick={"worlds": ("Mini Cheetah",), "sequences": 1, "duration": 2.0, "lasting": 0.0},
+    options={
+        "sequences": "Sequences of random commands at each friction.",
+        "lasting": "Seconds of each walk with a command that lasts; 0: none.",
+    },
     jobs=_jobs,
     measure=walked,
     views=[
         _view("causes", "Torque alone, with one property of the model at a time", list(CASES)[:CAUSES]),
         _view("remedies", "All properties, with what the condensed WBC is given", list(CASES)[CAUSES - 1 :]),
+        _view("speed", "Motor law and commands that last, at up to 0.8 of the largest speed", list(AT_SPEED)),
     ],
     only="worlds",
     draw=_draw,

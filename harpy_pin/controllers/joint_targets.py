@@ -11,6 +11,19 @@ them half a tick later, q* + ½ h q̇* + ⅛ h² a and q̇* + ½ h a. Where the 
 nothing: q* − q comes from the change of accelerations within a tick alone. Where it does not, the difference is what it
 lags behind the intended motion over some 1/λ: the leak keeps targets from drifting away.
 
+**What the model lacks of the joints.** Few files have the inertia that a motor's rotor adds to its
+joint, the armature. Without it swing legs come late, the more so the faster they swing, and the
+robot falls where it walks fast. So an inertia I and a damping b of every joint are learned while
+walking, and its torque gets I a + b q̇*. As in the adaptive control of Slotine and Li ("On the
+adaptive control of robot manipulators", 1987) they follow the gradient of the squared error of the
+velocity, which needs no measured acceleration:
+
+    (I, b) ← max((I, b) + ρ' k_d (q̇* − q̇) y / (⟨y²⟩ + y₀²), 0),    ρ' = 1 − e^(−η h),
+
+where y is a and q̇, low-passed with the leak, ⟨y²⟩ its mean over some 1/η, and y₀ what a joint has
+that hardly moves. The error q̇* − q̇ is that of the acceleration over λ, low-passed alike. A leg
+whose foot is held does not learn, since its error is that of the contact.
+
 At the first tick, and after one without a solution or with a bad sample, targets start at the measured state. In a tick
 without a solution they are the measured motion; with bad samples they stay, and the gains fade as the torques do.
 
@@ -43,6 +56,11 @@ GRAVITY = 9.81
 MAX_RATE = 500.0
 """Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s."""
 
+STILL = 0.2
+"""Acceleration and velocity y₀, in g / leg and √(g / leg)."""
+MOST_LACKING = 0.5
+"""Largest inertia and damping that are learned, in units of a stiffness of one times leg / g and √(leg / g)."""
+
 
 class JointTargetsRecord(RecordOf):
     """Targets of the joints."""
@@ -53,6 +71,13 @@ class JointTargetsRecord(RecordOf):
     gains: Vector  # (2, joints) stiffness, N·m/rad, and damping, N·m·s/rad
     follows: int = ZERO  # whether the targets are those that the last tick led to
     target: Vector = sized(2, "joints")  # q* and q̇* at the beginning of the tick, rad and rad/s
+    learning: float = 0.0  # η h
+    still: Vector = sized(2)  # y₀ of acceleration and velocity, rad/s² and rad/s
+    most: Vector = sized(2)  # largest inertia and damping that are learned, kg·m² and N·m·s/rad
+    moves: Vector = sized("joints", "feet")  # 1 where a joint moves a foot
+    lacking: Vector = sized(2, "joints")  # I and b, kg·m² and N·m·s/rad
+    motion: Vector = sized(2, "joints")  # y, rad/s² and rad/s
+    square: Vector = sized(2, "joints")  # ⟨y²⟩
     law: Vector = sized(4, "joints")  # of the command: see :class:`harpy_pin.model.state.Command`
     acceleration: Vector = sized("nv")  # that a solution of the whole-body QP brings about
 
@@ -70,14 +95,26 @@ def joint_targets_record(robot: Robot, p: WholeBodyParameters, posture: Vector) 
     """
     if p.joint_stiffness == p.joint_damping == 0.0:
         return None
+    gains, unit, model = joint_gains(robot, p, posture), _units(robot, posture), robot.model
+    above = [model.supports[model.frames[robot.frame_id(foot)].parentJoint] for foot in robot.feet]
     return make_record(
         JointTargetsRecord,
         robot.sizes,
         period=p.period,
         share=-np.expm1(-p.joint_leak * p.period),
         lead=0.5 * p.period,
-        gains=joint_gains(robot, p, posture),
+        gains=gains,
+        learning=-np.expm1(-p.joint_learning * p.period),
+        still=STILL * unit[0] / unit[[2, 1]],
+        most=MOST_LACKING * unit[[2, 1]],
+        moves=[[j in joints for joints in above] for j in range(2, model.njoints)],
     )
+
+
+def _units(robot: Robot, posture: Vector) -> Vector:
+    """Of stiffness, damping and inertia (3,), N·m/rad, N·m·s/rad and kg·m²: m g l / 4 times 1, √(l/g) and l/g."""
+    leg = build_of(robot, posture).leg
+    return np.array(0.25 * robot.mass * GRAVITY * leg * np.sqrt(leg / GRAVITY) ** np.arange(3))
 
 
 def joint_gains(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Vector:
@@ -86,12 +123,34 @@ def joint_gains(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Vector
     if not robot.feet or any(model.frames[robot.frame_id(foot)].parentJoint < 2 for foot in robot.feet):
         message = f"joint_stiffness and joint_damping are in units of a leg's length, and '{robot.name}' has no legs"
         raise InputError(message, name="joint_stiffness", value=p.joint_stiffness)
-    leg = build_of(robot, posture).leg
-    stiffness = 0.25 * robot.mass * GRAVITY * leg
-    damping = stiffness * np.sqrt(leg / GRAVITY)
+    stiffness, damping, _ = _units(robot, posture)
     inertia = 1.0 / np.diag(pin.computeMinverse(model, model.createData(), posture))[6:]
     share = np.minimum(1.0, MAX_RATE * inertia / max(p.joint_damping * damping, 1e-12))
     return np.array((p.joint_stiffness * stiffness * share, p.joint_damping * damping * share))
+
+
+@kernel
+def add_lacking(
+    m: JointTargetsRecord, held: Vector, acceleration: Vector, usable: bool, v: Vector, torque: Vector
+) -> None:
+    """Learn what the joints lack, and add it to the torques (joints,); before :func:`move_targets`.
+
+    It is learned by joints that move no ``held`` foot, from the error of the last tick's targets; arguments as there.
+    """
+    for j in range(m.gains.shape[1]):
+        speed = v[6 + j] if m.follows == 0 else m.target[1, j]
+        error = speed - v[6 + j]
+        for k in range(held.shape[0]):
+            error *= 1.0 - m.moves[j, k] * held[k]
+        for i in range(2):
+            y = m.motion[i, j]
+            m.square[i, j] += m.learning * (y * y - m.square[i, j])
+            step = m.learning * m.gains[1, j] * error * y / (m.square[i, j] + m.still[i] * m.still[i])
+            m.lacking[i, j] = min(max(m.lacking[i, j] + step, 0.0), m.most[i])
+        a = acceleration[6 + j] if usable else 0.0
+        m.motion[0, j] += m.share * (a - m.motion[0, j])
+        m.motion[1, j] += m.share * (v[6 + j] - m.motion[1, j])
+        torque[j] += m.lacking[0, j] * a + m.lacking[1, j] * speed
 
 
 @kernel
@@ -145,7 +204,9 @@ def _with_targets(step: Kernel[int]) -> Kernel[int]:
     ) -> int:
         status = step(r, target, q, v, foot_force)
         if r.verdict == GOOD:
-            move_targets(r.motors, r.condensed.root.acceleration, status & TORQUE_CLIPPED == 0, q, v)
+            a, usable = r.condensed.root.acceleration, status & TORQUE_CLIPPED == 0
+            add_lacking(r.motors, r.targets.held, a, usable, v, r.torque)
+            move_targets(r.motors, a, usable, q, v)
         else:
             keep_targets(r, r.motors)
         return status

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, Literal, overload
@@ -106,7 +107,8 @@ def make_controller(
         period: time between ticks, s; by default that of a step of the bridge's model, or 1 ms.
         bridge: to the MuJoCo simulation in which it walks. There the whole-body controllers give joint targets, too,
             for motors to hold (:data:`~harpy_pin.controllers.parameters.JOINT_TARGETS`), because torques alone fall in
-            many models of others. Torques alone are ``joint_stiffness=0.0, joint_damping=0.0``.
+            many models of others. Torques alone are ``joint_stiffness=0.0, joint_damping=0.0``. Geoms of the robot that
+            push each other apart where it stands (:meth:`MujocoBridge.self_contacts`) are said by a ``UserWarning``.
         settings: others that differ from those that fit gait and robot (:meth:`WholeBodyParameters.for_gait`), by the
             names of :class:`WholeBodyParameters`, or for the governed controller from the defaults of
             :class:`GovernedParameters`, with ``evaluate_at`` and ``governor_parameters`` (see :func:`make_governor`);
@@ -121,6 +123,12 @@ def make_controller(
     if bridge is not None and bridge.robot.joints != gait.robot.joints:
         message = f"the gait is of '{gait.robot.name}', the bridge of '{bridge.robot.name}'"
         raise InputError(message, name="bridge", value=bridge)
+    for pair, force in ({} if bridge is None else bridge.self_contacts(gait.initial_state()[0])).items():
+        warnings.warn(
+            f"where '{gait.robot.name}' stands, its geoms '{pair[0]}' and '{pair[1]}' push each other apart in the "
+            f"MuJoCo model, with {force:.0f} N: give another posture, or take the pair out of the model's contacts",
+            stacklevel=3,
+        )
     if bridge is not None and name != "governed":
         settings = {**JOINT_TARGETS, **settings}
     if period is None:

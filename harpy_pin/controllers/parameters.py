@@ -157,6 +157,8 @@ class WholeBodyParameters:
             whose joints the model does not know well.
         joint_damping: of the motors, k_d in units of m g l / 4 √(l/g); with a stiffness of 1, 0.3 suits.
         joint_leak: rate at which the targets are drawn to the measured motion, 1/s.
+        joint_learning: rate at which inertia and damping of the joints are learned that the model lacks, where motors
+            hold targets, 1/s (:mod:`harpy_pin.controllers.joint_targets`). 0: none.
         weights: of the tasks.
         limits: of the constraints.
     """
@@ -180,6 +182,7 @@ class WholeBodyParameters:
     joint_stiffness: float = 0.0
     joint_damping: float = 0.0
     joint_leak: float = 40.0
+    joint_learning: float = 1.0
     weights: WholeBodyWeights
     limits: WholeBodyLimits = field(default_factory=WholeBodyLimits)
 
@@ -215,7 +218,7 @@ class WholeBodyParameters:
         for name in ("thrust_lag", "thrust_turning_lag"):
             checks.keep(self, **{name: checks.number(name, getattr(self, name), low=0.0, high=MAX_LAG)})
         checks.numbers(self, "joint_stiffness", "joint_damping", low=0.0, high=MAX_RATIO)
-        checks.numbers(self, "joint_leak", low=0.0, high=MAX_GAIN)
+        checks.numbers(self, "joint_leak", "joint_learning", low=0.0, high=MAX_GAIN)
         checks.numbers(self, "min_normal_force", "contact_threshold", low=0.0, high=MAX_FORCE)
         low = self.min_normal_force
         checks.number("max_normal_force", self.max_normal_force, low=low, high=MAX_FORCE, strict=True)

@@ -113,6 +113,9 @@ class TaskController(GaitController):
         self.targets = WholeBodyTargets(self.robot, record=record["targets"])
         self._begin(record)
         self._signals["held"] = self.targets.held
+        if motors is not None:
+            for i, name in enumerate(("inertia", "damping")):
+                self._signals[f"joint_{name}_estimate"] = field(record["motors"], "lacking")[i]
         if self.parameters.estimate_friction:
             self._signals["friction_estimate"] = field(record["friction"], "estimate")
         if self.parameters.estimate_joint_friction:
@@ -123,7 +126,9 @@ class TaskController(GaitController):
         """Forget the last command, and the estimates of friction."""
         super().reset()
         if self._command.law is not None:
-            self._command.law[:] = self._record_["motors"]["follows"] = 0
+            self._command.law[:] = 0.0
+            for name in ("follows", "lacking", "motion", "square"):
+                self._record_["motors"][name] = 0
         for name in ("known", "inputs", "sums", "viscous", "coulomb"):
             self._record_["joint_friction"][name] = 0
         friction: Any = self._record_["friction"]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.friction import note_inputs
-from harpy_pin.controllers.joint_targets import JointTargetsRecord, keep_targets, move_targets
+from harpy_pin.controllers.joint_targets import JointTargetsRecord, add_lacking, keep_targets, move_targets
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TickRecord, write_inputs
 from harpy_pin.gaits.gait import GaitTargetRecord
@@ -241,6 +241,7 @@ def _tick_of(name: str) -> TickKernels:
     def targets(r: WholeBodyTargetsRecord, m: ContactMapRecord, usable: bool, q: Vector, v: Vector) -> None:
         if usable:
             read_acceleration(m, r.z, r.motors.acceleration)
+        add_lacking(r.motors, r.targets.held, r.motors.acceleration, usable, v, r.torque)
         move_targets(r.motors, r.motors.acceleration, usable, q, v)
 
     @kernel(v="r.dynamics.bias", foot_force="r.targets.feet")

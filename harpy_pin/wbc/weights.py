@@ -36,8 +36,8 @@ class WholeBodyWeights:
         body: linear acceleration of the body.
         orientation: angular acceleration of the body.
         swing: acceleration of a swing foot.
-        posture: accelerations of the joints between base and feet: legs.
-        arms: accelerations of the other joints: arms, torso and head.
+        posture: accelerations of the joints that move one foot: legs.
+        arms: accelerations of the joints that move several feet or none: waist, arms and head.
         thrust: forces of thrusters and rotors.
         force: contact forces.
     """

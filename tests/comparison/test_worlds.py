@@ -212,6 +212,18 @@ def test_all_walk_the_same(monkeypatch, dog):
     np.testing.assert_allclose(np.linalg.norm(pushes, axis=1), [0.5] * 24)
 
 
+def test_fast_commands_last_turn_and_go_back():
+    """Up to 0.8 of the largest speed, every turning on both sides; those in turn cancel out."""
+    walks = list(worlds.fast_walks(2.0, 12.5))
+    lasting = np.array([walk["commands"][0] for walk in walks if walk["what"] == worlds.LASTING[0]])
+    assert (lasting[:, 1].max(), lasting[:, 1].min()) == pytest.approx((1.6, 1.0))
+    np.testing.assert_allclose(lasting[:, 3].sum(), 0.0)
+    assert len(np.unique(lasting[:, 1:], axis=0)) == len(lasting) == 15
+    turns, reversals = (np.array(walk["commands"]) for walk in walks[-2:])
+    np.testing.assert_allclose([turns[:, 3].sum(), reversals[:, 1].sum()], 0.0)
+    assert {walk["friction"] for walk in walks} == {0.8, 0.4}
+
+
 def test_causes_are_drawn():
     rows = [{"case": case, "world": "Go2", "fell": case == "armature", "slip_mm_s": 3.0} for case in causes.CASES]
     texts = [text.get_text() for panel in causes.STUDY.figure(rows).axes for text in panel.texts]

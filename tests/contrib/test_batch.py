@@ -67,7 +67,8 @@ def test_joint_targets_are_those_of_single_controllers(gains, threads):
     """To the last bit, also after a reset and where torques are clipped or the state is bad; without gains all zero."""
     rng, gait = np.random.default_rng(3), StraightGait(ROBOT, GaitParameters(double_support=0.25))
     limits = WholeBodyLimits(mu=0.3, torque_scale=0.1)
-    parameters = WholeBodyParameters.for_gait(gait, limits=limits, hold_ticks=0, estimate_friction=False, **gains)
+    more = {"hold_ticks": 0, "estimate_friction": False, "joint_learning": 0.0}
+    parameters = WholeBodyParameters.for_gait(gait, limits=limits, **more, **gains)
     batch = CondensedBatch(ROBOT, N, parameters, double_support=0.25, threads=threads)
     singles = [CondensedController(gait, parameters) for _ in range(0, N, 15)]
     status = []

@@ -13,7 +13,7 @@ from walks import scenario, states_of
 
 import harpy_pin as hp
 from harpy_pin.controllers import WholeBodyParameters
-from harpy_pin.controllers.joint_targets import MAX_RATE, JointTargetsRecord, joint_gains, move_targets
+from harpy_pin.controllers.joint_targets import MAX_RATE, JointTargetsRecord, add_lacking, joint_gains, move_targets
 from harpy_pin.errors import InputError
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.model.entry import FADE, HOLD_TICKS
@@ -31,7 +31,7 @@ def make(name, **more):
 def record(*, leak=0.0, period=1e-3):
     share = -np.expm1(-leak * period)
     values = {"period": period, "share": share, "lead": 0.5 * period, "gains": np.array([[10.0], [2.0]])}
-    return make_record(JointTargetsRecord, {"joints": 1, "nv": 7}, **values)
+    return make_record(JointTargetsRecord, {"joints": 1, "nv": 7, "feet": 1}, **values)
 
 
 def tick(m, *, a, angle, speed, usable=True):
@@ -111,7 +111,8 @@ class Rigid:
 
 def rigid_walk(period, state, held):
     """Largest q* − q, in the law and at the beginning of a tick, and largest mean torque of the law in a tick."""
-    controller, world, worst = make("condensed", period=period), Rigid(state.q, state.v, held), np.zeros(2)
+    controller, worst = make("condensed", period=period, joint_learning=0.0), np.zeros(2)
+    world = Rigid(state.q, state.v, held)
     for k in range(round(0.048 / period)):
         measured = world.q, world.v, *np.zeros((2, 2, 3)), world.force  # of the feet it looks at forces alone
         command = controller.step(hp.State(state.t + k * period, *measured))
@@ -130,6 +131,40 @@ def test_in_a_rigid_world_the_law_adds_next_to_nothing():
     found, torques = zip(*(rigid_walk(period, state, run["held"][at]) for period in (4e-3, 2e-3, 1e-3)), strict=True)
     assert all((short < long / 1.8).all() for long, short in pairwise(found))
     assert (found[-1] < (3e-5, 1e-3 * torques[-1])).all()
+
+
+def learned(inertia, damping, *, held=0.0, seconds=20.0, period=1e-3):
+    """What is learned of a joint that has an inertia and a damping beyond the model's 0.05 kg·m², and swings."""
+    gains, model = np.array([[15.0], [0.9]]), 0.05
+    values = {"share": 1.0 - np.exp(-40.0 * period), "lead": 0.5 * period, "learning": 1.0 - np.exp(-period)}
+    more = {"still": np.array([5.0, 1.0]), "most": np.full(2, 1.0), "moves": np.ones((1, 1))}
+    sizes = {"joints": 1, "nv": 7, "feet": 1}
+    m = make_record(JointTargetsRecord, sizes, period=period, gains=gains, **values, **more)
+    q, v, acceleration, torque = np.zeros(8), np.zeros(7), np.zeros(7), np.zeros(1)
+    for k in range(round(seconds / period)):
+        phase = 2.0 * np.pi * 2.5 * k * period
+        place, speed = np.sin(phase) + 0.3 * np.sin(3.0 * phase), np.cos(phase) + 0.9 * np.cos(3.0 * phase)
+        a = -((2.0 * np.pi * 2.5) ** 2) * (np.sin(phase) + 2.7 * np.sin(3.0 * phase)) * 0.3
+        a += 400.0 * (0.3 * place - q[7]) + 40.0 * (0.3 * 2.0 * np.pi * 2.5 * speed - v[6])
+        acceleration[6], torque[0] = a, model * a
+        add_lacking(m, np.array([held]), acceleration, True, v, torque)
+        move_targets(m, acceleration, True, q, v)
+        for _ in range(4):
+            law = gains[:, 0] @ (m["law"][0, 0, 0] - q[7], m["law"][0, 1, 0] - v[6])
+            v[6] += 0.25 * period * (torque[0] + law - damping * v[6]) / (model + inertia)
+            q[7] += 0.25 * period * v[6]
+    return m["lacking"][0, :, 0]
+
+
+@pytest.mark.parametrize(("inertia", "damping"), [(0.04, 0.2), (0.01, 0.0), (0.0, 0.5), (0.0, 0.0)])
+def test_what_a_swinging_joint_lacks_is_learned(inertia, damping):
+    """To 5 %, and 1 % of the inertia of the model and of the damping of the motor."""
+    found = learned(inertia, damping) - (inertia, damping)
+    assert (np.abs(found) < 0.05 * np.array((inertia, damping)) + (5e-4, 9e-3)).all(), found
+
+
+def test_a_joint_whose_foot_is_held_learns_nothing():
+    assert not learned(0.04, 0.2, held=1.0, seconds=1.0).any()
 
 
 def walked():

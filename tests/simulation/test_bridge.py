@@ -337,3 +337,34 @@ def test_small_feet_that_sink_bear_the_weight(go2):
         mujoco.mj_step(model, data)
     assert data.contact.dist.min() < -2e-3
     assert bridge.read(data).foot_force[:, 2].sum() == pytest.approx(9.81 * go2.mass, rel=0.05)
+
+
+def test_geoms_of_the_robot_that_push_each_other_are_found_and_said(go2):
+    """The hip's torque is the moment of the force that is told; the ground is no part of the robot."""
+    spec, gait = described(go2), hp.Standing(go2)
+    q = gait.initial_state(penetration=0.01)[0]
+    assert not MujocoBridge(described(go2).compile(), go2).self_contacts(q)
+    spec.body("base").add_geom(name="trunk", type=SPHERE, size=(0.05, 0, 0), condim=1)
+    thigh = spec.body("FL_thigh").add_geom(name="thigh", type=SPHERE, size=(0.05, 0, 0), condim=1)
+    bridge = MujocoBridge(spec.compile(), go2)
+    data = mujoco.MjData(bridge.model)
+    bridge.place((q, np.zeros(18)), data)
+    mujoco.mj_forward(bridge.model, data)
+    axes, place = data.body("FL_thigh").xmat.reshape(3, 3), data.body("FL_thigh").xpos
+    thigh.pos = axes.T @ (data.body("base").xpos + np.array((0.06, 0.07, 0.03)) - place)  # 3 mm deep
+    bridge = MujocoBridge(spec.compile(), go2)
+    ((pair, force),) = bridge.self_contacts(q).items()
+    assert pair == ("trunk", "thigh")
+    data = mujoco.MjData(bridge.model)
+    lifted = q + 5.0 * np.eye(len(q))[2]
+    bridge.place((lifted, np.zeros(18)), data)
+    mujoco.mj_forward(bridge.model, data)
+    joint = bridge.model.joint("FL_thigh_joint")
+    moment = np.cross(data.contact[0].pos - data.xanchor[joint.id], data.contact[0].frame[:3])
+    expected = data.qfrc_constraint[joint.dofadr[0]] / (data.xaxis[joint.id] @ moment)
+    assert force == pytest.approx(expected, rel=1e-3)
+    assert force > 1.0
+    with pytest.warns(
+        UserWarning, match=f"'trunk' and 'thigh' push each other apart in the MuJoCo model, with {force:.0f} N"
+    ):
+        hp.make_controller("condensed", gait, mu=0.6, bridge=bridge)

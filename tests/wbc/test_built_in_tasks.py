@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from biped_urdf import biped_urdf
 from hypothesis import given
 from hypothesis import strategies as st
 from needs import needs_robots
@@ -65,3 +66,21 @@ def test_the_compiled_objective_is_that_of_the_table(seed, formulation, support)
 def test_other_robots_have_the_same_table(name, formulation):
     robot = hp.load_robot(name)
     costs_agree(robot, formulation, 1, np.ones(len(robot.feet)))
+
+
+@pytest.mark.parametrize("formulation", ["input_space", "full"])
+def test_a_joint_that_moves_one_foot_weighs_as_a_leg_others_as_an_arm(tmp_path, formulation):
+    """A waist is between the base and both feet; its weight holds it against the hips' yaws."""
+    file = tmp_path / "biped.urdf"
+    arm = '<link name="arm"><inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" '
+    arm += 'iyz="0"/></inertial></link><joint name="j_arm" type="revolute"><parent link="base"/><child link="arm"/>'
+    arm += '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="20" velocity="9"/></joint>'
+    file.write_text(biped_urdf(waist=("waist",), more=arm))
+    soles = dict.fromkeys(("L_sole", "R_sole"), hp.FlatFoot(length=0.2, width=0.1))
+    robot = hp.load_robot(file, feet=tuple(soles), flat_feet=soles)
+    legs = [joint[2:4] in ("L_", "R_") for joint in robot.joints]
+    problem = make_problem(formulation, robot, WEIGHTS)
+    expected = np.where(legs, WEIGHTS.posture, WEIGHTS.arms)
+    np.testing.assert_array_equal(problem.record["w_motion"][0, 6:], expected)
+    assert sum(legs) == 12
+    assert len(legs) == 14

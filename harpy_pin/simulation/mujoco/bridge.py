@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import HarpyError, InputError
@@ -27,6 +28,8 @@ from harpy_pin.simulation.mujoco.differences import ROOT, AtZero, differences
 
 DEPTH = 0.02
 """How deep a foot may be in soft ground, m: contacts so far from its point are its, however small its shape."""
+HIGH = 100.0
+"""Height above that of a configuration at which a robot's contacts with itself are looked for, m."""
 
 
 class BridgeRecord(RecordOf):
@@ -102,6 +105,30 @@ class MujocoBridge(Conventions):
         """
         here = AtZero(self._mujoco, self.model, self.robot, self.joints, self.free)
         return differences(here, self._record["link"][0], self._actuators)
+
+    def self_contacts(self, q: ArrayLike) -> dict[tuple[str, str], float]:
+        """Which of the robot's own geoms push each other apart in a configuration, and how hard, N.
+
+        The robot is at rest there, high above the ground. Controllers know nothing of such forces.
+
+        Args:
+            q: (nq,) configuration, such as that of a gait's ``initial_state()``.
+
+        Returns:
+            Sum of the normal forces by the names of the two geoms; of one without a name its body's.
+        """
+        model, data, force = self.model, self._mujoco.MjData(self.model), np.zeros(6)
+        lifted = checks.vector("q", q, self._shapes[0]).copy()
+        lifted[2] += HIGH
+        self.place((lifted, np.zeros(self._shapes[1])), data)
+        self._mujoco.mj_forward(model, data)
+        root, found = model.body_rootid[model.jnt_bodyid[self.free]], dict[tuple[str, str], float]()
+        for number, pair in enumerate(data.contact.geom.tolist() if data.ncon else ()):
+            self._mujoco.mj_contactForce(model, data, number, force)
+            if force[0] > 0.0 and all(k >= 0 and model.body_rootid[model.geom_bodyid[k]] == root for k in pair):
+                one, other = (model.geom(k).name or model.body(model.geom_bodyid[k]).name for k in pair)
+                found[one, other] = found.get((one, other), 0.0) + float(force[0])
+        return found
 
     def read(self, data: Any) -> State:
         """The state of MuJoCo's data.

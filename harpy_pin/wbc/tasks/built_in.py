@@ -5,7 +5,7 @@
 | ``body`` | ``FrameTask`` of the base, position; horizontally ``CentreOfMassTask`` where the targets say so | always |
 | ``orientation`` | ``FrameTask`` of the base, orientation, local axes | always |
 | ``swing`` | ``FrameTask`` of a foot, position | the foot is in swing |
-| ``posture``, ``arms`` | ``JointTask`` of a joint between base and foot, or of another one | always |
+| ``posture``, ``arms`` | ``JointTask`` of a joint that moves one foot, or of another one | always |
 | ``force`` | ``FootForceTask`` of a foot, towards zero | the foot is in stance |
 
 A foot in stance has the ``FrameTask`` of its position as a constraint: its error is zero. The weight ``thrust`` is on
@@ -26,6 +26,7 @@ import numpy as np
 from harpy_pin.arguments import checked
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import feet_moved
 from harpy_pin.wbc.tasks.task import FootForceTask, FrameTask, JointTask, MotionTask, Task
 from harpy_pin.wbc.weights import WholeBodyTargets
 
@@ -81,10 +82,12 @@ def built_in_tasks(robot: Robot, targets: WholeBodyTargets) -> list[BuiltInTask]
 
 
 def joint_weights(robot: Robot) -> list[str]:
-    """Name of the weight of each joint's acceleration: ``posture`` between base and a foot, else ``arms``."""
-    model = robot.model
-    legs = {j for foot in robot.feet for j in model.supports[model.frames[robot.frame_id(foot)].parentJoint]}
-    return ["posture" if j in legs else "arms" for j in range(2, model.njoints)]
+    """Name of the weight of each joint's acceleration: ``posture`` where it moves one foot, else ``arms``.
+
+    A waist between the base and several feet holds no foot where it should be: with the small weight of a leg nothing
+    would hold it against the hips.
+    """
+    return ["posture" if moved == 1 else "arms" for moved in feet_moved(robot.model, robot.feet)[2:]]
 
 
 def _towards(task: MotionTask, acceleration: Vector) -> MotionTask:
