@@ -75,6 +75,7 @@ class JointTargetsRecord(RecordOf):
     still: Vector = sized(2)  # y₀ of acceleration and velocity, rad/s² and rad/s
     most: Vector = sized(2)  # largest inertia and damping that are learned, kg·m² and N·m·s/rad
     moves: Vector = sized("joints", "feet")  # 1 where a joint moves a foot
+    limit: Vector = sized("joints")  # largest torque, N·m
     lacking: Vector = sized(2, "joints")  # I and b, kg·m² and N·m·s/rad
     motion: Vector = sized(2, "joints")  # y, rad/s² and rad/s
     square: Vector = sized(2, "joints")  # ⟨y²⟩
@@ -107,6 +108,7 @@ def joint_targets_record(robot: Robot, p: WholeBodyParameters, posture: Vector) 
         learning=-np.expm1(-p.joint_learning * p.period),
         still=STILL * unit[0] / unit[[2, 1]],
         most=MOST_LACKING * unit[[2, 1]],
+        limit=p.limits.torque_scale * robot.torque_limit,
         moves=[[j in joints for joints in above] for j in range(2, model.njoints)],
     )
 
@@ -133,7 +135,8 @@ def joint_gains(robot: Robot, p: WholeBodyParameters, posture: Vector) -> Vector
 def add_lacking(
     m: JointTargetsRecord, held: Vector, acceleration: Vector, usable: bool, v: Vector, torque: Vector
 ) -> None:
-    """Learn what the joints lack, and add it to the torques (joints,); before :func:`move_targets`.
+    """Learn what the joints lack, and add it to the torques (joints,), within their limits; before
+    :func:`move_targets`.
 
     It is learned by joints that move no ``held`` foot, from the error of the last tick's targets; arguments as there.
     """
@@ -150,7 +153,8 @@ def add_lacking(
         a = acceleration[6 + j] if usable else 0.0
         m.motion[0, j] += m.share * (a - m.motion[0, j])
         m.motion[1, j] += m.share * (v[6 + j] - m.motion[1, j])
-        torque[j] += m.lacking[0, j] * a + m.lacking[1, j] * speed
+        s = torque[j] + m.lacking[0, j] * a + m.lacking[1, j] * speed
+        torque[j] = min(max(s, -m.limit[j]), m.limit[j])
 
 
 @kernel

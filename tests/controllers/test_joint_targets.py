@@ -133,11 +133,11 @@ def test_in_a_rigid_world_the_law_adds_next_to_nothing():
     assert (found[-1] < (3e-5, 1e-3 * torques[-1])).all()
 
 
-def learned(inertia, damping, *, held=0.0, seconds=20.0, period=1e-3):
+def learned(inertia, damping, *, held=0.0, seconds=20.0, period=1e-3, limit=1e3):
     """What is learned of a joint that has an inertia and a damping beyond the model's 0.05 kg·m², and swings."""
     gains, model = np.array([[15.0], [0.9]]), 0.05
     values = {"share": 1.0 - np.exp(-40.0 * period), "lead": 0.5 * period, "learning": 1.0 - np.exp(-period)}
-    more = {"still": np.array([5.0, 1.0]), "most": np.full(2, 1.0), "moves": np.ones((1, 1))}
+    more = {"still": np.array([5.0, 1.0]), "most": np.full(2, 1.0), "moves": np.ones((1, 1)), "limit": [limit]}
     sizes = {"joints": 1, "nv": 7, "feet": 1}
     m = make_record(JointTargetsRecord, sizes, period=period, gains=gains, **values, **more)
     q, v, acceleration, torque = np.zeros(8), np.zeros(7), np.zeros(7), np.zeros(1)
@@ -148,6 +148,7 @@ def learned(inertia, damping, *, held=0.0, seconds=20.0, period=1e-3):
         a += 400.0 * (0.3 * place - q[7]) + 40.0 * (0.3 * 2.0 * np.pi * 2.5 * speed - v[6])
         acceleration[6], torque[0] = a, model * a
         add_lacking(m, np.array([held]), acceleration, True, v, torque)
+        assert abs(torque[0]) <= limit
         move_targets(m, acceleration, True, q, v)
         for _ in range(4):
             law = gains[:, 0] @ (m["law"][0, 0, 0] - q[7], m["law"][0, 1, 0] - v[6])
@@ -161,6 +162,10 @@ def test_what_a_swinging_joint_lacks_is_learned(inertia, damping):
     """To 5 %, and 1 % of the inertia of the model and of the damping of the motor."""
     found = learned(inertia, damping) - (inertia, damping)
     assert (np.abs(found) < 0.05 * np.array((inertia, damping)) + (5e-4, 9e-3)).all(), found
+
+
+def test_what_is_added_stays_within_the_torque_of_the_motor():
+    learned(0.04, 0.2, seconds=2.0, limit=3.0)
 
 
 def test_a_joint_whose_foot_is_held_learns_nothing():
