@@ -118,10 +118,10 @@ STUDY = Study(
         "worlds": (*ROBOTS, PLAYGROUND),
         "sequences": 4,  # of random commands, at each friction
         "duration": 8.0,  # s
-        "lasting": 10.0,  # of a command that lasts, s
+        "lasting": 10,  # of a command that lasts, s
         "seed": 2000,
     },
-    quick={"worlds": ("Mini Cheetah",), "sequences": 1, "duration": 2.0, "lasting": 0.0},
+    quick={"worlds": ("Mini Cheetah",), "sequences": 1, "duration": 2.0, "lasting": 0},
     options={
         "sequences": "Sequences of random commands at each friction.",
         "lasting": "Seconds of each walk with a command that lasts; 0: none.",

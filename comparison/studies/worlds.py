@@ -176,7 +176,7 @@ STUDY = Study(
         "noisy": 4,  # of them with noise and delay, at each friction
         "pushes": 24,  # at most so many, from eight sides
         "duration": 8.0,  # of a sequence, s
-        "lasting": 10.0,  # of a command that lasts, s
+        "lasting": 10,  # of a command that lasts, s
         "course": 20.0,  # seconds of it, in the policy's world
         "creep": 6.0,  # for which a robot stands, s
         "seed": 1000,
@@ -189,7 +189,7 @@ STUDY = Study(
         "noisy": 1,
         "pushes": 0,
         "duration": 3.0,
-        "lasting": 0.0,
+        "lasting": 0,
         "creep": 2.0,
     },
     options={

@@ -38,8 +38,9 @@ ACCEPTED: dict[tuple[str, ...], set[str]] = {
     ("comparison", "tune", "--seed"): SEED,
     ("comparison", "tune", "--joint-damping"): ZERO,
     ("comparison", "peers", "--friction"): ZERO,
-    **{("comparison", "worlds", name): {"0"} for name in ("--sequences", "--noisy", "--pushes")},
-    **{("comparison", name, option): {"0"} for name, option in (("causes", "--sequences"), ("senses", "--walks"))},
+    **{("comparison", "worlds", name): {"0"} for name in ("--sequences", "--noisy", "--pushes", "--lasting")},
+    **{("comparison", "causes", name): {"0"} for name in ("--sequences", "--lasting")},
+    ("comparison", "senses", "--walks"): {"0"},
 }
 """What an option takes of the values above. One that is not here takes none of them."""
 SAYS = {

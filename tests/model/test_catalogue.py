@@ -25,7 +25,6 @@ URDFS = sorted(str(path.relative_to(FOLDER)) for path in FOLDER.rglob("*.urdf"))
 REFUSED = {
     "romeo_description/urdf/romeo.urdf": "singular: some joint moves no mass",
     "romeo_description/urdf/romeo_laas_small.urdf": "what joint 'root_joint' moves: of its principal moments -0.02",
-    "romeo_description/urdf/romeo_small.urdf": "what joint 'RShoulderYaw' moves: of its principal moments 0.0006",
     "ur_description/urdf/ur3.urdf": "it has no <robot> with links",
 }
 SRDFS = {

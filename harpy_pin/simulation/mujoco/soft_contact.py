@@ -114,8 +114,10 @@ class SoftContact:
     def _last(self) -> float:
         return min(max(self.solimp[1], LEAST), MOST)
 
+    @checked
     def regularisation(self, depth: ArrayLike, inverse_mass: ArrayLike, friction: float) -> Vector:
         """R of the normal force of a cone, 1/kg; of a pyramid with the inverse mass of its edges."""
+        friction = checks.number("friction", friction, low=0.0, high=checks.MAX_FRICTION)
         d = self.impedance(depth)
         edge = 1.0 if self.cone == "elliptic" else 1.0 + friction * friction
         r: Vector = (1.0 - d) / d * np.asarray(inverse_mass, dtype=np.float64) * edge
