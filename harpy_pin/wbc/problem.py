@@ -120,7 +120,7 @@ class WholeBodyProblem(KeepsViews):
             **problem_values(robot, self.weights, self.limits),
         )
         self.program, self.terms = self._allocate()
-        self.program.largest_weight = max(asdict(w).values())
+        self.program.weight_unit = w.body or max(asdict(w).values())
 
     @property
     def thrust_bounds(self) -> tuple[Vector, Vector]:

@@ -33,7 +33,7 @@ class QuadraticProgram(KeepsViews):
         equalities: number of equalities.
         inequalities: number of inequalities that are no bounds.
         bounded: the first so many variables have bounds of their own; they make the first rows of C, the identity.
-        largest_weight: of the tasks that the objective adds up; ProxQP scales the objective by it.
+        weight_unit: weight that counts as one in the objective; ProxQP scales the objective by it.
 
     Attributes:
         record: all of it, for kernels; the other attributes are views of its fields, see its class.
@@ -46,14 +46,14 @@ class QuadraticProgram(KeepsViews):
     _equality_value_: Vector
 
     def __init__(
-        self, size: int, *, equalities: int, inequalities: int, bounded: int, largest_weight: float = 1.0
+        self, size: int, *, equalities: int, inequalities: int, bounded: int, weight_unit: float = 1.0
     ) -> None:
         given = {"size": size, "equalities": equalities, "inequalities": inequalities, "bounded": bounded}
         for name, value in given.items():
             checks.whole(name, value, high=MAX_SIZE)
         rows = bounded + inequalities
         self.bounded = bounded
-        self.largest_weight = checks.number("largest_weight", largest_weight, low=0.0, strict=True)
+        self.weight_unit = checks.number("weight_unit", weight_unit, low=0.0, strict=True)
         constraints = np.eye(rows, size)
         constraints[bounded:] = 0.0
         self.record = make_record(

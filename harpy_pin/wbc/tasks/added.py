@@ -256,9 +256,9 @@ class AddedTasks(KeepsViews):
         self._rows, self._offset = np.zeros((row, n)), np.zeros(row)
         if limited:
             self._limited = np.concatenate((self._limited, np.arange(first, row)))
-            bounded, weight = self.program.bounded, self.program.largest_weight
+            bounded, weight = self.program.bounded, self.program.weight_unit
             self.program = QuadraticProgram(
-                n, equalities=equalities, inequalities=rows - bounded + size, bounded=bounded, largest_weight=weight
+                n, equalities=equalities, inequalities=rows - bounded + size, bounded=bounded, weight_unit=weight
             )
 
 
