@@ -226,13 +226,17 @@ def find_posture(robot: Robot) -> Vector:
         target.append(pin.SE3(turn @ corners[0].rotation, place))
     for bent in SOLE_BENT if robot.flat_feet else BENT:
         posture, down = q.copy(), pin.SE3(np.eye(3), np.array((0.0, 0.0, (hip[:, 2] - bent * length).max())))
-        if all(_bend(robot, q, leg, down * end, posture) for leg, end in zip(found, target, strict=True)):
+        pairs = zip(found, target, strict=True)
+        if all(leg.joints and _bend(robot, q, leg, down * end, posture) for leg, end in pairs):
             return np.array(posture[7:])
     message = f"no standing posture of '{robot.name}' was found: give one, of {len(robot.joints)} angles"
     message = f"{message} in the order of robot.joints"
     up = [data.oMf[robot.frame_id(leg.points[0])].rotation[2, 2] for leg in found if len(leg.points) > 1]
     if min(up, default=1.0) < UPRIGHT:
         message += "; its soles do not face the ground at zero: a FlatFoot has an orientation"
+    lame = [leg.points[0] for leg in found if not leg.joints]
+    if lame:
+        message += f"; no joint moves '{lame[0]}' alone"
     hub = next((leg for leg in found if leg.hub), None)
     if hub is not None:
         message += f"; '{hub.points[0]}' is on the axis of '{model.names[hub.joints[-1]]}', which cannot move it: "

@@ -229,3 +229,10 @@ def test_heavier_motors_swing_legs_slower_also_on_two_feet(biped):
 def test_points_on_legs_that_could_hold_a_sole_are_said(biped):
     with pytest.warns(UserWarning, match="'biped' has points as feet on legs of 6 joints: flat_feet makes them soles"):
         hp.WalkingGait(biped(flat=False))
+
+
+def test_a_foot_that_no_joint_moves_has_no_posture(tmp_path: Path):
+    (tmp_path / "biped.urdf").write_text(biped_urdf(SIX))
+    robot = hp.load_robot(tmp_path / "biped.urdf", feet=("base", "L_sole"))
+    with pytest.raises(hp.InputError, match=r"no standing posture .*; no joint moves 'base' alone"):
+        hp.WalkingGait(robot)
