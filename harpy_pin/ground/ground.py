@@ -129,13 +129,14 @@ class Ground:
 
         Args:
             robot: that stands on it.
-            walks: whether it walks; otherwise it is 5 mm deep in the ground, on all its contact points.
+            walks: whether it walks. One that does not, on points, is 5 mm deep in the ground; on soles it would rock.
         """
         if not isinstance(self.stiffness, Unset) or (robot.feet, robot.thrusters) == (HARPY_FEET, HARPY_THRUSTERS):
             return self
-        standing = robot.mass * GRAVITY / (max(len(robot.feet), 1) * DEPTH)
-        damping = None if isinstance(self.damping, Unset) else self.damping
-        return replace(self, stiffness=walking_stiffness(robot) if walks else standing, damping=damping)
+        stiffness = robot.mass * GRAVITY / (max(len(robot.feet), 1) * DEPTH)
+        if walks or robot.flat_feet:
+            stiffness = walking_stiffness(robot)
+        return replace(self, stiffness=stiffness, damping=None if isinstance(self.damping, Unset) else self.damping)
 
     @property
     def surface(self) -> Terrain | None:

@@ -209,6 +209,15 @@ REQUIRED = (*ALWAYS, "solo12", "go2", "anymal_b", "talos")
 
 
 @needs_robots
+def test_soles_stand_on_the_ground_that_a_scenario_gives_them():
+    """For a while: on ground that is as soft as for points soles rock, and G1 falls after two seconds."""
+    gait = hp.Standing(hp.load_robot("g1"))
+    run = hp.walk(hp.Scenario(controller="condensed", ground=hp.Ground(mu_s=0.6), duration=3.0), gait=gait)
+    assert stood(run)
+    assert np.ptp(run["q"][:, 2]) < 1e-3
+
+
+@needs_robots
 @pytest.mark.parametrize("name", long_but(REQUIRED, ALWAYS))
 def test_stands_and_takes_a_push(name):
     """The weight shifted towards a foot, and a push on the base of 0.1 m/s times the mass; both controllers alike."""
