@@ -372,7 +372,7 @@ def test_after_its_end_and_without_its_process_it_draws_nothing_and_does_no_harm
     for end in (Viewer.close, lambda viewer: os.kill(viewer._process.pid, signal.SIGKILL)):
         viewer = Viewer(robot)
         end(viewer)
-        assert ended(viewer._process.pid)
+        viewer._process.wait(10.0)
         viewer.show(*moment(run, 2))
         viewer.display(run["q"][0])
         with pytest.raises(HarpyError, match="closed"):
