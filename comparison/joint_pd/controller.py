@@ -304,7 +304,7 @@ def _contact_forces(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord) -> 
                 for j in range(6):
                     for c in range(3):
                         square[i, j] += share * grasp[i, c] * grasp[j, c]
-    x[0], x[1], x[2] = r.mass * o.body[6], r.mass * o.body[7], r.mass * GRAVITY
+    x[0], x[1], x[2] = r.mass * p.demand[0], r.mass * p.demand[1], r.mass * GRAVITY
     factorise(square, square)
     solve_vector(square, x)
     for k in range(m.point.shape[0]):

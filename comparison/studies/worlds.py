@@ -135,6 +135,17 @@ def lasting(rows: Rows) -> str:
     return f"{fell(rows)}, {'–' if slip is None else format(slip, '.0f')}"
 
 
+def parts(rows: Rows) -> str:
+    """Median slip of those that stand as they land, between, and as they lift."""
+    standing = [row for row in rows if not row["fell"]]
+    if not standing:
+        return "–"
+    slip, landing, lifting = (
+        np.array([row[name] for row in standing]) for name in ("slip_mm_s", "landing_mm_s", "lifting_mm_s")
+    )
+    return " / ".join(f"{np.median(part):.0f}" for part in (landing, slip - landing - lifting, lifting))
+
+
 def _name(row: dict[str, Any]) -> str:
     return Path(row["world"]).stem
 
@@ -226,6 +237,16 @@ STUDY = Study(
             columns=lasting,
             note="At friction 0.8 and up to 0.8 of the robot's largest speed: how many walks fall, and the median slip "
             "of those that stand.",
+            only=lambda row: row["what"] == LASTING[0],
+        ),
+        View(
+            "worlds_parts",
+            "Where in a stance feet slip, mm/s",
+            row="{who}",
+            across=_name,
+            columns=parts,
+            note="Of the same commands that last: medians of the slip in the first 20 ms of a contact, between, and in "
+            "its last 20 ms.",
             only=lambda row: row["what"] == LASTING[0],
         ),
         View(

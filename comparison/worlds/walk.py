@@ -36,6 +36,9 @@ LAW_CONTACT_DAMPING = 20.0
 """Of a stance foot's velocity where motors hold the legs, too, 1/s."""
 LOWEST, UPRIGHT = 0.55, 0.5
 """Share of the first height, and cosine of the tilt, below which the robot fell."""
+EDGE = 0.02
+"""Time after its touchdown and before it leaves the ground in which a foot lands and lifts, s; a shorter break of a
+contact is a bounce."""
 SHIFT, SHIFT_PERIOD = 0.5, 2.0
 """A robot that stands shifts its weight so far of the way above two of its feet, and back in so many seconds."""
 
@@ -172,13 +175,17 @@ class Watch:
         self._foot = np.where(link.any(axis=1), link.argmax(axis=1), -1).tolist()
         self.body = int(model.jnt_bodyid[bridge.free])
         self._height = float(data.xpos[self.body, 2])
-        self.slip = self.energy = self.path = self.time = self.error = 0.0
+        self.slip = self.landing = self.lifting = self.energy = self.path = self.time = self.error = 0.0
+        self._slips: dict[int, list[float]] = {}  # of each foot's present contact, step by step, m/s
+        self._away = dict[int, int]()  # steps since its last touch
         self.fell = False
 
     def look(self, command: Vector) -> None:
         """Take up the state at which the last step began, its forces, and what is commanded."""
         data, dt = self._data, float(self._model.opt.timestep)
-        self.slip += dt * sum(sliding(self._model, data, self._foot).values())
+        speed = sliding(self._model, data, self._foot)
+        self.slip += dt * sum(speed.values())
+        self._note_contacts(speed, dt)
         torque = data.qfrc_actuator[self._joints] + data.qfrc_applied[self._joints]
         self.energy += dt * float(np.maximum(torque * data.qvel[self._joints], 0.0).sum())
         turned, velocity = data.xmat[self.body].tolist(), np.zeros(6)
@@ -192,6 +199,23 @@ class Watch:
         began_anew = data.time < self.time - 0.5 * dt  # MuJoCo does so where numbers are no longer finite
         self.fell = bool(began_anew or data.xpos[self.body, 2] < LOWEST * self._height or turned[8] < UPRIGHT)
 
+    def _note_contacts(self, speed: dict[int, float], dt: float) -> None:
+        """Of each contact that has ended, the slip at its beginning and at its end."""
+        for foot, here in speed.items():
+            slips = self._slips.setdefault(foot, [])
+            slips += [0.0] * self._away.get(foot, 0)
+            slips.append(here)
+            self._away[foot] = 0
+        edge = round(EDGE / dt)
+        for foot in [foot for foot in self._slips if foot not in speed]:
+            self._away[foot] += 1
+            if self._away[foot] > edge:
+                slips = self._slips.pop(foot)
+                steps = min(edge, len(slips) // 2)
+                self.landing += dt * sum(slips[:steps])
+                self.lifting += dt * sum(slips[len(slips) - steps :])
+                self._away[foot] = 0
+
     def measures(self) -> dict[str, Any]:
         """Of the walk so far."""
         weight = GRAVITY * float(self._model.body_subtreemass[self.body])
@@ -199,6 +223,8 @@ class Watch:
             "fell": self.fell,
             "stood_s": self.time,
             "slip_mm_s": 1e3 * self.slip / self.time,
+            "landing_mm_s": 1e3 * self.landing / self.time,
+            "lifting_mm_s": 1e3 * self.lifting / self.time,
             "error_m_s": float(np.sqrt(self.error / self.time)),
             "cost_of_transport": self.energy / (weight * self.path),
         }

@@ -105,6 +105,21 @@ def test_a_foot_that_rolls_does_not_slide(spin, expected):
         assert sliding(model, data, [-1, 3]) == found
 
 
+def test_slip_is_that_of_landing_and_of_lifting(dog):
+    """A contact of 0.1 s slides at 2 m/s for 5 ms, hops, slides at 1 m/s for 10 ms in its middle and at the end."""
+    model, robot = world(dog, FEET)
+    data, dt = mujoco.MjData(model), 1e-3
+    mujoco.mj_forward(model, data)
+    watch = Watch(MujocoBridge(model, robot), data)
+    speed = np.zeros(100)
+    speed[:5], speed[40:50], speed[90:] = 2.0, 1.0, 1.0
+    for step in range(200):
+        touches = step < 100 and not 5 <= step < 15
+        watch._note_contacts({0: float(speed[step])} if touches else {}, dt)
+    assert watch.landing == pytest.approx(0.010)
+    assert watch.lifting == pytest.approx(0.010)
+
+
 def test_velocity_is_measured_in_the_frame_of_the_heading(dog):
     """Without gravity the robot drifts at 0.5 m/s, heading to the left, and turns."""
     model, robot = world(dog, FEET)

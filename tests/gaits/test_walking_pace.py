@@ -62,6 +62,7 @@ def test_reaction_is_the_momentum_that_a_moving_foot_gives_the_pendulum():
         momentum = pin.computeCentroidalMomentum(model, data, q, v).np / robot.mass
         desired = (momentum[0] + momentum[4] / build.rise, momentum[1] - momentum[3] / build.rise)
         np.testing.assert_allclose(build.reaction[k] @ foot, desired, atol=1e-12)
+        np.testing.assert_allclose((build.reaction[k] - build.turning[k]) @ foot, momentum[:2], atol=1e-12)
 
 
 @needs_robots

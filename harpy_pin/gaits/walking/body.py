@@ -185,19 +185,24 @@ def mean_felt(p: WalkingRecord) -> float:
 def _body_acceleration(p: WalkingRecord) -> tuple[float, float]:
     """Horizontal acceleration of the body with which the pendulum's is the one that is demanded, m/s².
 
-    Feet that are swung forward push the body back. A body that gives way by as much as keeps the angular momentum about
-    the ground needs little friction. On two feet the body does not give way.
+    Feet that are swung forward push the body back. A body that gives way needs little friction: by as much as keeps the
+    momentum along the line of two stance feet, which hold the body upright there by how they share the load; elsewhere
+    the angular momentum about the ground. A robot with two feet does not give way.
     """
     if p.group.shape[0] == 2:
         return p.demand[0], p.demand[1]
     c, s = np.cos(p.path[2]), np.sin(p.path[2])
     ahead, aside = c * p.demand[0] + s * p.demand[1], c * p.demand[1] - s * p.demand[0]
     a, b, d, e = 1.0, 0.0, 0.0, 1.0
+    line, r = p.measured.line, np.empty((2, 3))
+    along, across = c * line[0] + s * line[1], c * line[1] - s * line[0]
     for k in range(p.group.shape[0]):
         if p.in_air[k] != 0.0:
             x, y = p.held[k, 0], p.held[k, 1]
             x, y, z = c * x + s * y, c * y - s * x, p.held[k, 3]
-            r = p.reaction[k]
+            for j in range(3):
+                turning = along * p.turning[k, 0, j] + across * p.turning[k, 1, j]
+                r[0, j], r[1, j] = p.reaction[k, 0, j] - along * turning, p.reaction[k, 1, j] - across * turning
             ahead -= r[0, 0] * x + r[0, 1] * y + r[0, 2] * z
             aside -= r[1, 0] * x + r[1, 1] * y + r[1, 2] * z
             a, b, d, e = a - r[0, 0], b - r[0, 1], d - r[1, 0], e - r[1, 1]

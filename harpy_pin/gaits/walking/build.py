@@ -114,6 +114,7 @@ class Build:
     # (feet, 2, 3) what each foot's acceleration relative to the body gives a pendulum with the robot's angular momentum
     # about the ground, forward and to the left
     reaction: Vector
+    turning: Vector  # (feet, 2, 3) what of that is of the angular momentum about the centre of mass
     knee: float  # share of the torque of a knee, the weakest, that holds the robot on one sole; zero on points
     narrow: float  # largest distance of the two groups of feet between which the body sways, m
     sole: Vector  # (2,) length and width of the largest sole; zero of points, m
@@ -157,33 +158,35 @@ def build_of(robot: Robot, q: Vector) -> Build:
     reach = float(np.sqrt(max((stretched * length) ** 2 - (hip - lower) ** 2, 0.0)))
     rise = float(centre[2] - point[:, 2].min()) - lower
     height, over = float(q[2]) - lower, hip - lower if len(place) > 2 or robot.flat_feet else 0.0
-    reactions = _reactions(robot, q, rise)
+    reaction, turning = _reactions(robot, q, rise)
     soles = np.array([np.ptp(point[foot == k, :2], axis=0) for k in range(len(place))])
     narrow = SOLE_NARROW * rise + 2.0 * INNER * float(soles[:, 1].min()) if robot.flat_feet else NARROW * rise
     sole = soles.max(axis=0)
-    moment = 0.5 * length * float(np.sqrt(1.0 - SOLE_BENT**2)) * robot.mass * GRAVITY
+    moment, swing = 0.5 * length * float(np.sqrt(1.0 - SOLE_BENT**2)) * robot.mass * GRAVITY, min(swings)
     share = moment / min(knees) if robot.flat_feet else 0.0
     return Build(
-        point, foot, place, length, height, rise, reach, over, beside, min(swings), reactions, share, narrow, sole
+        point, foot, place, length, height, rise, reach, over, beside, swing, reaction, turning, share, narrow, sole
     )
 
 
 def _reactions(robot: Robot, q: Vector, rise: float) -> Vector:
-    """(feet, 2, 3) velocity of the pendulum for a velocity of each foot relative to the body, in the posture."""
+    """(2, feet, 2, 3) velocity of the pendulum for a velocity of each foot relative to the body, in the posture; and
+    what of it is of the angular momentum about the centre of mass."""
     model, data = robot.model, robot.model.createData()
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     momentum = np.array(pin.computeCentroidalMap(model, data, q)) / robot.mass
-    pendulum = np.array((momentum[0] + momentum[4] / rise, momentum[1] - momentum[3] / rise))
+    turning = np.array((momentum[4], -momentum[3])) / rise
+    both = np.array((momentum[:2] + turning, turning))
     starts = np.cumsum((0, *robot.corners))
-    found = np.empty((len(robot.corners), 2, 3))
+    found = np.empty((2, len(robot.corners), 2, 3))
     for k in range(len(robot.corners)):
         jacobian = np.zeros((3, model.nv))
         for name in robot.feet[starts[k] : starts[k + 1]]:
             jacobian += pin.getFrameJacobian(model, data, robot.frame_id(name), pin.LOCAL_WORLD_ALIGNED)[:3]
         jacobian /= robot.corners[k]
         jacobian[:, :6] = 0.0
-        found[k] = pendulum @ np.linalg.pinv(jacobian)
+        found[:, k] = both @ np.linalg.pinv(jacobian)
     return found
 
 

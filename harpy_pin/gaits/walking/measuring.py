@@ -35,11 +35,42 @@ def measure(p: WalkingRecord, q: Vector, v: Vector, foot_force: Vector) -> bool:
     _measure_centre(p.tree, m)
     if not p.terrain.level:
         above_ground(p)
-    m.drift[0] = m.centre[3] + m.spin[1] / m.centre[2]
-    m.drift[1] = m.centre[4] - m.spin[0] / m.centre[2]
     _measure_feet(p, m, foot_force)
+    _find_line(p, m)
+    held = _held_turning(p, m)
+    m.drift[0] = m.centre[3] + m.spin[1] / m.centre[2] - held * m.line[0]
+    m.drift[1] = m.centre[4] - m.spin[0] / m.centre[2] - held * m.line[1]
     m.seen = 1
     return True
+
+
+@kernel
+def _find_line(p: WalkingRecord, m: MeasuredRecord) -> None:
+    """Direction of the line of two stance feet of four or more."""
+    number = x = y = 0.0
+    for k in range(p.group.shape[0]):
+        if p.in_air[k] == 0.0:
+            sign = 1.0 if number == 0.0 else -1.0
+            x, y, number = x + sign * m.place[k, 0], y + sign * m.place[k, 1], number + 1.0
+    length = np.hypot(x, y)
+    m.line[:] = 0.0
+    if number == 2.0 and p.group.shape[0] > 2 and length > 0.0:
+        m.line[0], m.line[1] = x / length, y / length
+
+
+@kernel
+def _held_turning(p: WalkingRecord, m: MeasuredRecord) -> float:
+    """Velocity of the pendulum along the line of the stance feet that is of the turning of the swing legs, m/s."""
+    c, s, total = np.cos(m.heading), np.sin(m.heading), 0.0
+    along, across = c * m.line[0] + s * m.line[1], c * m.line[1] - s * m.line[0]
+    for k in range(p.group.shape[0]):
+        if p.in_air[k] != 0.0:
+            x, y, z = p.swing[k, 1, 0] - m.body[3], p.swing[k, 1, 1] - m.body[4], p.lift[k, 1] - m.body[5]
+            x, y = c * x + s * y, c * y - s * x
+            for i in range(2):
+                r = p.turning[k, i]
+                total += (along if i == 0 else across) * (r[0] * x + r[1] * y + r[2] * z)
+    return total
 
 
 @kernel

@@ -31,10 +31,15 @@ UPRIGHT_END = 0.1
 NEAR, STRAIGHT_NEAR = 0.166, 0.185
 """Share of its swing, at the end, in which a foot is near to the ground: one that goes down slowly, nearer than
 5 % of its clearance; others, 4 %."""
+STUCK, OUT = 0.03, 0.12
+"""Least share of its swing in which a foot that is in the ground goes straight up, and share after which it has left
+ground that gives way."""
 CREEP = 0.14
-"""Largest horizontal velocity with which a foot comes that near, as a share of ω times the body's height."""
+"""Largest horizontal velocity with which a foot comes that near, and leaves the ground, as a share of ω times the
+body's height."""
 RACE = 95.0
-"""Horizontal velocity of a foot at a share s of its swing before it stops, over s² and the velocity of the walk."""
+"""Horizontal velocity of a foot at a share s of its swing after it starts, and before it stops, over s² and the
+velocity of the walk."""
 
 
 @kernel
@@ -88,6 +93,18 @@ def upright_end(speed: float, natural: float, near: float) -> float:
     if speed <= 0.0:
         return UPRIGHT_END
     return float(max(near - np.sqrt(CREEP * natural / (RACE * speed)), UPRIGHT_END))
+
+
+@kernel
+def upright_begin(speed: float, natural: float) -> float:
+    """Share of its swing, at the beginning, in which a foot goes straight up that is in the ground.
+
+    Ground that gives way follows a foot that rises, and holds on to one that moves across it faster than it rises.
+    Arguments as of :func:`upright_end`.
+    """
+    if speed <= 0.0:
+        return STUCK
+    return float(max(OUT - np.sqrt(CREEP * natural / (RACE * speed)), STUCK))
 
 
 @kernel

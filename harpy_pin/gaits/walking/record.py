@@ -22,8 +22,10 @@ class MeasuredRecord(RecordOf):
     heading: float = 0.0  # in which the robot faces, rad
     centre: Vector = sized(6)  # place (m) and velocity (m/s) of the centre of mass
     spin: Vector = sized(3)  # angular momentum about it, per mass, m²/s
-    # horizontal velocity of a pendulum with the robot's angular momentum about the ground below it, m/s
+    # horizontal velocity of a pendulum with the robot's angular momentum about the ground below it, along ``line`` that
+    # of the centre of mass, m/s
     drift: Vector = sized(2)
+    line: Vector = sized(2)  # direction of the line of two stance feet of four or more; zero where others are down
     point: Vector = sized("points", 3)  # places of the contact points, m
     place: Vector = sized("feet", 3)  # middles of the feet, m
     turned: Vector = sized("feet")  # heading of each foot, rad

@@ -10,15 +10,22 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed
-from harpy_pin.gaits.walking.pendulum import NEAR, SETTLE, STRAIGHT_NEAR, hip_place, toward, upright_end, wrapped
+from harpy_pin.gaits.walking.pendulum import (
+    NEAR,
+    SETTLE,
+    STRAIGHT_NEAR,
+    hip_place,
+    toward,
+    upright_begin,
+    upright_end,
+    wrapped,
+)
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.rolling import flat_place
 from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_height
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 
-STUCK = 0.03
-"""Share of its swing in which a foot goes straight up, at most, until it has left the ground."""
 UP, ACROSS, THERE, DOWN, LANDED = 0.4, 0.2, 0.7, 0.5, 0.9
 """Shares of its swing at which a foot is at its highest, begins to move across and ends to, begins to sink, and is at
 the ground."""
@@ -90,17 +97,21 @@ def _swing(p: WalkingRecord, k: int, left: float, span: float) -> None:
         _swing_over(p, k, left, span)
         return
     duration = (1.0 - p.double_support) * p.step_duration
-    upright = upright_end(foot_speed(p, p.velocity), p.omega * p.height, NEAR if p.low > 0.0 else STRAIGHT_NEAR)
-    if not _sticks(p, k, left * p.haste / duration):
+    speed, natural = foot_speed(p, p.velocity), p.omega * p.height
+    upright = upright_end(speed, natural, NEAR if p.low > 0.0 else STRAIGHT_NEAR)
+    if not _sticks(p, k, left * p.haste / duration, upright_begin(speed, natural)):
         _move_across(p, k, max(left - upright * duration / p.haste, 0.0) + span, span)
     _lift(p, k, 1.0 - p.haste * left / duration, duration, span)
 
 
 @kernel
-def _sticks(p: WalkingRecord, k: int, left: float) -> bool:
-    """Whether a swing foot with this share of its swing left is in the ground, and has not begun to move across it."""
+def _sticks(p: WalkingRecord, k: int, left: float, upright: float) -> bool:
+    """Whether a swing foot with this share of its swing left is in the ground, and has not begun to move across it.
+
+    It begins after the share ``upright`` of its swing at the latest.
+    """
     begun: bool = p.swing[k, 2, 0] != 0.0 or p.swing[k, 2, 1] != 0.0 or p.swing[k, 2, 2] != 0.0
-    return p.low > 0.0 and not begun and left > 1.0 - STUCK and p.measured.place[k, 2] < p.felt[k]
+    return p.low > 0.0 and not begun and left > 1.0 - upright and p.measured.place[k, 2] < p.felt[k]
 
 
 @kernel
