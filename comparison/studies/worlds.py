@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
+from comparison.joint_pd.controller import able as joint_pd_is_for
 from comparison.measure.walking import Rows, grouped
 from comparison.studies.walking import SIDES, course
 from comparison.study import Job, Study, View, commands, fell, mean, median, where
@@ -104,7 +104,7 @@ def _jobs(s: Any) -> Iterator[Job]:
     for name in names:
         robot = world(name, feet)[1]  # what is missing is said now
         largest = WalkingGait(robot).max_speed
-        able = {"policy": name == PLAYGROUND, "joint_pd": len(robot.joints) == LEG_JOINTS * len(robot.feet)}
+        able = {"policy": name == PLAYGROUND, "joint_pd": joint_pd_is_for(robot)}
         here: Job = {"world": name, "feet": list(feet)}
         for friction in SPEED if s.creep else ():
             yield here | random_walk(s.seed, 0, friction, s.creep) | {"commands": [], "who": STANDS}

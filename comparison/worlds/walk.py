@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.measure.estimates import off
 from comparison.peers.environment import default_folder
@@ -78,16 +77,18 @@ class MotorPD:
         gains, self._gait = JointPDGains(**found_gains()[PD_GAINS]["gains"]), gait
         self._inner = JointPD(gait, gains, mu=mu, period=period)
         record = self._inner._record
-        pairs = ("swing_p", "stance_p"), ("swing_d", "stance_d")
+        pairs, self._joint = (("swing_p", "stance_p"), ("swing_d", "stance_d")), record["joint"][0] - 6
         self._gains = np.array([[float(record[name][0]) for name in pair] for pair in pairs])
-        for name in (*pairs[0], *pairs[1]):
+        self._held = np.array([record["held_p"][0], record["held_d"][0]])
+        for name in (*pairs[0], *pairs[1], "held_p", "held_d"):
             record[name] = 0.0
-        self._leg = np.argsort(record["joint"][0].ravel()) // LEG_JOINTS
 
     def step(self, state: State) -> Command:
         """Torques that are fed forward, and the motors' targets."""
         torque, inner = self._inner.step(state).torque, self._inner._record
-        k_p, k_d = self._gains[:, (self._gait.target.stance > 0.0).astype(int)[self._leg]]
+        stance = self._gait.target.stance[:: int(inner["corners"][0])] > 0.0
+        self._held[:, self._joint] = self._gains[:, stance.astype(int), None]
+        k_p, k_d = self._held
         return Command(torque, q=inner["planned"][0][7:], v=inner["speed"][0][6:], k_p=k_p, k_d=k_d)
 
 
