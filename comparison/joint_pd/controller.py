@@ -39,9 +39,12 @@ GAINS_FILE = Path(__file__).with_name("gains.json")
 DAMPING = 1e-4
 """Of the inverse kinematics, as a share of the squared length of a leg."""
 MAX_RATE = 500.0
-"""Largest ratio of the damping of a joint of no leg to its inertia where all other joints are free, 1/s."""
+"""Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s: light ones have smaller
+gains, as those of :mod:`harpy_pin.controllers.joint_targets`."""
 GRAVITY = 9.81
 """m/s²."""
+LOWERING = 4.0
+"""Rate at which the body goes down from the posture to the height of the walk, 1/s."""
 MOMENT = 0.1
 """Moment that is given up for a force of one, in heights of the robot: points in a line hold none about it."""
 TINY = 1e-6
@@ -88,9 +91,11 @@ class JointPDRecord(RecordOf):
     follow: float  # share of the body's target velocity that is the commanded one
     joint: NDArray[np.int64]  # (legs, n) columns of each leg's joints
     corners: int  # contact points of each leg
-    held_p: Vector  # (joints,) stiffness of the joints of no leg, N·m/rad; zero of others
-    held_d: Vector  # (joints,) their damping, N·m·s/rad
+    share: Vector  # (joints,) of the gains that each joint has
+    leg: NDArray[np.int64]  # (joints,) the leg of each; −1 of none, which has the gains of stance
     limit: Vector  # (joints,) of the torques, N·m
+    higher: float  # than the height of the walk the body still is to be, m
+    period: float  # between ticks, s
     begun: int  # 1 once there are joint targets
     planned: Vector = sized("nq")  # (nq,) the state with the targets of the joints
     rest: Vector = sized("nv")  # (nv,) zeros
@@ -125,11 +130,10 @@ class JointPD:
         robot, build = gait.robot, gait._build
         stiffness = robot.mass * GRAVITY * build.leg / len(robot.corners)
         damping = stiffness * float(np.sqrt(build.leg / GRAVITY))
-        joint, corners = _joints_of_legs(robot), robot.corners[0]
-        held_d = np.full(len(robot.joints), gains.stance_d * damping)
-        held_d[joint - 6] = 0.0
+        joint, corners, leg = _joints_of_legs(robot), robot.corners[0], np.full(len(robot.joints), -1)
+        leg[joint - 6] = np.arange(len(joint))[:, None]
         inertia = 1.0 / np.diag(pin.computeMinverse(robot.model, robot.model.createData(), gait.initial_state()[0]))[6:]
-        held_d = np.minimum(held_d, MAX_RATE * inertia)
+        share = np.minimum(1.0, MAX_RATE * inertia / (max(gains.stance_d, gains.swing_d, TINY) * damping))
         self._record = make_record(
             JointPDRecord,
             {
@@ -151,9 +155,11 @@ class JointPD:
             follow=gains.follow,
             joint=joint,
             corners=np.int64(corners),
-            held_p=gains.stance_p * stiffness * held_d / (gains.stance_d * damping),
-            held_d=held_d,
+            share=share,
+            leg=leg,
             limit=np.array(robot.model.effortLimit[6:]),
+            higher=float(gait.initial_state()[0][2]) - build.height,
+            period=period,
             begun=np.int64(0),
             dynamics=dynamics_record(robot),
             target=dynamics_record(robot),
@@ -218,6 +224,7 @@ def joint_torques(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, q: Ve
     if r.begun == 0:
         r.planned[:] = q
         r.begun = 1
+    r.higher -= LOWERING * r.period * r.higher
     for i in range(7):
         r.planned[i] = q[i]
     update_terms(r.target, r.planned, r.rest)
@@ -245,10 +252,10 @@ def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vecto
         c, s = np.cos(o.heading[0]), np.sin(o.heading[0])
         frame[0, 0], frame[0, 1], frame[1, 0], frame[1, 1], frame[2, 2] = c, -s, s, c, 1.0
         spin[2] = o.heading[1]
-        place[2] -= p.height + p.raised + mean_felt(p) - o.body[2]
+        place[2] -= p.height + r.higher + p.raised + mean_felt(p) - o.body[2]
         for i in range(2):
             rate[i] -= r.follow * (p.desired[i] - o.body[3 + i])
-        rate[2] -= p.velocity[3] - o.body[5]
+        rate[2] -= p.velocity[3] - LOWERING * r.higher - o.body[5]
     else:
         frame[:] = turned
         for i in range(3):
@@ -378,12 +385,9 @@ def _add_up(r: JointPDRecord, o: GaitTargetRecord, q: Vector, v: Vector) -> None
             r.torque[j] += d.mass_matrix[6 + j, i] * r.acceleration[i]
         for i in range(r.force.shape[0]):
             r.torque[j] -= d.foot_jacobian[i, 6 + j] * r.force[i]
-        r.torque[j] += r.held_p[j] * (r.planned[7 + j] - q[7 + j]) - r.held_d[j] * v[6 + j]
-    for leg in range(r.joint.shape[0]):
-        stance = o.stance[leg * r.corners] != 0.0
-        stiffness, damping = (r.stance_p, r.stance_d) if stance else (r.swing_p, r.swing_d)
-        for i in range(r.joint.shape[1]):
-            j = r.joint[leg, i]
-            r.torque[j - 6] += stiffness * (r.planned[j + 1] - q[j + 1]) + damping * (r.speed[j] - v[j])
+        air = r.leg[j] >= 0 and o.stance[max(r.leg[j], 0) * r.corners] == 0.0
+        stiffness, damping = (r.swing_p, r.swing_d) if air else (r.stance_p, r.stance_d)
+        stiffness, damping = r.share[j] * stiffness, r.share[j] * damping
+        r.torque[j] += stiffness * (r.planned[7 + j] - q[7 + j]) + damping * (r.speed[6 + j] - v[6 + j])
     for j in range(r.torque.shape[0]):
         r.torque[j] = min(max(r.torque[j], -r.limit[j]), r.limit[j])

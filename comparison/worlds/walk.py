@@ -77,18 +77,17 @@ class MotorPD:
         gains, self._gait = JointPDGains(**found_gains()[PD_GAINS]["gains"]), gait
         self._inner = JointPD(gait, gains, mu=mu, period=period)
         record = self._inner._record
-        pairs, self._joint = (("swing_p", "stance_p"), ("swing_d", "stance_d")), record["joint"][0] - 6
-        self._gains = np.array([[float(record[name][0]) for name in pair] for pair in pairs])
-        self._held = np.array([record["held_p"][0], record["held_d"][0]])
-        for name in (*pairs[0], *pairs[1], "held_p", "held_d"):
+        pairs = ("swing_p", "stance_p"), ("swing_d", "stance_d")
+        gains = np.array([[float(record[name][0]) for name in pair] for pair in pairs])
+        self._gains = gains[:, :, None] * record["share"][0]
+        for name in (*pairs[0], *pairs[1]):
             record[name] = 0.0
 
     def step(self, state: State) -> Command:
         """Torques that are fed forward, and the motors' targets."""
         torque, inner = self._inner.step(state).torque, self._inner._record
-        stance = self._gait.target.stance[:: int(inner["corners"][0])] > 0.0
-        self._held[:, self._joint] = self._gains[:, stance.astype(int), None]
-        k_p, k_d = self._held
+        stance = np.append(self._gait.target.stance[:: int(inner["corners"][0])], 1.0)[inner["leg"][0]]
+        k_p, k_d = np.where(stance > 0.0, self._gains[:, 1], self._gains[:, 0])
         return Command(torque, q=inner["planned"][0][7:], v=inner["speed"][0][6:], k_p=k_p, k_d=k_d)
 
 
