@@ -3,8 +3,9 @@
     τ = τ_ff + K_p (q_t − q) + K_d (q̇_t − q̇)
 
 q_t is the inverse kinematics of the gait's feet: of stance feet below an upright body at its height and heading, of
-swing feet below the body as it is; of a sole, of its corners. Joints of no leg stay where they are. τ_ff is the inverse dynamics of the gait's accelerations, with the least contact
-forces that give the body its acceleration and turn it as little as they can, clipped to the friction cones.
+swing feet below the body as it is; of a sole, of its corners. Joints of no leg stay where they are. τ_ff is the inverse
+dynamics of the gait's accelerations, with the least contact forces that give the body its acceleration and turn it as
+little as they can, clipped to the friction cones.
 """
 
 from __future__ import annotations

@@ -98,8 +98,8 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     are frames. Of several with one name the first of that order has it, and the others have their kind before it:
     ``site:FL_foot``. The posture is the keyframe ``home``.
 
-    Soles are the flat ones of these frames: rectangles around the ends of the lowest boxes, capsules, spheres and meshes
-    of the frame's body that collide, or of the geom itself, where these are level in the posture.
+    Soles are the flat ones of these frames: rectangles around the ends of the lowest boxes, capsules, spheres and
+    meshes of the frame's body that collide, or of the geom itself, where these are level in the posture.
 
     Args:
         model: is not changed.

@@ -11,7 +11,7 @@ from comparison.cli import app
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.peers.environment import WORLDS, WorkerError, default_folder, interpreter
 from comparison.studies import causes, worlds
-from comparison.worlds.models import JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, knowing, strip, world
+from comparison.worlds.models import HUMANOIDS, JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, knowing, strip, world
 from comparison.worlds.policy import WEIGHTS, Policy, observation
 from comparison.worlds.walk import PD_GAINS, POLICY, STANDS, WALKERS, MotorPD, Watch, sliding, walked
 from harpy_pin import InputError, RobotError, WalkingGait, load_robot
@@ -205,7 +205,7 @@ def test_all_walk_the_same(monkeypatch, dog):
     of = {who: [{**job, "who": ""} for job in jobs if job["who"] == who] for who in WALKERS}
     assert of["torque alone"] == of["joint PD"] == of["motor law"]
     assert all(job in of["motor law"] for job in [*of[POLICY], *of["QP, motor law"]])
-    assert {job["world"] for job in of[STANDS]} == {*ROBOTS, PLAYGROUND}
+    assert {job["world"] for job in of[STANDS]} == {*ROBOTS, PLAYGROUND, *HUMANOIDS}
     assert {job["world"] for job in of[POLICY]} == {PLAYGROUND}
     pushes = np.array([job["push"][1:] for job in of["motor law"] if job["world"] == "Go2" and job["push"]])
     np.testing.assert_allclose(pushes.sum(axis=0), 0.0, atol=1e-9)
