@@ -54,8 +54,9 @@ class Simulator(Plant):
     sweeps = 0
 
     def _make_record(self) -> Records[StepRecord]:
-        motors, friction = motors_of(self.robot), self.actuators.coulomb(self.robot)
-        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, motors=motors, friction=friction)
+        robot, motors, friction = self.robot, motors_of(self.robot), self.actuators.coulomb(self.robot)
+        own = {"actuators": self.actuators, "motors": motors, "friction": friction, "robot": robot}
+        return step_record(robot.sizes, dt=self.dt, **own)
 
     def _prepare(self) -> None:
         arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)
