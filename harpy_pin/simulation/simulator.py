@@ -54,9 +54,15 @@ class Simulator(Plant):
     sweeps = 0
 
     def _make_record(self) -> Records[StepRecord]:
-        robot, motors, friction = self.robot, motors_of(self.robot), self.actuators.coulomb(self.robot)
-        own = {"actuators": self.actuators, "motors": motors, "friction": friction, "robot": robot}
-        return step_record(robot.sizes, dt=self.dt, **own)
+        robot, actuators = self.robot, self.actuators
+        return step_record(
+            robot.sizes,
+            dt=self.dt,
+            actuators=actuators,
+            motors=motors_of(robot),
+            friction=actuators.coulomb(robot),
+            robot=robot,
+        )
 
     def _prepare(self) -> None:
         arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)
