@@ -3,8 +3,9 @@
     τ = τ_ff + K_p (q_t − q) + K_d (q̇_t − q̇)
 
 q_t is the inverse kinematics of the gait's feet: of stance feet below an upright body at its height and heading, of
-swing feet below the body as it is. τ_ff is the inverse dynamics of the gait's accelerations, with the least contact
-forces that give the body its acceleration and turn it as little as they can, clipped to the friction cones.
+swing feet below the body as it is; of a sole, of its corners. Joints of no leg stay where they are. τ_ff is the inverse
+dynamics of the gait's accelerations, with the least contact forces that give the body its acceleration and turn it as
+little as they can, clipped to the friction cones.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import Command, Robot, State, WalkingGait
@@ -37,10 +39,13 @@ GAINS_FILE = Path(__file__).with_name("gains.json")
 """What the search wrote: gains by robot, and what they came to."""
 DAMPING = 1e-4
 """Of the inverse kinematics, as a share of the squared length of a leg."""
-JOINTS = 3
-"""Of a leg."""
+MAX_RATE = 500.0
+"""Largest ratio of a joint's damping to its inertia where all other joints are free, 1/s: light ones have smaller
+gains, as those of :mod:`harpy_pin.controllers.joint_targets`."""
 GRAVITY = 9.81
 """m/s²."""
+LOWERING = 4.0
+"""Rate at which the body goes down from the posture to the height of the walk, 1/s."""
 MOMENT = 0.1
 """Moment that is given up for a force of one, in heights of the robot: points in a line hold none about it."""
 TINY = 1e-6
@@ -85,8 +90,13 @@ class JointPDRecord(RecordOf):
     swing_p: float  # N·m/rad
     swing_d: float  # N·m·s/rad
     follow: float  # share of the body's target velocity that is the commanded one
-    joint: NDArray[np.int64]  # (feet, 3) columns of each leg's joints
+    joint: NDArray[np.int64]  # (legs, n) columns of each leg's joints
+    corners: int  # contact points of each leg
+    share: Vector  # (joints,) of the gains that each joint has
+    leg: NDArray[np.int64]  # (joints,) the leg of each; −1 of none, which has the gains of stance
     limit: Vector  # (joints,) of the torques, N·m
+    higher: float  # than the height of the walk the body still is to be, m
+    period: float  # between ticks, s
     begun: int  # 1 once there are joint targets
     planned: Vector = sized("nq")  # (nq,) the state with the targets of the joints
     rest: Vector = sized("nv")  # (nv,) zeros
@@ -96,6 +106,10 @@ class JointPDRecord(RecordOf):
     rate: Vector = sized("feet", 3)  # (feet, 3) velocities of the feet in the body, m/s
     force: Vector = sized("3 feet")  # (3 feet,) contact forces that are fed forward, N
     torque: Vector = sized("joints")  # (joints,) of the last tick, N·m
+    jacobian: Vector = sized("rows", "chain")  # (3 corners, n) of a leg's contact points in the body
+    square: Vector = sized("rows", "rows")  # (3 corners, 3 corners)
+    error: Vector = sized("rows")  # (3 corners,)
+    change: Vector = sized("chain")  # (n,) of a leg's joints
     dynamics: DynamicsRecord  # terms at the measured state
     target: DynamicsRecord  # terms at the joints' targets
 
@@ -106,7 +120,7 @@ class JointPD:
     It follows the same gait as the whole-body controllers, with the same footholds, touchdowns and accelerations.
 
     Args:
-        gait: of a robot with point feet and three joints a leg.
+        gait: of a robot whose legs have three joints and point feet, or six joints and soles.
         gains: see there.
         mu: friction coefficient to which the fed-forward forces are clipped.
         period: time between ticks, s.
@@ -115,11 +129,21 @@ class JointPD:
     def __init__(self, gait: WalkingGait, gains: JointPDGains, *, mu: float, period: float = 1e-3) -> None:
         self.gait, self.gains, self.period, self.robot = gait, gains, period, gait.robot
         robot, build = gait.robot, gait._build
-        stiffness = robot.mass * GRAVITY * build.leg / len(robot.feet)
+        stiffness = robot.mass * GRAVITY * build.leg / len(robot.corners)
         damping = stiffness * float(np.sqrt(build.leg / GRAVITY))
+        joint, corners, leg = _joints_of_legs(robot), robot.corners[0], np.full(len(robot.joints), -1)
+        leg[joint - 6] = np.arange(len(joint))[:, None]
+        inertia = 1.0 / np.diag(pin.computeMinverse(robot.model, robot.model.createData(), gait.initial_state()[0]))[6:]
+        share = np.minimum(1.0, MAX_RATE * inertia / (max(gains.stance_d, gains.swing_d, TINY) * damping))
         self._record = make_record(
             JointPDRecord,
-            {**robot.sizes, "nq": robot.model.nq, "joints": len(robot.joints)},
+            {
+                **robot.sizes,
+                "nq": robot.model.nq,
+                "joints": len(robot.joints),
+                "rows": 3 * corners,
+                "chain": joint.shape[1],
+            },
             mass=robot.mass,
             rise=build.rise,
             mu=mu,
@@ -130,8 +154,13 @@ class JointPD:
             swing_p=gains.swing_p * stiffness,
             swing_d=gains.swing_d * damping,
             follow=gains.follow,
-            joint=np.array([_joints_of(robot, name) for name in robot.feet]),
+            joint=joint,
+            corners=np.int64(corners),
+            share=share,
+            leg=leg,
             limit=np.array(robot.model.effortLimit[6:]),
+            higher=float(gait.initial_state()[0][2]) - build.height,
+            period=period,
             begun=np.int64(0),
             dynamics=dynamics_record(robot),
             target=dynamics_record(robot),
@@ -165,12 +194,18 @@ class JointPD:
         return None if calls is None else (*calls, Call(joint_torques, *self._records, state.q, state.v))
 
 
-def _joints_of(robot: Robot, foot: str) -> list[int]:
-    """Columns of the joints between body and foot."""
-    chain = [robot.model.joints[j].idx_v for leg in legs(robot) if foot in leg.points for j in leg.joints]
-    if len(chain) != JOINTS:
-        raise ValueError(f"joint PD is for legs of {JOINTS} joints, '{robot.name}' has one of {len(chain)}")
-    return chain
+def able(robot: Robot) -> bool:
+    """Whether joint PD is for the robot: legs of three joints on point feet, or of six on soles."""
+    return {(len(leg.joints), len(leg.points) > 1) for leg in legs(robot)} <= {(3, False), (6, True)}
+
+
+def _joints_of_legs(robot: Robot) -> NDArray[np.int64]:
+    """(legs, n) columns of the joints that move one foot each."""
+    if not able(robot):
+        counts = [len(leg.joints) for leg in legs(robot)]
+        message = "joint PD is for legs of 3 joints on point feet, or of 6 on soles"
+        raise ValueError(f"{message}; those of '{robot.name}' have {counts}")
+    return np.array([[robot.model.joints[j].idx_v for j in leg.joints] for leg in legs(robot)])
 
 
 @kernel
@@ -190,6 +225,7 @@ def joint_torques(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, q: Ve
     if r.begun == 0:
         r.planned[:] = q
         r.begun = 1
+    r.higher -= LOWERING * r.period * r.higher
     for i in range(7):
         r.planned[i] = q[i]
     update_terms(r.target, r.planned, r.rest)
@@ -199,7 +235,8 @@ def joint_torques(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, q: Ve
         r.acceleration[i] = turned[0, i] * o.body[6] + turned[1, i] * o.body[7]
     for k in range(o.stance.shape[0]):
         _foot_goal(r, p, o, v, k)
-        _inverse_kinematics(r, o, q, k)
+    for leg in range(r.joint.shape[0]):
+        _inverse_kinematics(r, o, q, leg)
     _contact_forces(r, p, o)
     _add_up(r, o, q, v)
     return verdict
@@ -216,10 +253,10 @@ def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vecto
         c, s = np.cos(o.heading[0]), np.sin(o.heading[0])
         frame[0, 0], frame[0, 1], frame[1, 0], frame[1, 1], frame[2, 2] = c, -s, s, c, 1.0
         spin[2] = o.heading[1]
-        place[2] -= p.height + p.raised + mean_felt(p) - o.body[2]
+        place[2] -= p.height + r.higher + p.raised + mean_felt(p) - o.body[2]
         for i in range(2):
             rate[i] -= r.follow * (p.desired[i] - o.body[3 + i])
-        rate[2] -= p.velocity[3] - o.body[5]
+        rate[2] -= p.velocity[3] - LOWERING * r.higher - o.body[5]
     else:
         frame[:] = turned
         for i in range(3):
@@ -235,59 +272,64 @@ def _foot_goal(r: JointPDRecord, p: WalkingRecord, o: GaitTargetRecord, v: Vecto
 
 
 @kernel
-def _inverse_kinematics(r: JointPDRecord, o: GaitTargetRecord, q: Vector, k: int) -> None:
+def _inverse_kinematics(r: JointPDRecord, o: GaitTargetRecord, q: Vector, leg: int) -> None:
     """Targets of a leg's joints: a step of Newton's method from those of the last tick; and what is fed forward."""
-    jacobian, error = np.empty((3, 3)), np.empty(3)
-    _leg_jacobian(r.target, r.joint[k], k, jacobian)
-    turned = r.dynamics.tree.rotation
-    for i in range(3):
-        error[i] = r.place[k, i]
-        for j in range(3):
-            error[i] -= turned[j, i] * (r.target.foot_position[k, j] - q[j])
-    _solve(jacobian, r.damping, error)
-    for i in range(3):
-        r.planned[r.joint[k, i] + 1] += error[i]
-    for i in range(3):
-        error[i] = r.rate[k, i]
-    _solve(jacobian, r.damping, error)
-    for i in range(3):
-        r.speed[r.joint[k, i]] = min(max(error[i], -FAST), FAST)
-    if o.stance[k] == 0.0:
-        _leg_jacobian(r.dynamics, r.joint[k], k, jacobian)
+    turned, first, joint = r.dynamics.tree.rotation, leg * r.corners, r.joint[leg]
+    _leg_jacobian(r, r.target, leg)
+    for c in range(r.corners):
         for i in range(3):
-            error[i] = 0.0
+            r.error[3 * c + i] = r.place[first + c, i]
             for j in range(3):
-                error[i] += turned[j, i] * o.foot_acceleration[k, j]
-        _solve(jacobian, r.damping, error)
+                r.error[3 * c + i] -= turned[j, i] * (r.target.foot_position[first + c, j] - q[j])
+    _solve(r)
+    for i in range(joint.shape[0]):
+        r.planned[joint[i] + 1] += r.change[i]
+    for c in range(r.corners):
         for i in range(3):
-            r.acceleration[r.joint[k, i]] = error[i]
+            r.error[3 * c + i] = r.rate[first + c, i]
+    _solve(r)
+    for i in range(joint.shape[0]):
+        r.speed[joint[i]] = min(max(r.change[i], -FAST), FAST)
+    if o.stance[first] == 0.0:
+        _leg_jacobian(r, r.dynamics, leg)
+        for c in range(r.corners):
+            for i in range(3):
+                r.error[3 * c + i] = 0.0
+                for j in range(3):
+                    r.error[3 * c + i] += turned[j, i] * o.foot_acceleration[first + c, j]
+        _solve(r)
+        for i in range(joint.shape[0]):
+            r.acceleration[joint[i]] = r.change[i]
 
 
 @kernel
-def _leg_jacobian(d: DynamicsRecord, joint: NDArray[np.int64], k: int, out: Vector) -> None:
-    """(3, 3) motion of a foot in the body by the joints of its leg."""
-    turned = d.tree.rotation
-    for i in range(3):
-        for c in range(3):
-            out[i, c] = 0.0
-            for j in range(3):
-                out[i, c] += turned[j, i] * d.foot_jacobian[3 * k + j, joint[c]]
+def _leg_jacobian(r: JointPDRecord, d: DynamicsRecord, leg: int) -> None:
+    """Motion of a leg's contact points in the body by its joints."""
+    turned, joint = d.tree.rotation, r.joint[leg]
+    for c in range(r.corners):
+        for i in range(3):
+            for n in range(joint.shape[0]):
+                r.jacobian[3 * c + i, n] = 0.0
+                for j in range(3):
+                    row = 3 * (leg * r.corners + c) + j
+                    r.jacobian[3 * c + i, n] += turned[j, i] * d.foot_jacobian[row, joint[n]]
 
 
 @kernel
-def _solve(jacobian: Vector, damping: float, x: Vector) -> None:
-    """x ← Jᵀ (J Jᵀ + λ)⁻¹ x: joints that move a foot so, as far as they can."""
-    square = np.empty((3, 3))
-    for i in range(3):
-        for j in range(3):
-            square[i, j] = damping if i == j else 0.0
-            for c in range(3):
-                square[i, j] += jacobian[i, c] * jacobian[j, c]
-    factorise(square, square)
-    solve_vector(square, x)
-    a, b, c = x[0], x[1], x[2]
-    for i in range(3):
-        x[i] = jacobian[0, i] * a + jacobian[1, i] * b + jacobian[2, i] * c
+def _solve(r: JointPDRecord) -> None:
+    """Jᵀ (J Jᵀ + λ)⁻¹ error: change of the joints that moves a leg's contact points so, as far as it can."""
+    rows, chain = r.jacobian.shape[0], r.jacobian.shape[1]
+    for i in range(rows):
+        for j in range(rows):
+            r.square[i, j] = r.damping if i == j else 0.0
+            for c in range(chain):
+                r.square[i, j] += r.jacobian[i, c] * r.jacobian[j, c]
+    factorise(r.square, r.square)
+    solve_vector(r.square, r.error)
+    for i in range(chain):
+        r.change[i] = 0.0
+        for j in range(rows):
+            r.change[i] += r.jacobian[j, i] * r.error[j]
 
 
 @kernel
@@ -344,10 +386,9 @@ def _add_up(r: JointPDRecord, o: GaitTargetRecord, q: Vector, v: Vector) -> None
             r.torque[j] += d.mass_matrix[6 + j, i] * r.acceleration[i]
         for i in range(r.force.shape[0]):
             r.torque[j] -= d.foot_jacobian[i, 6 + j] * r.force[i]
-    for k in range(o.stance.shape[0]):
-        stiffness, damping = (r.stance_p, r.stance_d) if o.stance[k] != 0.0 else (r.swing_p, r.swing_d)
-        for i in range(3):
-            j = r.joint[k, i]
-            r.torque[j - 6] += stiffness * (r.planned[j + 1] - q[j + 1]) + damping * (r.speed[j] - v[j])
+        air = r.leg[j] >= 0 and o.stance[max(r.leg[j], 0) * r.corners] == 0.0
+        stiffness, damping = (r.swing_p, r.swing_d) if air else (r.stance_p, r.stance_d)
+        stiffness, damping = r.share[j] * stiffness, r.share[j] * damping
+        r.torque[j] += stiffness * (r.planned[7 + j] - q[7 + j]) + damping * (r.speed[6 + j] - v[6 + j])
     for j in range(r.torque.shape[0]):
         r.torque[j] = min(max(r.torque[j], -r.limit[j]), r.limit[j])

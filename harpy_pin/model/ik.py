@@ -265,4 +265,22 @@ def _bend(robot: Robot, q: Vector, leg: Leg, end: pin.SE3, posture: Vector) -> b
         cost = float(np.sum(found.q[columns] ** 2)) + BACKWARD * float(data.oMi[leg.joints[-1]].translation[0])
         if found.converged and cost < least:
             least, posture[columns] = cost, found.q[columns]
+    if least < np.inf and len(columns) > (6 if len(leg.points) > 1 else 3):
+        _straighten(_Problem(robot, targets), posture, columns, [model.joints[j].idx_v for j in leg.joints])
     return least < np.inf
+
+
+def _straighten(problem: _Problem, posture: Vector, columns: list[int], moving: list[int]) -> None:
+    """Of a leg with more joints than its foot needs, move them to the least angles that leave the foot where it is.
+
+    So legs that mirror each other have postures that do: of all that reach, drawn configurations find any.
+    """
+    for _ in range(ITERATIONS):
+        jacobian, angles = problem.jacobian(posture)[:, moving], posture[columns]
+        nearer = posture.copy()
+        nearer[columns] = np.linalg.pinv(jacobian) @ (jacobian @ angles)
+        found = problem.descend(problem.bounded(nearer), tolerance=CLOSE, max_iterations=ITERATIONS)
+        less = np.linalg.norm(found.q[columns]) < np.linalg.norm(angles)
+        if not (found.converged and less):
+            return
+        posture[columns] = found.q[columns]

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.errors import InputError, install_line, shown
-from harpy_pin.model.flat_foot import FlatFoot, find_sole
+from harpy_pin.model.flat_foot import SOLE_DEPTH, FlatFoot, find_sole
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import check_bodies, robot_errors
@@ -98,8 +98,8 @@ def read_mujoco(model: Any, frames: Sequence[str], label: str) -> Description:
     are frames. Of several with one name the first of that order has it, and the others have their kind before it:
     ``site:FL_foot``. The posture is the keyframe ``home``.
 
-    Soles are the flat ones of these frames: rectangles around the ends of the lowest boxes, capsules and spheres of the
-    frame's body that collide, or of the geom itself, where these are level in the posture.
+    Soles are the flat ones of these frames: rectangles around the ends of the lowest boxes, capsules, spheres and
+    meshes of the frame's body that collide, or of the geom itself, where these are level in the posture.
 
     Args:
         model: is not changed.
@@ -180,6 +180,13 @@ def _sole(model: Any, kind: str, body: int, number: int, upright: Vector) -> Fla
                 found.append((place, np.array((0.0, 0.0, size[1])), size[0]))
             case shapes.mjGEOM_SPHERE:
                 found.append((place, np.zeros(3), size[0]))
+            case shapes.mjGEOM_MESH:
+                mesh = model.geom_dataid[geom]
+                first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+                ends = model.mesh_vert[first : first + count] @ place.rotation.T + place.translation
+                height = ends @ upright[2]
+                lowest = ends[height < height.min() + SOLE_DEPTH]
+                found += [(pin.SE3(np.eye(3), end), np.zeros(3), 0.0) for end in lowest.astype(float)]
     return find_sole(found, upright)
 
 

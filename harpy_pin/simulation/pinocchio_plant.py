@@ -35,6 +35,7 @@ from harpy_pin.ground.ground import Ground, local_friction, local_stiffness
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.actuators import Actuators
+from harpy_pin.simulation.joint_ends import hold_at_ends, joint_ends_record
 from harpy_pin.simulation.plant import GRAVITY
 from harpy_pin.simulation.stepped_plant import SteppedPlant, tangent_planes
 
@@ -106,6 +107,7 @@ class PinocchioPlant(SteppedPlant):
         self._drag[free:] = [rotor.drag for rotor in self.robot.rotors]
         self._coulomb = self.actuators.coulomb(self.robot)
         self._dry = bool(self._coulomb.any())
+        self._ends = joint_ends_record(robot, self.dt)
         self._level = bool(self._terrain["level"][0])
         self._strips = bool(self.ground.friction_strips or self.ground.stiffness_strips)
         self._planes = np.zeros((len(self._feet), 7))
@@ -194,15 +196,16 @@ class PinocchioPlant(SteppedPlant):
         return pin.aba(self.model, self.data, q, v, tau), force
 
     def _given(self, push: Vector | None) -> Vector:
-        """(nv,) generalised forces of motors, thrusters and a push, constant over a step."""
-        given = np.zeros(self.model.nv)
+        """(nv,) generalised forces of motors, joints' ends, thrusters and a push, constant over a step."""
+        given, ends = np.zeros(self.model.nv), np.zeros(self.model.nv)
+        hold_at_ends(self._ends, self._q_, self._v_, ends)
         given[6:] = self._record_["motors"]["mean_torque"][0]
         if push is not None:
             given[:3] = push @ self.dynamics._rotation_
         for frame, force, drag in zip(self._thrusters, self._forces, self._drag, strict=True):
             jacobian = pin.computeFrameJacobian(self.model, self.data, self._q_, frame, WORLD_AXES)
             given += np.concatenate((force, drag * force)) @ jacobian
-        return given
+        return given - ends
 
     def _step(self, torque: Vector, push: Vector | None) -> bool:
         self._drive(torque)

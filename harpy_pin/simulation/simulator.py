@@ -54,8 +54,15 @@ class Simulator(Plant):
     sweeps = 0
 
     def _make_record(self) -> Records[StepRecord]:
-        motors, friction = motors_of(self.robot), self.actuators.coulomb(self.robot)
-        return step_record(self.robot.sizes, dt=self.dt, actuators=self.actuators, motors=motors, friction=friction)
+        robot, actuators = self.robot, self.actuators
+        return step_record(
+            robot.sizes,
+            dt=self.dt,
+            actuators=actuators,
+            motors=motors_of(robot),
+            friction=actuators.coulomb(robot),
+            robot=robot,
+        )
 
     def _prepare(self) -> None:
         arrays = (self.q, self.v, self._noted_torque, self._noted_thrust, NO_PUSH)

@@ -29,11 +29,13 @@ from harpy_pin.model.contact_map import unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.entry import all_finite
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
+from harpy_pin.model.robot import Robot
 from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import integrate, update_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.implicit_contact import JointFrictionRecord, contact_forces, step_with_friction
+from harpy_pin.simulation.joint_ends import JointEndsRecord, hold_at_ends, joint_ends_record
 from harpy_pin.simulation.sole_contact import SolesRecord, sole_columns, turn_modes
 from harpy_pin.simulation.thrusters import ThrustersRecord, drive_thrusters, thrusters_record
 
@@ -76,6 +78,7 @@ class StepRecord(PlantRecord):
     columns: Vector = sized("nv", "contacts + 1")  # (nv, contacts + 1) L⁻ᵀ [J_fᵀ, dt (generalised force)]
     joints: JointFrictionRecord  # Coulomb friction of the joints
     soles: SolesRecord  # empty for point feet
+    ends: JointEndsRecord  # of the joints
 
 
 def plant_record(
@@ -108,10 +111,11 @@ def step_record(
     actuators: Actuators | None = None,
     motors: Mapping[str, Any] | None = None,
     friction: Vector | None = None,
+    robot: Robot | None = None,
 ) -> Records[StepRecord]:
     """A new :class:`StepRecord`, see :func:`plant_record`; by default of a model without motors and thrusters.
 
-    ``friction`` (joints,) is the Coulomb friction of each joint, N·m.
+    ``friction`` (joints,) is the Coulomb friction of each joint, N·m. The joints of ``robot`` have ends.
     """
     sizes = {"thrusts": 0, "thrusters": 0, "soles": 0, **sizes}
     actuators, flat = Actuators() if actuators is None else actuators, sizes["soles"] > 0
@@ -120,7 +124,8 @@ def step_record(
     joints = make_record(JointFrictionRecord, {**sizes, "joints": len(limit)}, limit=limit)
     motors = {"peak": np.zeros(0)} if motors is None else motors
     soles = make_record(SolesRecord, sizes)
-    return plant_record(StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints, soles=soles)
+    ends = joint_ends_record(robot, dt)
+    return plant_record(StepRecord, sizes, actuators, dt, motors, dt=dt, joints=joints, soles=soles, ends=ends)
 
 
 @kernel
@@ -254,6 +259,7 @@ def physics_steps(
         for i in range(3):
             for c in range(3):
                 d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
+        hold_at_ends(s.ends, q, v, d.bias)
         drive_motors(s.motors, torque, q, v, s.dt)
         drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
         sweeps = implicit_step(d, ground, s, v, s.motors.mean_torque, s.thrusters.mean_thrust)

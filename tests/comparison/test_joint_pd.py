@@ -27,7 +27,7 @@ def standing(name: str, **gains: float) -> tuple[JointPD, hp.State]:
     return JointPD(gait, JointPDGains(**gains), mu=0.6), hp.State(0.0, q, v, feet, feet, force)
 
 
-@pytest.mark.parametrize("name", ["solo12", "anymal_c"])
+@pytest.mark.parametrize("name", ["solo12", "anymal_c", "g1"])
 def test_feedforward_alone_holds_the_robot_that_stands(name):
     """Without stiffness: the body accelerates as the gait asks under its torques and the forces that go with them."""
     pd, state = standing(name, stance_p=0.0, stance_d=0.0)
@@ -49,7 +49,7 @@ def test_feedforward_alone_holds_the_robot_that_stands(name):
     np.testing.assert_allclose(force[:, 2].sum(), weight, rtol=1e-3)
 
 
-@pytest.mark.parametrize("name", ["solo12", "bolt"])
+@pytest.mark.parametrize("name", ["solo12", "bolt", "g1"])
 def test_joint_targets_are_the_inverse_kinematics_of_the_feet(name):
     """A body that hangs too low and is tilted: the targets set it upright, at its height, above feet that stay."""
     pd, state = standing(name)
@@ -59,8 +59,8 @@ def test_joint_targets_are_the_inverse_kinematics_of_the_feet(name):
     pin.framesForwardKinematics(robot.model, data, state.q)
     feet = [data.oMf[robot.frame_id(foot)].translation.copy() for foot in robot.feet]
     pd.step(state)
-    for _ in range(30):
-        pd.step(state)  # at the same time: nothing moves but Newton's method
+    for _ in range(2000):
+        pd.step(state)  # at the same time: nothing moves but Newton's method, and a body that is to go down
     upright = np.concatenate(
         (state.q[:2], pd.gait.record["height"], (0.0, 0.0, 0.0, 1.0), pd._record["planned"][0][7:])
     )
@@ -68,6 +68,21 @@ def test_joint_targets_are_the_inverse_kinematics_of_the_feet(name):
     for k, foot in enumerate(robot.feet):
         if pd.gait.target.stance[k]:
             np.testing.assert_allclose(data.oMf[robot.frame_id(foot)].translation, feet[k], atol=2e-4)
+
+
+def test_joints_of_no_leg_hold_and_light_ones_have_smaller_gains():
+    """Of G1's waist and arms; a motor's damping stops no joint at more than 500 1/s."""
+    pd, state = standing("g1")
+    pd.step(state)
+    before = pd.step(state).torque.copy()
+    joint = pd.robot.joints.index("left_elbow_joint")
+    state.v[6 + joint] = 1e-3
+    damping = -(pd.step(state).torque - before)[joint] / 1e-3
+    robot, data = pd.robot, pd.robot.model.createData()
+    inertia = 1.0 / pin.computeMinverse(robot.model, data, state.q)[6 + joint, 6 + joint]
+    assert 0.0 < damping < 500.0 * inertia * (1.0 + 1e-3)
+    with pytest.raises(ValueError, match=r"3 joints on point feet, or of 6 on soles; those of 'solo8.*\[2, 2, 2, 2\]"):
+        JointPD(hp.WalkingGait(hp.load_robot("solo8"), "stand"), JointPDGains(), mu=0.6)
 
 
 def test_loop_in_c_and_loop_in_python_give_the_same_bits():

@@ -5,18 +5,20 @@ import sys
 import numpy as np
 import pinocchio as pin
 import pytest
+from biped_urdf import biped_urdf
 from own_models import described, mujoco
 
 from comparison.cli import app
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
 from comparison.peers.environment import WORLDS, WorkerError, default_folder, interpreter
 from comparison.studies import causes, worlds
-from comparison.worlds.models import JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, knowing, strip, world
+from comparison.worlds.models import HUMANOIDS, JOINTS, PLAYGROUND, PROPERTIES, ROBOTS, knowing, strip, world
 from comparison.worlds.policy import WEIGHTS, Policy, observation
 from comparison.worlds.walk import PD_GAINS, POLICY, STANDS, WALKERS, MotorPD, Watch, sliding, walked
-from harpy_pin import InputError, RobotError, WalkingGait, load_robot
+from harpy_pin import InputError, RobotError, Standing, WalkingGait, load_robot
 from harpy_pin.simulation.mujoco import MujocoBridge
 
+SOLES = ("L_sole", "R_sole")
 FEET = ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
 
 
@@ -32,6 +34,25 @@ def dog(tmp_path_factory):
         spec.add_sensor(name=name, type=sensor, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
     spec.add_key(name="home", qpos=(0, 0, 0.3, 1, 0, 0, 0, *go2.posture))
     file = tmp_path_factory.mktemp("models") / "dog.xml"
+    file.write_text(spec.to_xml())
+    return str(file)
+
+
+@pytest.fixture(scope="module")
+def biped(tmp_path_factory):
+    """File of a biped on boxes, with a waist, and with spheres on hips and thighs that are 1 mm deep in each other."""
+    folder, shapes = tmp_path_factory.mktemp("models"), mujoco.mjtGeom
+    (folder / "biped.urdf").write_text(biped_urdf(waist=("waist",)))
+    points = load_robot(folder / "biped.urdf", feet=SOLES)
+    spec = described(points, actuators="motor", joints={"armature": 0.01})
+    spec.option.timestep, spec.worldbody.geoms[0].pos = 2e-3, np.zeros(3)
+    for side in "LR":
+        for geom in spec.body(f"{side}_sole").geoms:
+            spec.delete(geom)
+        spec.body(f"{side}_sole").add_geom(type=shapes.mjGEOM_BOX, size=(0.1, 0.05, 0.01), pos=(0, 0, 0.01))
+        for link, height in (("yaw", 0.0), ("pitch", -0.099)):
+            spec.body(f"{side}_{link}").add_geom(type=shapes.mjGEOM_SPHERE, size=(0.05, 0, 0), pos=(0, 0, height))
+    file = folder / "biped.xml"
     file.write_text(spec.to_xml())
     return str(file)
 
@@ -169,6 +190,26 @@ def test_a_model_of_ones_own_walks(dog, who):
     assert walked(WALK | {"world": dog, "who": who, "push": [1.0, 0.0, 40.0]})["fell"]
 
 
+def test_links_that_push_each_other_apart_where_the_robot_stands_do_not_touch(biped):
+    """Those of both sides; other links still do."""
+    whole, (model, robot) = mujoco.MjModel.from_xml_path(biped), world(biped, SOLES)
+    q = Standing(robot).initial_state(penetration=1e-3)[0]
+    assert len(MujocoBridge(whole, robot).self_contacts(q)) == 2
+    bridge, data = MujocoBridge(model, robot), mujoco.MjData(model)
+    assert not bridge.self_contacts(q)
+    bridge.place((q, np.zeros(len(q) - 1)), data)
+    mujoco.mj_forward(model, data)
+    assert {model.body(model.geom_bodyid[pair[1]]).name for pair in data.contact.geom} == set(SOLES)
+
+
+@pytest.mark.parametrize("who", ["joint PD", "motor law"])
+def test_a_biped_on_soles_walks_below_its_waist(biped, who):
+    walk = WALK | {"world": biped, "feet": SOLES, "who": who}
+    found = walked(walk | {"commands": [[0.5, 0.15, 0.0, 0.2]]})
+    assert (found["fell"], found["stood_s"]) == (False, pytest.approx(3.0))
+    assert walked(walk | {"push": [1.0, 0.0, 40.0]})["fell"]
+
+
 ECHO = """
 import sys, numpy as np
 assert sys.argv[1].endswith("go1_policy.onnx")
@@ -220,7 +261,7 @@ def test_all_walk_the_same(monkeypatch, dog):
     of = {who: [{**job, "who": ""} for job in jobs if job["who"] == who] for who in WALKERS}
     assert of["torque alone"] == of["joint PD"] == of["motor law"]
     assert all(job in of["motor law"] for job in [*of[POLICY], *of["QP, motor law"]])
-    assert {job["world"] for job in of[STANDS]} == {*ROBOTS, PLAYGROUND}
+    assert {job["world"] for job in of[STANDS]} == {*ROBOTS, PLAYGROUND, *HUMANOIDS}
     assert {job["world"] for job in of[POLICY]} == {PLAYGROUND}
     pushes = np.array([job["push"][1:] for job in of["motor law"] if job["world"] == "Go2" and job["push"]])
     np.testing.assert_allclose(pushes.sum(axis=0), 0.0, atol=1e-9)

@@ -92,6 +92,16 @@ def test_a_waist_stays_as_it_is_in_a_posture_and_the_soles_are_level(biped):
     np.testing.assert_allclose([data.oMf[robot.frame_id(name)].translation[2] for name in robot.feet], 0.0, atol=1e-5)
 
 
+@pytest.mark.parametrize(("joints", "flat"), [(SIX, True), (SEVEN, True), (SIX, False), (FIVE, False)])
+def test_legs_that_mirror_each_other_stand_alike(biped, joints, flat):
+    """Also where a leg has more joints than its foot needs: none of them is then turned for nothing."""
+    robot = biped(joints, flat=flat)
+    angles = dict(zip(robot.joints, hp.Standing(robot).initial_state()[0][7:], strict=True))
+    for name in joints:
+        sign = 1.0 if name in ("pitch", "knee", "ankle") else -1.0
+        assert angles[f"j_L_{name}"] == pytest.approx(sign * angles[f"j_R_{name}"], abs=1e-4)
+
+
 def test_a_waist_is_no_part_of_a_walk_s_build(biped):
     """All that a walk takes from legs is that of the robot without a waist, which weighs the same in all."""
     robots = biped(waist=("waist",)), biped()

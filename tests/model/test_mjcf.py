@@ -402,7 +402,7 @@ def test_without_mujoco_the_extra_is_said(tmp_path, monkeypatch):
         hp.load_robot(file, feet=FEET)
 
 
-def leg(foot, joints=6):
+def leg(foot, joints=6, assets=""):
     """A base on one leg of some joints, whose last body has these shapes and the frame ``sole``."""
     inertia, axes = PAYLOAD.format(1), ("1 0 0", "0 1 0", "0 0 1")
     bodies = "".join(
@@ -410,7 +410,8 @@ def leg(foot, joints=6):
         for k in range(joints)
     )
     base = f'<body name="base"><freejoint/>{PAYLOAD.format(5)}{bodies}{foot}{"</body>" * joints}</body>'
-    return mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{base}</worldbody></mujoco>")
+    text = f"<mujoco><asset>{assets}</asset><worldbody>{base}</worldbody></mujoco>"
+    return mujoco.MjModel.from_xml_string(text)
 
 
 FOUR = "".join(f'<geom size="0.01" pos="{x} {y} -0.05"/>' for x in (-0.05, 0.12) for y in (-0.03, 0.03))
@@ -433,6 +434,23 @@ def test_soles_are_found(shapes, sole):
     assert hp.load_robot(leg(shapes), feet=("link5",), flat_feet={}).flat_feet == ()
     own = hp.FlatFoot(length=0.1, width=0.1)
     assert hp.load_robot(leg(shapes), feet=("link5",), flat_feet={"link5": own}).flat_feet == (4,)
+
+
+@pytest.mark.parametrize("turn", ["0 0 0", "0 0 25", "90 0 0"])
+def test_the_sole_of_a_mesh_is_the_rectangle_around_its_lowest_vertices(turn):
+    """A frustum with its small face below, whose axes the geom turns, and a box of the same size."""
+    frame = pin.rpy.rpyToMatrix(*np.radians(np.array(turn.split(), float)))
+    low = [(x, y, -0.06) for x in (-0.05, 0.12) for y in (-0.03, 0.03)]
+    vertices = np.array([*low, *((2.0 * x, 2.0 * y, 0.0) for x, y, _ in low)])
+    text = " ".join(map(str, (vertices @ frame).ravel()))
+    foot = f'<geom type="mesh" mesh="foot" euler="{turn}"/>'
+    models = (leg(foot, assets=f'<mesh name="foot" vertex="{text}"/>'), leg(BOX))
+    found = []
+    for robot in (hp.load_robot(model, feet=("link5",)) for model in models):
+        data = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
+        found.append([data.oMf[robot.frame_id(name)].homogeneous for name in robot.feet])
+    np.testing.assert_allclose(found[0], found[1], atol=1e-7)
 
 
 @pytest.mark.parametrize(
