@@ -36,6 +36,8 @@ class CFunction:
     sizes: set[str] = field(default_factory=set)
     result: Type = NOTHING  # what it returns
     written: set[str] = field(default_factory=set)  # parameters whose memory it writes
+    # ways from parameters to memory that is written, and to what is read afterwards: no two may be the same
+    apart: set[tuple[str, str]] = field(default_factory=set)
     head: str = ""  # of its declaration
     text: str = ""  # all of it
 

@@ -68,6 +68,8 @@ def entry_code(kernel: Any, types: tuple[Type, ...], *, single: bool = False, de
         results = "(" + "".join(LETTERS[str(item)] for item in kind.items)
     elif isinstance(kind, Scalar):
         lines, results = [f"{_result(0, str(kind))} {call};"], LETTERS[str(kind)]
+    elif isinstance(kind, Array):
+        raise KernelError(f"{function.name} returns an array, which only another kernel can take")
     else:
         lines, results = [f"{call};", "(void)r;"], ""
     told = json.dumps({"results": results, "written": sorted(function.written)}).replace('"', '\\"')

@@ -119,7 +119,7 @@ class Unit:
 
     def result_type(self, kind: Type) -> str:
         """The type of what a function returns."""
-        if isinstance(kind, Nothing):
+        if isinstance(kind, Nothing | Array):
             return "void"
         if isinstance(kind, Tuple):
             letters = "".join({"real": "r", "integer": "i", "bool": "b"}[str(item)] for item in kind.items)
