@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.compiled.expressions import Expressions
-from harpy_pin.compiled.operators import UNARY, Refused
+from harpy_pin.compiled.operators import PRODUCT, SUM, UNARY, Refused, wrap
 from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Struct, Tuple, Value
 
 SHORT = 9
@@ -41,6 +41,33 @@ class Arrays(Expressions):
         if kind.element is SINGLE:
             return Value(REAL, f"(real){code}", UNARY, volatile=True)
         return Value(kind.element, code, volatile=True)
+
+    def part(self, owner: Value, index: ast.expr) -> Value:
+        """A part of an array: a view, or elements chosen by one array of indices."""
+        parts = list(index.elts) if isinstance(index, ast.Tuple) else [index]
+        chosen = {n: value for n, part in enumerate(parts) if isinstance((value := self._of_part(part)).type, Array)}
+        if not chosen:
+            return self.view(owner, parts)
+        ((place, indices),) = chosen.items()
+        whole = self.view(owner, [ast.Slice() if n == place else part for n, part in enumerate(parts)])
+        before = sum(isinstance(part, ast.Slice) for part in parts[:place])
+        kind = as_array(whole)
+        if len(chosen) > 1 or len(as_array(indices).shape) > 1 or _number(indices) is not INTEGER:
+            raise Refused("a choice of elements by anything but one vector of integers")
+        if before < place and len(parts) > before + 1 + sum(isinstance(part, ast.Slice) for part in parts[place:]):
+            raise Refused("a choice of elements beside an index")
+
+        def rule(at: Sequence[Value]) -> Value:
+            n = self.inside(self.element(indices, at[before : before + 1]), kind.shape[before])
+            return self.element(whole, [*at[:before], n, *at[before + 1 :]])
+
+        shape = (*kind.shape[:before], *as_array(indices).shape, *kind.shape[before + 1 :])
+        found = Value(Array.packed(_number(whole), shape), rule=rule, roots=owner.roots, reads=_elsewhere(whole, indices))
+        return replace(found, fields=frozenset(f"{path.partition('+')[0]}+" for path in owner.fields))
+
+    def _of_part(self, part: ast.expr) -> Value:
+        """An index that may be an array; of a slice anything else."""
+        return self.constant(0) if isinstance(part, ast.Slice | ast.Constant) else self.expression(part)
 
     def elementwise(self, operation: Callable[..., Value], *values: Value) -> Value:
         """An operation on numbers for each element; a number counts for every element."""
@@ -276,5 +303,5 @@ def offset(kind: Array, indices: Sequence[Value]) -> str:
         if isinstance(index.constant, int) and (isinstance(step, int) or index.constant == 0):
             fixed += index.constant * int(step) if index.constant else 0
         else:
-            terms.append(index.code if step == 1 else f"{step} * {index.code}")
+            terms.append(wrap(index, SUM) if step == 1 else f"{step} * {wrap(index, PRODUCT + 1)}")
     return " + ".join([*terms, *([str(fixed)] if fixed or not terms else [])])

@@ -338,7 +338,7 @@ class Assignments(Arrays):
         owner = self.expression(target.value)
         if not isinstance(owner.type, Array):
             raise refused(target.value, " is no array")
-        view = self.view(owner, target.slice)
+        view = self.part(owner, target.slice)
         self._writes(view)
         assert isinstance(view.type, Array)
         if view.type.shape:
@@ -375,7 +375,8 @@ class Assignments(Arrays):
         kind = as_array(view).element
         assert isinstance(kind, Scalar)
         number = self.element(value, indices) if isinstance(value.type, Array) else value
-        self.emit(f"{self.at(self.dereferenced(view), offset(as_array(view), indices))} = {self.cast(number, kind).code};")
+        place = view.rule(indices).code if view.rule else self.at(self.dereferenced(view), offset(as_array(view), indices))
+        self.emit(f"{place} = {self.cast(number, kind).code};")
 
     def _apart(self, view: Value, value: Value) -> Value:
         """The array where writing the view does not change what is still to be read."""

@@ -79,8 +79,7 @@ class Expressions(Operators):
             return self._item(owner, self.integer(node.slice))
         if not isinstance(owner.type, Array):
             raise refused(node.value, " is no array")
-        owner = self.in_memory(owner)
-        view = self.view(owner, node.slice)
+        view = self.part(self.in_memory(owner), node.slice)
         assert isinstance(view.type, Array)
         if view.type.shape:
             return view
@@ -100,10 +99,13 @@ class Expressions(Operators):
             raise Refused("an item of this tuple that is chosen at run time")
         return Value(owner.type.uniform, f"{owner.code}[{index.code}]", volatile=True)
 
-    def view(self, owner: Value, index: ast.expr) -> Value:
+    def part(self, owner: Value, index: ast.expr) -> Value:
+        """A part of an array: a view, or elements chosen by an array of indices."""
+        raise NotImplementedError
+
+    def view(self, owner: Value, parts: list[ast.expr]) -> Value:
         """A part of an array; without axes left its code is the element, otherwise the address of the first one."""
         assert isinstance(owner.type, Array)
-        parts = list(index.elts) if isinstance(index, ast.Tuple) else [index]
         shape, strides = list(owner.type.shape), list(owner.type.strides)
         if len(parts) > len(shape):
             raise Refused(f"{len(parts)} indices of an array of {len(shape)} axes")
@@ -152,7 +154,10 @@ class Expressions(Operators):
         return f"{wrap(owner, ATOM)}[{offset}]"
 
     def _index(self, node: ast.expr, size: int | str) -> Value:
-        value = self.integer(node)
+        return self.inside(self.integer(node), size)
+
+    def inside(self, value: Value, size: int | str) -> Value:
+        """An index, which is checked if it is known or C is made to be debugged."""
         if isinstance(value.constant, int):
             if value.constant < 0 or (isinstance(size, int) and value.constant >= size):
                 raise Refused(f"index {value.constant} of an axis of {size}")
