@@ -228,7 +228,7 @@ def _correct(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> tu
 @kernel
 def dual_active_set(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
     """Optimum z; returns the outcome and how many exchanges it took."""
-    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
+    n_eq = qp.equality_value.shape[0]
     _start(qp, w, z)
     size = exchanges = 0
     for c in range(n_eq):

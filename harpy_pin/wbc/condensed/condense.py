@@ -195,8 +195,8 @@ def recover(e: CondensationRecord, f: Vector) -> None:
     a[:6] = e.desired - e.inverse_body_weight * (e.mass.T @ e.multiplier)
     if e.centred:
         root_of_centre(e, a.reshape((a.shape[0], 1)), o.reshape((o.shape[0], 1)), 1, 1.0)
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
+    rows = e.inverse.shape[2]
+    for k in range(e.limb.shape[0]):
         free = o[first + rows * k : first + rows * (k + 1)]
         a[e.limb[k]] = e.limb_bias[k] + e.limb_map[k] @ a[:6] + e.inverse[k] @ free
     if e.others.shape[0] > 0:
@@ -210,8 +210,8 @@ def joint_torques(d: DynamicsRecord, e: CondensationRecord, v: Vector, f: Vector
     torque[:] = d.bias[6:] + d.damping[6:] * v[6:] + d.mass_matrix[6:] @ e.acceleration
     if d.thruster_jacobian.shape[0] > 0:
         torque -= d.thruster_jacobian[:, 6:].T @ thrust
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
+    rows = e.inverse.shape[2]
+    for k in range(e.limb.shape[0]):
         jacobian = d.foot_jacobian[rows * k : rows * (k + 1)]
         torque[e.limb[k] - 6] -= jacobian[:, e.limb[k]].T @ f[rows * k : rows * (k + 1)]
 
