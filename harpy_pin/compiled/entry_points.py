@@ -10,6 +10,7 @@ import numpy as np
 
 from harpy_pin.compiled.blocks import CFunction
 from harpy_pin.compiled.shapes import constant_shape
+from harpy_pin.compiled.source import source_of
 from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Scalar, Struct, Tuple, Type, element_of
 from harpy_pin.compiled.unit import Unit, in_part
 from harpy_pin.errors import KernelError
@@ -69,7 +70,8 @@ def entry_code(kernel: Any, types: tuple[Type, ...], *, single: bool = False, de
     elif isinstance(kind, Scalar):
         lines, results = [f"{_result(0, str(kind))} {call};"], LETTERS[str(kind)]
     elif isinstance(kind, Array):
-        raise KernelError(f"{function.name} returns an array, which only another kernel can take")
+        source = source_of(kernel.py_func)
+        raise source.error(source.tree, "an array as result, which only another kernel can take")
     else:
         lines, results = [f"{call};", "(void)r;"], ""
     told = json.dumps({"results": results, "written": sorted(function.written)}).replace('"', '\\"')
