@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from harpy_pin.compiled.arrays import FUNCTIONS
 from harpy_pin.compiled.assignments import Assignments, stored
-from harpy_pin.compiled.blocks import Block, CFunction, Learnt, Wider, drop_unused, mentions, place, render
+from harpy_pin.compiled.blocks import Block, CFunction, Learnt, Line, Wider, drop_unused, mentions, place, render
 from harpy_pin.compiled.expressions import LIBRARY, OF_TWO, kernel_of
 from harpy_pin.compiled.operators import SUM, Refused, refused, wider, wrap
 from harpy_pin.compiled.source import Source, source_of
@@ -66,6 +66,8 @@ class _Translator(Assignments):
     def body(self, statements: list[ast.stmt]) -> bool:
         """Statements one after the other; returns whether what follows them is never reached through them."""
         for statement in statements:
+            if self.unit.lines:
+                self.path[-1].items.append(Line(statement.lineno, self.source.file))
             try:
                 left = getattr(self, f"_do_{type(statement).__name__.lower()}", self._unknown)(statement)
             except Refused as reason:
@@ -295,7 +297,8 @@ class _Translator(Assignments):
             f"static {self.unit.result_type(function.result)} {function.name}({', '.join(parameters) or 'void'})"
         )
         comment = self.unit.comment(self.source.docstring)
-        function.text = "\n".join([*comment, function.head, "{", *silent, *lines, "}"])
+        line = [str(Line(self.source.tree.lineno, self.source.file))] if self.unit.lines else []
+        function.text = "\n".join([*comment, *line, function.head, "{", *silent, *lines, "}"])
         return function
 
     def _parameter(self, name: str, kind: Type) -> Value:
