@@ -231,12 +231,8 @@ class Arrays(Expressions):
         return tuple(self.element(value, [self.constant(n)]) for n in range(value.type.shape[0]))
 
     def _eye(self, size: Value) -> Value:
-        if not isinstance(size.constant, int):
-            raise Refused("a unit matrix of a size that is not known when compiling")
-        return Value(
-            Array.packed(REAL, (size.constant, size.constant)),
-            rule=lambda indices: self.real(self.relation(ast.Eq(), *indices)),
-        )
+        n = size.constant if isinstance(size.constant, int) else size.code
+        return Value(Array.packed(REAL, (n, n)), rule=lambda at: self.real(self.relation(ast.Eq(), *at)))
 
     def _through(self, join: Callable[[Value, Value], Value], array: Value, none: str) -> Value:
         """All elements of a vector joined to one number."""
