@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import product
+from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harpy_pin.compiled.blocks import Assignment, Block, CFunction, Learnt, Variable, Wider, mentions
-from harpy_pin.compiled.expressions import Expressions
+from harpy_pin.compiled.arrays import SHORT, Arrays, as_array, offset, read_by
 from harpy_pin.compiled.operators import ATOM, Refused, refused
 from harpy_pin.compiled.source import Source
 from harpy_pin.compiled.types import INTEGER, REAL, Array, Function, Scalar, Struct, Tuple, Value
@@ -36,7 +38,7 @@ SIGNS: dict[type[ast.operator], str] = {ast.Mult: "*=", ast.Add: "+=", ast.Sub: 
 """Operators that change a variable or an element."""
 
 
-class Assignments(Expressions):
+class Assignments(Arrays):
     """Keeps account of names and variables, and translates what gives them values."""
 
     def __init__(self, unit: Unit, source: Source, name: str, learnt: Learnt) -> None:
@@ -96,14 +98,25 @@ class Assignments(Expressions):
         """The value in a variable of its own, before the statement."""
         if isinstance(value.type, Tuple):
             return Value(value.type, items=tuple(self.keep(name, item) for item in value.items))
-        own = self._fresh(name)
+        if value.rule is not None:
+            return self.in_memory(value)
+        own = self.fresh(name)
         if isinstance(value.type, Scalar):
             self.emit(f"const {value.type} {own} = {value.code};")
             return Value(value.type, own)
         self.emit(f"{self.unit.declare(value.type, f'const {own}')} = {value.code};")
         return replace(value, code=own, binding=ATOM)
 
-    def _fresh(self, name: str) -> str:
+    def in_memory(self, array: Value, name: str = "array") -> Value:
+        """An array that is in memory, where it is written before the statement if it is computed."""
+        if array.rule is None or array.code:
+            return replace(array, rule=None, reads=())
+        made = self.space(name, as_array(array).shape)
+        self._fill(made, array)
+        return made
+
+    def fresh(self, name: str) -> str:
+        """A name that nothing has, which begins so."""
         own, n = name, 2
         while own in self.taken or own in map(self.unit.identifier, self.local):
             own, n = f"{name}_{n}", n + 1
@@ -131,6 +144,8 @@ class Assignments(Expressions):
             self._write(own, value.code)
             constant = value.constant if self.stores[name] == 1 else None
             self.environment[name] = Value(rank, own, constant=constant, volatile=self.stores[name] > 1)
+        elif isinstance(kind, Array) and value.rule is not None:
+            self.environment[name] = self.in_memory(value, name)
         elif isinstance(kind, Array | Struct):
             kind = self._fix_sizes(name, kind) if isinstance(kind, Array) else kind
             if value.code == "NULL":
@@ -168,7 +183,7 @@ class Assignments(Expressions):
             if isinstance(size, str) and size not in kept and not self._lasting(size):
                 known = {word for word in kept if mentions(size, word)}
                 code = size if not known else " * ".join(kept.get(word, word) for word in size.split(" * "))
-                kept[size] = self._fresh(f"{own}_size{n or ''}")
+                kept[size] = self.fresh(f"{own}_size{n or ''}")
                 self.variables[kept[size]] = Variable(kept[size], f"integer {kept[size]}")
                 self.sizes.append(kept[size])
                 self._write(kept[size], code)  # goes again where nothing reads it
@@ -215,6 +230,8 @@ class Assignments(Expressions):
             return value if items == value.items else Value(value.type, items=items)
         if not isinstance(value.type, Scalar | Array | Struct) or value.constant is not None:
             return value
+        if value.rule is not None:
+            return self.in_memory(value)
         harmed = any(mentions(value.code, name) for name in names) or (memory and self._reads(value))
         return self.keep("next", value) if harmed else value
 
@@ -261,9 +278,9 @@ class Assignments(Expressions):
 
     def _unpack(self, target: ast.Tuple, value: Value) -> None:
         """Several targets at once: what would be overwritten before it is read is kept first."""
-        if not isinstance(value.type, Tuple) or len(value.items) != len(target.elts):
-            raise Refused("a tuple with another number of targets")
-        items = list(value.items)
+        items = list(self.items_of(value))
+        if len(items) != len(target.elts):
+            raise Refused("another number of targets than of values")
         for n, element in enumerate(target.elts):
             names = {variable for name in stored([element]) for variable in self._variables_of(name)}
             memory = any(isinstance(part, ast.Subscript | ast.Attribute) for part in ast.walk(element))
@@ -291,18 +308,22 @@ class Assignments(Expressions):
         sizes = [self.integer(part).constant for part in parts]
         if not isinstance(target, ast.Name) or not all(isinstance(size, int) for size in sizes):
             raise refused(value, ": the size of work space must be known when compiling")
-        kind = Array.packed(REAL, tuple(int(size) for size in sizes))  # type: ignore[arg-type]
-        count = int(np.prod(kind.shape))  # type: ignore[arg-type]
-        if count == 0:
-            self.environment[target.id] = Value(kind, "NULL")
-            return True
-        own = self._variable(target.id, f"{REAL} {{}}[{count}]", array=True, fresh=True)
+        made = self.environment[target.id] = self.space(target.id, tuple(int(size) for size in sizes))  # type: ignore[arg-type]
+        if function.type == Function(np.zeros):
+            self._fill(made, self.constant(0.0))
+        return True
+
+    def space(self, name: str, shape: tuple[int | str, ...]) -> Value:
+        """Work space for real numbers; its size is known when compiling."""
+        kind, sizes = Array.packed(REAL, shape), [size for size in shape if isinstance(size, int)]
+        if len(sizes) < len(shape):
+            raise Refused("an array that is computed, whose size is not known when compiling: write it to work space")
+        if kind.empty:
+            return Value(kind, "NULL")
+        own = self._variable(name, f"{REAL} {{}}[{prod(sizes)}]", array=True, fresh=True)
         self.work.append(own)
         self._mention(Value(kind, own))
-        self.environment[target.id] = Value(kind, own, roots=frozenset((own,)), fields=frozenset((own,)))
-        if function.type == Function(np.zeros):
-            self._fill(self.environment[target.id], self.constant(0.0))  # type: ignore[arg-type]
-        return True
+        return Value(kind, own, roots=frozenset((own,)), fields=frozenset((own,)))
 
     def _calls_numpy(self, value: ast.expr) -> bool:
         if not (isinstance(value, ast.Call) and isinstance(value.func, ast.Attribute)):
@@ -317,7 +338,7 @@ class Assignments(Expressions):
         owner = self.expression(target.value)
         if not isinstance(owner.type, Array):
             raise refused(target.value, " is no array")
-        view = self.view(owner, target.slice)
+        view = self.part(owner, target.slice)
         self._writes(view)
         assert isinstance(view.type, Array)
         if view.type.shape:
@@ -327,63 +348,60 @@ class Assignments(Expressions):
         else:
             raise Refused("an assignment of a whole record")
 
-    def _fill(self, view: Value, value: Value, sign: str = "=") -> None:
-        """Write every element of a view."""
-        kind = view.type
-        assert isinstance(kind, Array)
+    def _fill(self, view: Value, value: Value) -> None:
+        """Write every element of a view, from a number, or from an array of its shape."""
+        kind = as_array(view)
         if kind.empty or view.code == "NULL":
             return
-        if isinstance(value.type, Scalar) and (value.volatile or "(" in value.code):
-            value = self.keep("value", value)
+        if isinstance(value.type, Tuple):
+            value = self.array_of(value)
         if isinstance(value.type, Array):
-            self._compare_shapes(view, value)
-        names = [self._fresh("ijk"[axis] + "_") for axis in range(len(kind.shape))]
+            self.common_shape(kind.shape, value.type.shape)
+            value = self._apart(view, value)
+        value = self.operand(value)
+        sizes = [range(size) for size in kind.shape if isinstance(size, int)]
+        if value.rule is not None and len(sizes) == len(kind.shape) and prod(map(len, sizes)) <= SHORT:
+            for indices in product(*sizes):
+                self._fill_element(view, value, [self.constant(n) for n in indices])
+            return
+        names = [self.fresh("ijk"[axis] + "_") for axis in range(len(kind.shape))]
         self.taken -= set(names)
         for name, size in zip(names, kind.shape, strict=True):
             self.path.append(self._block(f"for (integer {name} = 0; {name} < {size}; {name}++)", loop=True))
-        if isinstance(value.type, Array):
-            element = self._element(value, names)
-            code = element if value.type.element == kind.element else f"({kind.element}){element}"
-        else:
-            assert isinstance(kind.element, Scalar)
-            code = self.cast(value, kind.element).code
-        self.emit(f"{self._element(view, names)} {sign} {code};")
+        self._fill_element(view, value, [Value(INTEGER, name) for name in names])
         del self.path[len(self.path) - len(names) :]
 
-    def _compare_shapes(self, view: Value, value: Value) -> None:
-        """What is copied has the shape of the place that it goes to, and is not overwritten before it is read."""
-        assert isinstance(view.type, Array)
-        assert isinstance(value.type, Array)
-        pairs = list(zip(view.type.shape, value.type.shape, strict=False))
-        known = [(a, b) for a, b in pairs if (isinstance(a, int) and isinstance(b, int)) or 1 in (a, b)]
-        different = any(a != b for a, b in known)  # one row for many is Python's alone
-        if different or len(view.type.shape) != len(value.type.shape):
-            raise Refused(f"an array of shape {value.type.shape} where {view.type.shape} is needed")
-        if self.unit.debug:
-            for a, b in pairs:
-                if a != b:
-                    self.emit(f"{self.unit.helper('within')}({a}, {b}, {a}, __LINE__);")
-        if view.roots & value.roots and _may_overlap(view, value):
-            raise Refused("a part of an array becomes another part of it, and both may overlap")
+    def _fill_element(self, view: Value, value: Value, indices: Sequence[Value]) -> None:
+        kind = as_array(view).element
+        assert isinstance(kind, Scalar)
+        number = self.element(value, indices) if isinstance(value.type, Array) else value
+        place = view.rule(indices).code if view.rule else self.at(self.dereferenced(view), offset(as_array(view), indices))
+        self.emit(f"{place} = {self.cast(number, kind).code};")
 
-    def _element(self, array: Value, names: list[str]) -> str:
-        assert isinstance(array.type, Array)
-        steps = zip(names, array.type.strides, strict=True)
-        return self._at(
-            self.dereferenced(array), " + ".join(name if step == 1 else f"{step} * {name}" for name, step in steps)
-        )
+    def _apart(self, view: Value, value: Value) -> Value:
+        """The array where writing the view does not change what is still to be read."""
+        reads = read_by(value)
+        shared = [(array, here) for array, here in reads if view.roots & array.roots]
+        if any(_may_overlap(view, array) if here else _may_meet(view, array) for array, here in shared):
+            if value.rule is None:
+                raise Refused("a part of an array becomes another part of it, and both may overlap")
+            return self.in_memory(value)
+        for array, here in reads:
+            if not here:
+                self.function.apart |= set(product(view.fields or view.roots, array.fields or array.roots))
+        return value
 
     def _do_augassign(self, statement: ast.AugAssign) -> None:
         target, operator = statement.target, statement.op
-        if isinstance(target, ast.Name):
+        place = self.expression(target)
+        if isinstance(target, ast.Name) and isinstance(place.type, Scalar):
             self._change(target, operator, self.scalar(statement.value))
             return
-        place = self.expression(target)
         if isinstance(place.type, Scalar) and place.binding < ATOM:
             raise Refused("a change of an element of a float32 array")
         self._writes(place)
         effects, emitted = self.effects, self.emitted
-        value = self.scalar(statement.value)
+        value = self.expression(statement.value)
         if self.effects > effects:
             if not isinstance(place.type, Scalar) or self.emitted > emitted or place.code.count("[") > 1:
                 raise Refused("a call that writes where memory is changed: give its result a name first")
@@ -392,10 +410,7 @@ class Assignments(Expressions):
             self.emit(f"{place.code} = {self.cast(result, place.type).code};")
             return
         if isinstance(place.type, Array):
-            sign = SIGNS.get(type(operator))
-            if sign is None or value.type.rank > place.type.element.rank:  # type: ignore[union-attr]
-                raise refused(statement)
-            self._fill(place, value, sign)
+            self._fill(place, self.arithmetic(operator, place, value))
             return
         assert isinstance(place.type, Scalar)
         result = self.arithmetic(operator, place, value)
@@ -416,18 +431,26 @@ class Assignments(Expressions):
         self._write(before.code, self.cast(value, before.type).code, SIGNS[type(operator)])
 
 
+def _may_meet(view: Value, value: Value) -> bool:
+    """Whether two views of the same memory may share some elements."""
+    return not (view.fields and value.fields) or bool(_stems(view) & _stems(value))
+
+
 def _may_overlap(view: Value, value: Value) -> bool:
     """Whether two views of the same memory may share some elements, but not each with itself.
 
-    Rows, and equal fields of records, are the same or have nothing in common.
+    Rows, their parts from the same index on, and equal fields of records are the same or have nothing in common.
     """
-    assert isinstance(view.type, Array)
-    assert isinstance(value.type, Array)
-    alike = view.type.strides == value.type.strides
+    alike = as_array(view).strides == as_array(value).strides
     if alike and view.code == value.code:
         return False
-    if not (view.fields and value.fields):
-        return True
-    common = {path.rstrip("+") for path in view.fields} & {path.rstrip("+") for path in value.fields}
-    parts = {path.rstrip("+") for path in view.fields | value.fields if path.endswith("+")}
-    return bool(common if not alike else common & parts)
+    if not (alike and view.fields and value.fields):
+        return _may_meet(view, value)
+    common = _stems(view) & _stems(value)
+    paths = {path for path in view.fields | value.fields if path.partition("+")[0] in common}
+    return len(paths) > len(common) or any(path.endswith("+") for path in paths)
+
+
+def _stems(value: Value) -> set[str]:
+    """Ways to memory, without which part of it."""
+    return {path.partition("+")[0] for path in value.fields}

@@ -36,6 +36,8 @@ class CFunction:
     sizes: set[str] = field(default_factory=set)
     result: Type = NOTHING  # what it returns
     written: set[str] = field(default_factory=set)  # parameters whose memory it writes
+    # ways from parameters to memory that is written, and to what is read afterwards: no two may be the same
+    apart: set[tuple[str, str]] = field(default_factory=set)
     head: str = ""  # of its declaration
     text: str = ""  # all of it
 
@@ -61,13 +63,24 @@ class Assignment:
     declares: bool = False
 
 
+@dataclass(frozen=True)
+class Line:
+    """The line of Python that what follows comes from."""
+
+    number: int
+    file: str
+
+    def __str__(self) -> str:
+        return f'#line {self.number} "{self.file}"'
+
+
 @dataclass(eq=False)
 class Block:
     """Statements between braces."""
 
     header: str = ""  # before the brace
     loop: bool = False  # whether it is gone through more than once
-    items: list[str | Assignment | Block] = field(default_factory=list)
+    items: list[str | Assignment | Block | Line] = field(default_factory=list)
     declarations: list[str] = field(default_factory=list)
 
 
@@ -124,7 +137,7 @@ def _pieces(block: Block) -> Iterator[tuple[Variable | None, str]]:
             yield from _pieces(item)
         elif isinstance(item, Assignment):
             yield item.variable, item.code
-        else:
+        elif isinstance(item, str):
             yield None, item
 
 
@@ -148,6 +161,8 @@ def render(block: Block, depth: int = 1) -> list[str]:
         elif isinstance(item, Assignment):
             name = item.variable.declaration if item.declares else item.variable.name
             lines.append(f"{indent}{name} {item.sign} {item.code};")
+        elif isinstance(item, Line):
+            lines.append(str(item))
         elif item:
             lines.append(f"{indent}{item}")
     return lines

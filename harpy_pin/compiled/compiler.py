@@ -41,7 +41,7 @@ VECTORS = "-fvect-cost-model=cheap"
 FOR_A_WHEEL = bool(os.environ.get("HARPY_PIN_FOR_A_WHEEL"))
 """Whether what is compiled is for other machines, too: processors since 2009, which NumPy's wheels need as well."""
 BASELINE = ("-march=x86-64-v2",) if platform.machine() == "x86_64" else ()
-FLAGS = (*EXACT, "-O2", VECTORS, "-fpeel-loops", "-fno-gcse", *(BASELINE if FOR_A_WHEEL else ("-march=native",)))
+FLAGS = (*EXACT, "-O2", VECTORS, "-fpeel-loops", "-fno-gcse", *(BASELINE if FOR_A_WHEEL else ("-march=native", "-g1")))
 """Loops over rows become vector instructions, also where their length is known at run time only: with that the general
 QP's tick takes 0.7 of the time. Sums keep their order, so no digit changes. Without a search for common expressions
 across blocks GCC compiles in 0.87 of the time, and no tick takes longer."""

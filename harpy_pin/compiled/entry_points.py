@@ -10,6 +10,7 @@ import numpy as np
 
 from harpy_pin.compiled.blocks import CFunction
 from harpy_pin.compiled.shapes import constant_shape
+from harpy_pin.compiled.source import source_of
 from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Scalar, Struct, Tuple, Type, element_of
 from harpy_pin.compiled.unit import Unit, in_part
 from harpy_pin.errors import KernelError
@@ -53,9 +54,11 @@ def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]
     raise KernelError(f"{name} of {kernel.py_func.__name__} {message}")
 
 
-def entry_code(kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False) -> str:
+def entry_code(
+    kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False, lines: bool = True
+) -> str:
     """A whole file with the function that Python calls."""
-    unit = Unit(single=single, debug=debug)
+    unit = Unit(single=single, debug=debug, lines=lines)
     function = unit.function_for(kernel, types)
     slots = iter(range(1000))
     arguments = [code for _, kind in function.parameters for code in _unpack(unit, kind, function, slots)]
@@ -68,13 +71,17 @@ def entry_code(kernel: Any, types: tuple[Type, ...], *, single: bool = False, de
         results = "(" + "".join(LETTERS[str(item)] for item in kind.items)
     elif isinstance(kind, Scalar):
         lines, results = [f"{_result(0, str(kind))} {call};"], LETTERS[str(kind)]
+    elif isinstance(kind, Array):
+        source = source_of(kernel.py_func)
+        raise source.error(source.tree, "an array as result, which only another kernel can take")
     else:
         lines, results = [f"{call};", "(void)r;"], ""
     told = json.dumps({"results": results, "written": sorted(function.written)}).replace('"', '\\"')
     body = "\n".join(f"    {line}" for line in lines)
     entry = f'const char *const signature = "{told}";\n\nvoid entry(const slot *a, slot *r)\n{{\n{body}\n}}'
     code = unit.code(apart=True)
-    entry = f"{in_part('PARTS - 1')}\n{entry}\n#endif"
+    begin = [in_part("PARTS - 1"), *(['#line 1 "entry"'] if unit.lines else [])]
+    entry = "\n".join([*begin, entry, "#endif"])
     return "\n\n".join([unit.header(), UPPER_HALVES, unit.types(), SLOT, code, entry]) + "\n"
 
 

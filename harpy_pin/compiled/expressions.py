@@ -35,13 +35,20 @@ MATHEMATICS = {
 """Functions of C's library under NumPy's names."""
 PREDICATES = {np.isfinite: "isfinite", np.isnan: "isnan"}
 OF_TWO = (np.arctan2, np.hypot, np.copysign)  # functions of two numbers
-LIBRARY = (*MATHEMATICS, *PREDICATES, min, max, abs, int, np.int64, float)
+LIBRARY = (*MATHEMATICS, *PREDICATES, min, max, abs, np.abs, int, np.int64, float)
 """All functions that are no kernels."""
 
 
 def kernel_of(value: Any) -> Any:
     """The Python function of a kernel, or None for anything else."""
     return getattr(value, "py_func", None)
+
+
+def _part_of(path: str, begins: list[Any]) -> str:
+    """The way to a part of an array, with where the part begins if that is all there is to know."""
+    stem, slice_of_slice, _ = path.partition("+")
+    known = len(begins) == 1 and isinstance(begins[0], int) and not slice_of_slice
+    return f"{stem}+{begins[0]}" if known else f"{stem}+"
 
 
 class Expressions(Operators):
@@ -72,7 +79,7 @@ class Expressions(Operators):
             return self._item(owner, self.integer(node.slice))
         if not isinstance(owner.type, Array):
             raise refused(node.value, " is no array")
-        view = self.view(owner, node.slice)
+        view = self.part(self.in_memory(owner), node.slice)
         assert isinstance(view.type, Array)
         if view.type.shape:
             return view
@@ -92,14 +99,17 @@ class Expressions(Operators):
             raise Refused("an item of this tuple that is chosen at run time")
         return Value(owner.type.uniform, f"{owner.code}[{index.code}]", volatile=True)
 
-    def view(self, owner: Value, index: ast.expr) -> Value:
+    def part(self, owner: Value, index: ast.expr) -> Value:
+        """A part of an array: a view, or elements chosen by an array of indices."""
+        raise NotImplementedError
+
+    def view(self, owner: Value, parts: list[ast.expr]) -> Value:
         """A part of an array; without axes left its code is the element, otherwise the address of the first one."""
         assert isinstance(owner.type, Array)
-        parts = list(index.elts) if isinstance(index, ast.Tuple) else [index]
         shape, strides = list(owner.type.shape), list(owner.type.strides)
         if len(parts) > len(shape):
             raise Refused(f"{len(parts)} indices of an array of {len(shape)} axes")
-        fixed, terms = 0, []
+        fixed, terms, begins = 0, [], []
         left_shape: list[int | str] = []
         left_strides: list[int | str] = []
         for axis, part in enumerate(parts):
@@ -107,6 +117,7 @@ class Expressions(Operators):
                 start, size = self._slice(part, shape[axis])
                 left_shape.append(size)
                 left_strides.append(strides[axis])
+                begins += [start.constant] if part.lower or part.upper else []
             else:
                 start = self._index(part, shape[axis])
             step = strides[axis]
@@ -122,9 +133,9 @@ class Expressions(Operators):
         kind = Array(owner.type.element, (*left_shape, *shape[len(parts) :]), (*left_strides, *strides[len(parts) :]))
         if not kind.shape:
             owner = self.dereferenced(owner)
-            return Value(kind, f"{self._at(owner, offset)}", roots=owner.roots, fields=owner.fields)
-        if any(isinstance(part, ast.Slice) and (part.lower or part.upper) for part in parts):
-            owner = replace(owner, fields=frozenset(path.rstrip("+") + "+" for path in owner.fields))
+            return Value(kind, f"{self.at(owner, offset)}", roots=owner.roots, fields=owner.fields)
+        if begins:
+            owner = replace(owner, fields=frozenset(_part_of(path, begins) for path in owner.fields))
         if offset == "0" or owner.code == "NULL":
             return replace(owner, type=kind)
         return Value(kind, f"{wrap(owner, SUM)} + {offset}", SUM, roots=owner.roots, fields=owner.fields)
@@ -135,7 +146,7 @@ class Expressions(Operators):
             return owner
         return replace(owner, code=f"(({self.unit.declare(owner.type, '').strip()})NULL)")
 
-    def _at(self, owner: Value, offset: str) -> str:
+    def at(self, owner: Value, offset: str) -> str:
         """An element of an array, whose address may already be a sum."""
         base, _, begin = owner.code.partition(" + ")
         if owner.binding == SUM and "(" not in base:
@@ -143,7 +154,10 @@ class Expressions(Operators):
         return f"{wrap(owner, ATOM)}[{offset}]"
 
     def _index(self, node: ast.expr, size: int | str) -> Value:
-        value = self.integer(node)
+        return self.inside(self.integer(node), size)
+
+    def inside(self, value: Value, size: int | str) -> Value:
+        """An index, which is checked if it is known or C is made to be debugged."""
         if isinstance(value.constant, int):
             if value.constant < 0 or (isinstance(size, int) and value.constant >= size):
                 raise Refused(f"index {value.constant} of an axis of {size}")
@@ -199,6 +213,7 @@ class Expressions(Operators):
 
     def _reshape(self, owner: Value, arguments: list[ast.expr]) -> Value:
         assert isinstance(owner.type, Array)
+        owner = self.in_memory(owner)
         if not owner.type.is_packed:
             raise Refused("reshape of a view with gaps")
         parts = list(arguments[0].elts) if isinstance(arguments[0], ast.Tuple) else arguments
@@ -211,6 +226,14 @@ class Expressions(Operators):
             raise Refused(f"reshape of {owner.type.shape} to {tuple(shape)}")
         return replace(owner, type=Array.packed(owner.type.element, tuple(shape)))
 
+    def transposed(self, a: Value) -> Value:
+        """``a.T``."""
+        raise NotImplementedError
+
+    def items_of(self, value: Value) -> tuple[Value, ...]:
+        """Items of a tuple, or elements of a vector."""
+        raise NotImplementedError
+
     def _constant(self, node: ast.Constant) -> Value:
         return self.constant(node.value)
 
@@ -219,9 +242,9 @@ class Expressions(Operators):
         starred = [isinstance(element, ast.Starred) for element in node.elts]
         values = self.ordered([e.value if isinstance(e, ast.Starred) else e for e in node.elts])
         for value, several in zip(values, starred, strict=True):
-            if several and not isinstance(value.type, Tuple):
-                raise refused(node, ": * of something that is no tuple")
-            items.extend(value.items if several else [value])
+            if several and not isinstance(value.type, Tuple | Array):
+                raise refused(node, ": * of something that is neither a tuple nor an array")
+            items.extend(self.items_of(value) if several else [value])
         return Value(Tuple(tuple(item.type for item in items)), items=tuple(items))
 
     def _attribute(self, node: ast.Attribute) -> Value:
@@ -232,6 +255,8 @@ class Expressions(Operators):
             return self.known(getattr(np, node.attr), node.attr)
         if isinstance(owner.type, Struct):
             return self._field(owner, node.attr)
+        if isinstance(owner.type, Array) and node.attr == "T":
+            return self.transposed(owner)
         if isinstance(owner.type, Array) and node.attr in ("shape", "size"):
             sizes = tuple(self.size(n) for n in owner.type.shape)
             if node.attr == "shape":
@@ -262,7 +287,7 @@ class Expressions(Operators):
         if function in (builtins.min, builtins.max):
             return self._extreme("min" if function is builtins.min else "max", arguments)
         (first,) = arguments
-        if function is builtins.abs:
+        if function in (builtins.abs, np.abs):
             if first.type is REAL:
                 return Value(REAL, f"{self.unit.function('fabs')}({codes})", volatile=volatile)
             return Value(INTEGER, f"{self.unit.helper('integer_abs')}({first.code})", volatile=volatile)

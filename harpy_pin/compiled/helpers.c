@@ -30,6 +30,16 @@ static inline real real_max(real a, real b)
     return b > a ? b : a;
 }
 
+static inline real maximum(real a, real b)
+{
+    return a >= b || a != a ? a : b;
+}
+
+static inline real minimum(real a, real b)
+{
+    return a <= b || a != a ? a : b;
+}
+
 static inline integer integer_min(integer a, integer b)
 {
     return b < a ? b : a;

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Scalar, Tuple, Value
+from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Tuple, Value
 
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit
@@ -68,8 +68,24 @@ class Operators:
     emitted = 0
     """Lines of C so far."""
 
+    def emit(self, line: str) -> None:
+        """Add a line before the statement."""
+        raise NotImplementedError
+
+    def fresh(self, name: str) -> str:
+        """A name that nothing has, which begins so."""
+        raise NotImplementedError
+
+    def space(self, name: str, shape: tuple[int | str, ...]) -> Value:
+        """Work space for real numbers; its size is known when compiling."""
+        raise NotImplementedError
+
     def keep(self, name: str, value: Value) -> Value:
         """The value in a variable of its own, before the statement."""
+        raise NotImplementedError
+
+    def in_memory(self, array: Value, name: str = "array") -> Value:
+        """An array that is in memory, where it is written before the statement if it is computed."""
         raise NotImplementedError
 
     def ordered(self, nodes: Sequence[ast.expr]) -> list[Value]:
@@ -90,7 +106,7 @@ class Operators:
         if isinstance(value.type, Tuple):
             return any(map(self._reads, value.items))
         if not isinstance(value.type, Scalar):
-            return "[" in value.code
+            return value.rule is not None or "[" in value.code
         return MEMORY.search(value.code) is not None or not self.unit.is_pure(value.code)
 
     def inline(self, translate: Callable[[ast.expr], Value], node: ast.expr) -> Value:
@@ -176,15 +192,23 @@ class Operators:
             if value.constant is not None:
                 return self.constant(not value.constant)
             return replace(value, code=f"!{wrap(value, UNARY)}", binding=UNARY)
-        value = self.scalar(node.operand)
         if not isinstance(node.op, ast.USub):
             raise refused(node)
+        return self.negative(self.expression(node.operand))
+
+    def negative(self, value: Value) -> Value:
+        """``-a``."""
+        if not isinstance(value.type, Scalar):
+            raise Refused("the negative of what is no number")
         value = self.cast(value, INTEGER) if value.type is BOOLEAN else value
         number = None if value.constant is None else -value.constant
         return Value(value.type, f"-{wrap(value, UNARY + 1)}", UNARY, constant=number, volatile=value.volatile)
 
     def _binop(self, node: ast.BinOp) -> Value:
-        left, right = self.operands((node.left, node.right))
+        left, right = self.ordered((node.left, node.right))
+        for side, value in ((node.left, left), (node.right, right)):
+            if not isinstance(value.type, Scalar | Array):
+                raise refused(side, " is no number")
         return self.arithmetic(node.op, left, right)
 
     def arithmetic(self, operator: ast.operator, a: Value, b: Value) -> Value:
@@ -279,7 +303,7 @@ class Operators:
             others += [self._once(self.inline(self.expression, right)) for right in node.comparators[1:]]
         parts: list[Value] = []
         for operator, right in zip(node.ops, others, strict=True):
-            part = self._relation(operator, left, right)
+            part = self.relation(operator, left, right)
             if part.constant is False:
                 return part
             if part.constant is None:
@@ -289,6 +313,8 @@ class Operators:
             return self.constant(True)
         if len(parts) == 1:
             return parts[0]
+        if any(isinstance(part.type, Array) for part in parts):
+            raise refused(node, ": a chain of comparisons of arrays")
         return Value(BOOLEAN, " && ".join(wrap(part, AND + 1) for part in parts), AND, volatile=True)
 
     def _once(self, value: Value) -> Value:
@@ -296,10 +322,11 @@ class Operators:
         calls = isinstance(value.type, Scalar) and not self.unit.is_pure(value.code)
         return self.keep("value", value) if calls else value
 
-    def _relation(self, operator: ast.cmpop, a: Value, b: Value) -> Value:
+    def relation(self, operator: ast.cmpop, a: Value, b: Value) -> Value:
+        """A comparison."""
         if isinstance(operator, ast.In) and isinstance(b.type, Tuple) and b.items:
             a = self._once(a)
-            found = [self._relation(ast.Eq(), a, item) for item in b.items]
+            found = [self.relation(ast.Eq(), a, item) for item in b.items]
             return Value(BOOLEAN, " || ".join(wrap(part, AND + 1) for part in found), OR)
         if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(operator, ast.Eq | ast.NotEq):
             return self._same_tuples(isinstance(operator, ast.Eq), a, b)
@@ -317,7 +344,7 @@ class Operators:
     def _same_tuples(self, equal: bool, a: Value, b: Value) -> Value:
         if len(a.items) != len(b.items):
             return self.constant(not equal)
-        parts = [self._relation(ast.Eq(), x, y) for x, y in zip(a.items, b.items, strict=True)]
+        parts = [self.relation(ast.Eq(), x, y) for x, y in zip(a.items, b.items, strict=True)]
         if any(part.constant is False for part in parts):
             return self.constant(not equal)
         parts = [part for part in parts if part.constant is None]

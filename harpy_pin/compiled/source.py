@@ -31,6 +31,7 @@ class Source:
         self.name = function.__name__
         self._function = function
         self._file = function.__code__.co_filename
+        self.file = f"{function.__module__.replace('.', '/')}.py"
         self.tree = _definition(function)
         if _state(self._file) != _LOADED.get(self._file) and not _is_still_there(function.__code__):
             raise self.error(self.tree, "was edited after it was loaded: start again")
@@ -145,9 +146,11 @@ def fingerprint(function: FunctionType, *, portable: bool = False) -> bytes:
         if one not in seen:
             seen[one], called = _own_fingerprint(one)
             waiting.extend(called)
+            code = one.__code__
             if portable:
-                code = one.__code__
                 seen[one] = seen[one].replace(_described(code).encode(), _digest(code.co_filename))
+            else:
+                seen[one] += repr([line for _, _, line in code.co_lines()]).encode()  # debuggers show them
     return b"".join(sorted(seen.values()))
 
 

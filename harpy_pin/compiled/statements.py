@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import ast
 import builtins
+from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
+from harpy_pin.compiled.arrays import FUNCTIONS
 from harpy_pin.compiled.assignments import Assignments, stored
-from harpy_pin.compiled.blocks import Block, CFunction, Learnt, Wider, drop_unused, mentions, place, render
+from harpy_pin.compiled.blocks import Block, CFunction, Learnt, Line, Wider, drop_unused, mentions, place, render
 from harpy_pin.compiled.expressions import LIBRARY, OF_TWO, kernel_of
 from harpy_pin.compiled.operators import SUM, Refused, refused, wider, wrap
 from harpy_pin.compiled.source import Source, source_of
@@ -15,6 +18,7 @@ from harpy_pin.compiled.types import (
     BOOLEAN,
     INTEGER,
     NOTHING,
+    REAL,
     Array,
     Fixed,
     Function,
@@ -29,6 +33,8 @@ from harpy_pin.errors import KernelError
 if TYPE_CHECKING:
     from harpy_pin.compiled.unit import Unit
 
+RESULT = "result_"
+"""The name of the memory that an array is returned in; no other name of C ends so."""
 SHORT = 3
 """Rounds of a loop that is unrolled: on a microcontroller the condensed WBC takes 0.85 of the instructions."""
 
@@ -60,6 +66,8 @@ class _Translator(Assignments):
     def body(self, statements: list[ast.stmt]) -> bool:
         """Statements one after the other; returns whether what follows them is never reached through them."""
         for statement in statements:
+            if self.unit.lines:
+                self.path[-1].items.append(Line(statement.lineno, self.source.file))
             try:
                 left = getattr(self, f"_do_{type(statement).__name__.lower()}", self._unknown)(statement)
             except Refused as reason:
@@ -101,10 +109,21 @@ class _Translator(Assignments):
             codes = [self.cast(item, to).code for item, to in zip(value.items, kind.items, strict=True)]  # type: ignore[arg-type]
             self.emit(f"return ({self.unit.result_type(kind)}){{{', '.join(codes)}}};")
             return
+        if isinstance(value.type, Array):
+            self._return_array(value, value.type.shape)
+            return
         kind = self._returns(value.type)
         if not isinstance(kind, Scalar):
-            raise Refused("a kernel returns numbers; an array is given to it to be written")
+            raise Refused("a kernel returns numbers or an array of numbers")
         self.emit(f"return {self.cast(value, kind).code};")
+
+    def _return_array(self, value: Value, shape: tuple[int | str, ...]) -> None:
+        """An array goes to memory that the caller gives."""
+        if not all(isinstance(size, int) for size in shape):
+            raise Refused("a result whose size is not known when compiling: give an array to be written")
+        kind = self._returns(Array.packed(REAL, shape))
+        self._fill(Value(kind, RESULT, roots=frozenset((RESULT,)), fields=frozenset((RESULT,))), value)
+        self.emit("return;")
 
     def _returns(self, kind: Type) -> Type:
         """The type of the result, which may have to hold another one, too."""
@@ -184,7 +203,7 @@ class _Translator(Assignments):
         if not isinstance(statement.target, ast.Name) or statement.orelse:
             raise Refused("a loop over several names, or with else")
         name = statement.target.id
-        own = self.unit.identifier(name) if name != "_" else self._fresh("round")
+        own = self.unit.identifier(name) if name != "_" else self.fresh("round")
         call = statement.iter
         ranged = isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == "range"
         before = self.environment.get(name)
@@ -233,11 +252,11 @@ class _Translator(Assignments):
         items = self.expression(node)
         if not isinstance(items.type, Tuple) or items.type.uniform is None:
             raise Refused("a loop over something that is neither range() nor a tuple of numbers of one type")
-        values = self._fresh(f"{own}_values")
+        values = self.fresh(f"{own}_values")
         count = len(items.items)
         codes = ", ".join(item.code for item in items.items)
         self.emit(f"const {items.type.uniform} {values}[{count}] = {{{codes}}};")
-        index = self._fresh(f"{own}_n")
+        index = self.fresh(f"{own}_n")
         block = self._block(f"for (int {index} = 0; {index} < {count}; {index}++)", loop=True)
         block.items.append(f"const {items.type.uniform} {own} = {values}[{index}];")
         self.environment[own] = Value(items.type.uniform, own)
@@ -272,11 +291,14 @@ class _Translator(Assignments):
                 parameters += [f"integer {size}" for size in kind.sizes if size in function.sizes]
         own = [self.unit.identifier(name) for name, kind in function.parameters if not isinstance(kind, Fixed)]
         silent = [f"    (void){name};" for name in own if not mentions(text, name)]
+        if isinstance(function.result, Array):
+            parameters.append(self.unit.declare(function.result, RESULT))
         function.head = (
             f"static {self.unit.result_type(function.result)} {function.name}({', '.join(parameters) or 'void'})"
         )
         comment = self.unit.comment(self.source.docstring)
-        function.text = "\n".join([*comment, function.head, "{", *silent, *lines, "}"])
+        line = [str(Line(self.source.tree.lineno, self.source.file))] if self.unit.lines else []
+        function.text = "\n".join([*comment, *line, function.head, "{", *silent, *lines, "}"])
         return function
 
     def _parameter(self, name: str, kind: Type) -> Value:
@@ -335,16 +357,18 @@ class _Translator(Assignments):
             return self._call_kernel(
                 function, arguments[:first], dict(zip(map(str, names), arguments[first:], strict=True))
             )
-        if not any(function is one for one in LIBRARY):
+        if not any(function is one for one in (*LIBRARY, *FUNCTIONS)):
             raise refused(node.func, " is no kernel and none of the functions that kernels have")
         if names:
             raise refused(node, ": arguments by name")
-        arguments = self.operands(node.args)
+        if function in FUNCTIONS:
+            return self.of_arrays(function, self.ordered([_as_tuples(argument) for argument in node.args]))
+        arguments = self.ordered(node.args)
         extreme = function in (builtins.min, builtins.max)
         count = 2 if extreme or function in OF_TWO else 1
         if len(arguments) < count or (len(arguments) > count and not extreme):
             raise Refused(f"'{ast.unparse(node)}': another number of arguments than {count}")
-        return self._library(function, arguments)
+        return self.elementwise(lambda *numbers: self._library(function, list(numbers)), *arguments)
 
     def _call_kernel(self, kernel: Any, arguments: list[Value], named: dict[str, Value]) -> Value:
         """The call of another kernel, which is translated for these types if it has not been yet."""
@@ -356,6 +380,7 @@ class _Translator(Assignments):
         if given.keys() != set(source.parameters) or len(arguments) > len(source.parameters):
             raise Refused(f"a call of {source.name} with other arguments than {', '.join(source.parameters)}")
         values = [given[name] for name in source.parameters]
+        values = [value if value.rule is None else self.in_memory(value) for value in values]
         called = self.unit.function_for(kernel, tuple(self._passed(value) for value in values))
         self.effects += bool(called.written)
         if called.name in self.taken:
@@ -371,14 +396,27 @@ class _Translator(Assignments):
                 assert isinstance(value.type, Array)
                 actual = dict(zip((*kind.shape, *kind.strides), (*value.type.shape, *value.type.strides), strict=True))
                 codes += [str(actual[size]) for size in kind.sizes if size in called.sizes]
+        self._keep_apart(called, dict(zip(source.parameters, values, strict=True)))
+        if isinstance(called.result, Array):
+            made = self.space("result", called.result.shape)
+            self.emit(f"{called.name}({', '.join([*codes, made.code])});")
+            return replace(made, rule=lambda indices: self.element(made, indices), reads=((made, True),))
         code = f"{called.name}({', '.join(codes)})"
         if isinstance(called.result, Tuple):
-            own = self._fresh("result")
+            own = self.fresh("result")
             self.emit(f"const {self.unit.result_type(called.result)} {own} = {code};")
             items = tuple(Value(item, f"{own}.v{n}") for n, item in enumerate(called.result.items))
             return Value(called.result, items=items)
         self._uses(code)
         return Value(called.result, code, volatile=True)
+
+    def _keep_apart(self, called: CFunction, given: dict[str, Value]) -> None:
+        """Refuse a call that writes what it reads afterwards; of own parameters callers have to see to it."""
+        for pair in called.apart:
+            written, read = (_ways(way, given) for way in pair)
+            if {way.partition("+")[0] for way in written} & {way.partition("+")[0] for way in read}:
+                raise Refused(f"a call of {called.name} that writes to '{pair[0]}' what it reads as '{pair[1]}'")
+            self.function.apart |= set(product(written, read))
 
     @staticmethod
     def _passed(value: Value) -> Type:
@@ -388,6 +426,19 @@ class _Translator(Assignments):
         if isinstance(value.type, Tuple):
             return Tuple(tuple(_Translator._passed(item) for item in value.items))
         return value.type.signature if isinstance(value.type, Array) else value.type
+
+
+def _ways(way: str, given: dict[str, Value]) -> frozenset[str]:
+    """Ways to memory as the caller knows them; nothing for memory of the function's own."""
+    name, dot, rest = way.partition("+")[0].partition(".")
+    return frozenset(f"{path}{dot}{rest}" for path in given[name].fields or given[name].roots) if name in given else frozenset()
+
+
+def _as_tuples(node: ast.expr) -> ast.expr:
+    """Lists as tuples, for ``np.array``."""
+    if isinstance(node, ast.List):
+        return ast.copy_location(ast.Tuple([_as_tuples(item) for item in node.elts], ast.Load()), node)
+    return node
 
 
 def _flat(values: list[Value]) -> list[Value]:

@@ -6,6 +6,7 @@ these. Arrays are row-major; sizes that are known when the kernel is compiled ar
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -155,10 +156,14 @@ class Value:
     constant: int | float | bool | None = None  # the number, where it is known when compiling
     items: tuple[Value, ...] = ()  # of a tuple
     roots: frozenset[str] = frozenset()  # names of the arguments whose memory it is
-    # the same with the ways through records, p.tree.axes, and a + where it may be a part of that only, such as some
-    # rows; nothing where that is not known
+    # the same with the ways through records, p.tree.axes; a + where it may be a part of that only, such as some rows, and
+    # the first index of the part if it is known; nothing where no way is known
     fields: frozenset[str] = frozenset()
     volatile: bool = False  # whether the code reads memory, so that its value depends on when it is evaluated
+    # of an array that is computed (:mod:`harpy_pin.compiled.arrays`): the element with some indices
+    rule: Callable[[Sequence[Value]], Value] | None = None
+    # and the arrays in memory that it reads, with whether only the element with the same indices is read
+    reads: tuple[tuple[Value, bool], ...] = ()
 
 
 def times(a: int | str, b: int | str) -> int | str:

@@ -56,6 +56,7 @@ class Unit:
 
     single: bool = False  # whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits
     debug: bool = False  # whether every index is checked when it is used
+    lines: bool = False  # whether it names the lines of Python that it comes from, for debuggers
     prefix: str = ""  # of the names of structs
     # functions real_<name> that take the place of those of C's library, by their names there
     own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -119,7 +120,7 @@ class Unit:
 
     def result_type(self, kind: Type) -> str:
         """The type of what a function returns."""
-        if isinstance(kind, Nothing):
+        if isinstance(kind, Nothing | Array):
             return "void"
         if isinstance(kind, Tuple):
             letters = "".join({"real": "r", "integer": "i", "bool": "b"}[str(item)] for item in kind.items)

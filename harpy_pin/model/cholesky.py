@@ -27,32 +27,25 @@ def factorise(matrix: Vector, lower: Vector, floor: float = 0.0) -> None:
     """
     n = matrix.shape[0]
     for i in range(n):
-        for j in range(i + 1):
-            lower[i, j] = matrix[i, j]
+        lower[i, : i + 1] = matrix[i, : i + 1]
     for k in range(n - 1, -1, -1):
         reciprocal = 1.0 / np.sqrt(max(lower[k, k], floor))
         lower[k, k] = reciprocal
-        for j in range(k):
-            lower[k, j] *= reciprocal
+        lower[k, :k] *= reciprocal
         for i in range(k):
             factor = lower[k, i]
             if factor != 0.0:
-                for j in range(i + 1):
-                    lower[i, j] -= factor * lower[k, j]
+                lower[i, : i + 1] -= factor * lower[k, : i + 1]
 
 
 @kernel(lower=("n", "n"), x=("n", "m"), columns="m")
 def solve_transposed(lower: Vector, x: Vector, columns: int) -> None:
     """x ← L⁻ᵀ x for the leading columns of x (n, ≥ columns)."""
     for i in range(lower.shape[0] - 1, -1, -1):
-        reciprocal = lower[i, i]
-        for c in range(columns):
-            x[i, c] *= reciprocal
+        x[i, :columns] *= lower[i, i]
         for k in range(i):
-            factor = lower[i, k]
-            if factor != 0.0:
-                for c in range(columns):
-                    x[k, c] -= factor * x[i, c]
+            if lower[i, k] != 0.0:
+                x[k, :columns] -= lower[i, k] * x[i, :columns]
 
 
 @kernel(lower=("n", "n"), x=("n", "m"), columns="m")
@@ -60,13 +53,9 @@ def solve_factor(lower: Vector, x: Vector, columns: int) -> None:
     """x ← L⁻¹ x for the leading columns of x (n, ≥ columns)."""
     for i in range(lower.shape[0]):
         for k in range(i):
-            factor = lower[i, k]
-            if factor != 0.0:
-                for c in range(columns):
-                    x[i, c] -= factor * x[k, c]
-        reciprocal = lower[i, i]
-        for c in range(columns):
-            x[i, c] *= reciprocal
+            if lower[i, k] != 0.0:
+                x[i, :columns] -= lower[i, k] * x[k, :columns]
+        x[i, :columns] *= lower[i, i]
 
 
 @kernel(lower=("n", "n"), x=("n",))
@@ -75,10 +64,6 @@ def solve_vector(lower: Vector, x: Vector) -> None:
     n = lower.shape[0]
     for i in range(n - 1, -1, -1):
         x[i] *= lower[i, i]
-        for k in range(i):
-            x[k] -= lower[i, k] * x[i]
+        x[:i] -= x[i] * lower[i, :i]
     for i in range(n):
-        s = x[i]
-        for k in range(i):
-            s -= lower[i, k] * x[k]
-        x[i] = s * lower[i, i]
+        x[i] = (x[i] - lower[i, :i] @ x[:i]) * lower[i, i]

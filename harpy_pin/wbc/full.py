@@ -108,9 +108,11 @@ def _full_objective(
     qp.gradient[:] = 0.0
     desired = np.empty(nv)
     desired_acceleration(v, rotation, t, desired)
+    weight = p.w_motion + 0.0
+    weight[6:] *= t.joint_share
+    motion_gradient[:] = -weight * desired
     for i in range(nv):
-        motion_hessian[i, i] = p.w_motion[i] if i < 6 else p.w_motion[i] * t.joint_share[i - 6]
-        motion_gradient[i] = -motion_hessian[i, i] * desired[i]
+        motion_hessian[i, i] = weight[i]
     if t.centred:
         _centre_task(d, t, p, v, rotation, motion_hessian, motion_gradient)
     for c in range(nt):
@@ -148,18 +150,13 @@ def _inputs(m: FullRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
     joints = m.offset.shape[0]
     thrusts, start = out.shape[0] - joints, qp.lower.shape[0] - joints
     out[:thrusts] = z[:thrusts]
-    for j in range(joints):
-        s = m.offset[j]
-        for i in range(z.shape[0]):
-            s += qp.inequality[start + j, i] * z[i]
-        out[thrusts + j] = s
+    out[thrusts:] = m.offset + qp.inequality[start:] @ z
 
 
 @kernel
 def _force(p: FormulationRecord, m: FullRecord, qp: ProgramRecord, z: Vector, out: Vector) -> None:
     """Contact forces of a solution: variables themselves."""
-    for c in range(out.shape[0]):
-        out[c] = z[qp.bounded + c]
+    out[:] = z[qp.bounded : qp.bounded + out.shape[0]]
 
 
 @kernel
@@ -187,27 +184,21 @@ def _limit(p: FormulationRecord, m: FullRecord, qp: ProgramRecord, on: bool) -> 
     """Bounds of the thrusts and of the torques' rows, or none."""
     joints, thrusts = m.offset.shape[0], qp.bounded
     start = qp.lower.shape[0] - joints
-    for c in range(thrusts):
-        qp.lower[c] = p.input_lower[c] if on else -UNBOUNDED
-        qp.upper[c] = p.input_upper[c] if on else UNBOUNDED
-    for j in range(joints):
-        qp.lower[start + j] = p.input_lower[thrusts + j] - m.offset[j] if on else -UNBOUNDED
-        qp.upper[start + j] = p.input_upper[thrusts + j] - m.offset[j] if on else UNBOUNDED
+    qp.lower[:thrusts] = np.where(on, p.input_lower[:thrusts], -UNBOUNDED)
+    qp.upper[:thrusts] = np.where(on, p.input_upper[:thrusts], UNBOUNDED)
+    qp.lower[start:] = np.where(on, p.input_lower[thrusts:] - m.offset, -UNBOUNDED)
+    qp.upper[start:] = np.where(on, p.input_upper[thrusts:] - m.offset, UNBOUNDED)
 
 
 @kernel
 def _dynamics_rows(d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: ProgramRecord) -> None:
     """Floating-base rows of the dynamics."""
-    nv, nf, nt = d.bias.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
-    force, acceleration = qp.bounded, qp.bounded + nf
+    force, acceleration = qp.bounded, qp.bounded + d.foot_drift.shape[0]
     for i in range(6):
         row = qp.equality[i]
-        for c in range(nt):
-            row[c] = -d.thruster_jacobian[c, i]
-        for c in range(nf):
-            row[force + c] = -d.foot_jacobian[c, i]
-        for j in range(nv):
-            row[acceleration + j] = d.mass_matrix[i, j]
+        row[:force] = -d.thruster_jacobian[:, i]
+        row[force:acceleration] = -d.foot_jacobian[:, i]
+        row[acceleration:] = d.mass_matrix[i]
         qp.equality_value[i] = -d.bias[i]
         _drop_swing_flat_feet(t, p, row, force)
 
@@ -249,8 +240,7 @@ def _foot_rows(d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, qp: Pr
             for i in range(count):
                 c = 3 * k + i
                 rows[i, force + c] = 0.0 if on else 1.0
-                for j in range(nv):
-                    rows[i, acceleration + j] = d.foot_jacobian[c, j] if on else 0.0
+                rows[i, acceleration:] = np.where(on, d.foot_jacobian[c], 0.0)
                 value[i] = t.feet[k, i] - d.foot_drift[c] if on else 0.0
         k += corners
         start += count
@@ -261,27 +251,21 @@ def _torque_rows(
     d: DynamicsRecord, t: TargetsRecord, p: FormulationRecord, m: FullRecord, qp: ProgramRecord, v: Vector
 ) -> None:
     """Joint rows of the dynamics: the torques, less their offset."""
-    nv, nf, nt = v.shape[0], d.foot_drift.shape[0], d.thruster_jacobian.shape[0]
-    force, acceleration = qp.bounded, qp.bounded + nf
+    nv, force, acceleration = v.shape[0], qp.bounded, qp.bounded + d.foot_drift.shape[0]
     start = qp.lower.shape[0] - (nv - 6)
     for j in range(nv - 6):
         row = qp.inequality[start + j]
-        for c in range(nt):
-            row[c] = -d.thruster_jacobian[c, 6 + j]
-        for c in range(nf):
-            row[force + c] = -d.foot_jacobian[c, 6 + j]
-        for i in range(nv):
-            row[acceleration + i] = d.mass_matrix[6 + j, i]
+        row[:force] = -d.thruster_jacobian[:, 6 + j]
+        row[force:acceleration] = -d.foot_jacobian[:, 6 + j]
+        row[acceleration:] = d.mass_matrix[6 + j]
         _drop_swing_flat_feet(t, p, row, force)
-        m.offset[j] = d.bias[6 + j] + d.damping[6 + j] * v[6 + j]
+    m.offset[:] = d.bias[6:] + d.damping[6:] * v[6:]
 
 
 @kernel
 def _acceleration(m: FullRecord, z: Vector, out: Vector) -> None:
     """Generalised acceleration of a solution: variables themselves."""
-    first = z.shape[0] - out.shape[0]
-    for i in range(out.shape[0]):
-        out[i] = z[first + i]
+    out[:] = z[z.shape[0] - out.shape[0] :]
 
 
 FullProblem.kernels = FormulationKernels(_build, _inputs, _force, _acceleration, _limit, _give_way)

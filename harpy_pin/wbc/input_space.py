@@ -93,13 +93,10 @@ def _affine_map(d: DynamicsRecord, t: TargetsRecord, m: ContactMapRecord, v: Vec
             m.settling[count] = t.feet[c // 3, c % 3] - d.foot_drift[c]
             count += 1
     free = m.drive
-    for i in range(nv):
-        free[i] = -d.bias[i] - d.damping[i] * v[i]
+    free[:] = -d.bias - d.damping * v
     sticking_force(d, m, count)
     contact_gain(d, m, count)
-    for i in range(nv):
-        for a in range(count):
-            free[i] += m.contact[i, a] * m.force[a]
+    free += m.contact[:, :count] @ m.force[:count]
     solve_factor(m.factor, free.reshape((nv, 1)), 1)
     return count
 
@@ -154,12 +151,8 @@ def _centre_task(
     motion, row = np.empty(nv), np.empty(ny)
     for k in range(3):
         value = body_row(k, d, t, v, rotation, motion)
-        row[:] = 0.0
-        for i in range(nv):
-            value -= motion[i] * m.drive[i]
-            for y in range(ny):
-                row[y] += motion[i] * m.response[i, y]
-        add_task(weight, row, value, hessian, gradient)
+        row[:] = motion @ m.response
+        add_task(weight, row, value - motion @ m.drive, hessian, gradient)
 
 
 @kernel
@@ -174,17 +167,16 @@ def _add_swing_task(
         x = d.foot_jacobian[c, i]
         if x != 0.0:
             value -= x * m.drive[i]
-            for y in range(ny):
-                row[y] += x * m.response[i, y]
+            row += x * m.response[i]
     add_task(weight, row, value, hessian, gradient)
 
 
 @kernel
 def _limit(p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, on: bool) -> None:
     """Bounds of the variables, or none."""
-    for c in range(p.input_lower.shape[0]):
-        qp.lower[c] = p.input_lower[c] if on else -UNBOUNDED
-        qp.upper[c] = p.input_upper[c] if on else UNBOUNDED
+    inputs = p.input_lower.shape[0]
+    qp.lower[:inputs] = np.where(on, p.input_lower, -UNBOUNDED)
+    qp.upper[:inputs] = np.where(on, p.input_upper, UNBOUNDED)
 
 
 @kernel
@@ -215,21 +207,15 @@ def _rows(t: TargetsRecord, p: FormulationRecord, m: ContactMapRecord, qp: Progr
     for k in range(t.held.shape[0]):
         first, last = (faces + 1) * k, (faces + 1) * k + faces
         if t.held[k] == 0.0:
-            for r in range(first, last + 1):
-                inequality[r, :ny] = 0.0
-                lower[r], upper[r] = -1.0, 1.0  # never active
+            inequality[first : last + 1, :ny] = 0.0
+            lower[first : last + 1], upper[first : last + 1] = -1.0, 1.0  # never active
             continue
-        along_x, along_y, up = m.gain[a], m.gain[a + 1], m.gain[a + 2]
-        z = p.friction[k] * p.inscribed
+        force, gain = m.force[a : a + 3], m.gain[a : a + 3]
         for r in range(faces):
-            x, y = p.pyramid[r, 0], p.pyramid[r, 1]
-            out = inequality[first + r]
-            for c in range(ny):
-                out[c] = x * along_x[c] + y * along_y[c] + z * up[c]
-            lower[first + r] = -(x * m.force[a] + y * m.force[a + 1] + z * m.force[a + 2])
-            upper[first + r] = UNBOUNDED
-        for c in range(ny):
-            inequality[last, c] = up[c]
+            outward = np.array((p.pyramid[r, 0], p.pyramid[r, 1], p.friction[k] * p.inscribed))
+            inequality[first + r, :ny] = outward @ gain
+            lower[first + r], upper[first + r] = -(outward @ force), UNBOUNDED
+        inequality[last, :ny] = gain[2]
         lower[last] = t.force_range[k, 0] - m.force[a + 2]
         upper[last] = t.force_range[k, 1] - m.force[a + 2]
         a += 3
@@ -246,20 +232,13 @@ def _force(p: FormulationRecord, m: ContactMapRecord, qp: ProgramRecord, z: Vect
     """Contact forces f₀ + A y of a solution y."""
     out[:] = 0.0
     for a in range(p.directions):
-        s = m.force[a]
-        for c in range(z.shape[0]):
-            s += m.gain[a, c] * z[c]
-        out[m.rows[a]] = s
+        out[m.rows[a]] = m.force[a] + m.gain[a] @ z
 
 
 @kernel
 def _acceleration(m: ContactMapRecord, z: Vector, out: Vector) -> None:
     """Generalised acceleration a₀ + R y of a solution y."""
-    for i in range(out.shape[0]):
-        s = m.drive[i]
-        for c in range(z.shape[0]):
-            s += m.response[i, c] * z[c]
-        out[i] = s
+    out[:] = m.drive + m.response @ z
 
 
 InputSpaceProblem.kernels = FormulationKernels(build_inputs, _inputs, _force, _acceleration, _limit, _give_way)

@@ -237,8 +237,7 @@ def add_task(weight: float, row: Vector, value: float, hessian: Vector, gradient
         x = weight * row[a]
         if x != 0.0:
             gradient[a] -= x * value
-            for b in range(a + 1):
-                hessian[a, b] += x * row[b]
+            hessian[a, : a + 1] += x * row[: a + 1]
 
 
 @kernel
@@ -253,8 +252,7 @@ def mirror(hessian: Vector, size: int) -> None:
 def desired_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vector) -> None:
     """Generalised acceleration (nv,) that the targets of body, orientation and posture ask for."""
     root_acceleration(v, rotation, t, out)
-    for j in range(t.joints.shape[0]):
-        out[6 + j] = t.joints[j]
+    out[6:] = t.joints
 
 
 @kernel
@@ -269,16 +267,8 @@ def body_row(k: int, d: DynamicsRecord, t: TargetsRecord, v: Vector, rotation: V
     Axis k is 0 or 1 of the centre of mass, or 2 of the body's origin. The row (nv,) is written, and the value that
     row · a should have, m/s², is returned.
     """
-    row[:] = 0.0
     if k < 2:
-        for i in range(3):
-            x = rotation[k, i] / d.mass_matrix[0, 0]
-            for c in range(row.shape[0]):
-                row[c] += x * d.mass_matrix[i, c]
+        row[:] = d.mass_matrix[:3].T @ rotation[k] / d.mass_matrix[0, 0]
         return float(t.body[k] - t.centre_drift[k])
-    value = t.body[2]
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        row[i] = rotation[2, i]
-        value -= rotation[2, i] * (v[3 + a] * v[b] - v[3 + b] * v[a])
-    return float(value)
+    row[:3], row[3:] = rotation[2], 0.0
+    return float(t.body[2] - rotation[2] @ np.cross(v[3:6], v[:3]))

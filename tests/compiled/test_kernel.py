@@ -12,6 +12,7 @@ import harpy_pin
 import reproduction
 from harpy_pin import Estimator, InputError
 from harpy_pin.compiled import Kernel, kernel
+from harpy_pin.compiled.entry_points import argument_types, entry_code
 from harpy_pin.errors import KernelError
 from harpy_pin.governors import ExplicitReferenceGovernor, ForceRows
 from harpy_pin.governors.point_mass import Law, model_record
@@ -208,3 +209,15 @@ def test_records_that_are_none():
         KERNELS["harpy_pin.model.kinematics.leg_jacobian"](1.0, np.zeros(3), np.zeros((3, 3)))
     with pytest.raises(InputError, match="p must be a record with 'rate'"):
         KERNELS["harpy_pin.governors.erg.explicit_update"](np.zeros(6), np.zeros(6), 0.0, None)
+
+
+def test_debuggers_see_lines_of_python():
+    line = three_times.py_func.__code__.co_firstlineno + 2
+    text = entry_code(three_times, argument_types(three_times, {"x": 2.0}))
+    assert f'#line {line} "{__name__.replace(".", "/")}.py"\n    return 3.0 * x;' in text
+    assert "#line" not in three_times.c_source(2.0)
+
+
+@kernel
+def three_times(x: float):
+    return 3.0 * x

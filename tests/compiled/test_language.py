@@ -28,7 +28,6 @@ REFUSED = {
     "two_kinds": ["x = a[0] if a[1] > 0.0 else a[:2]", "return x"],
     "changes_its_range": ["for i in range(3):", "    i = i + 1", "    a[i] = 0.0"],
     "a_step": ["b = a[::2]", "return b[0]"],
-    "an_array_as_result": ["return a[:2]"],
     "a_missing_field": ["return a.nothing"],
     "a_member": ["return 1.0 if a[0] in a else 0.0"],
     "whole_work_space": ["x = np.zeros(3, dtype=np.int64)", "return x[0]"],

@@ -1,8 +1,8 @@
 """Calls of compiled kernels, repeated in plain Python on copies of their arguments and compared in every bit.
 
-Two things are not Python's own on that side, because they are not C's either: functions of mathematics come from C's
-library (NumPy has others for sine or exponential, which differ in the last digit), and ``x ** 2`` to ``x ** 4`` are
-products (Python calls ``pow``).
+Three things are not Python's own on that side, because they are not C's either: functions of mathematics come from C's
+library (NumPy has others for sine or exponential, which differ in the last digit), ``x ** 2`` to ``x ** 4`` are
+products (Python calls ``pow``), and sums go from the first term to the last (NumPy leaves the order open).
 """
 
 from __future__ import annotations
@@ -39,17 +39,37 @@ def four(*numbers: float) -> Any:
     return np.array(numbers or (1.0, 2.0, 3.0, 4.0))
 
 
-def of_library(name: str, count: int) -> Callable[..., np.float64]:
-    """A function of C's library."""
+def of_library(name: str, count: int) -> Callable[..., Any]:
+    """A function of C's library, for each element of arrays."""
     function = getattr(LIBRARY, name)
     function.restype, function.argtypes = ctypes.c_double, [ctypes.c_double] * count
-    return lambda *numbers: np.float64(function(*numbers))
+    of_arrays = np.vectorize(function, otypes=[float])
+
+    def call(*values: Any) -> Any:
+        return of_arrays(*values) if any(map(np.ndim, values)) else np.float64(function(*values))
+
+    return call
+
+
+def product(a: Any, b: Any) -> Any:
+    """``a @ b`` with sums from the first term to the last, which NumPy leaves open."""
+    if b.shape[0] == 0:
+        return np.zeros(a.shape[:-1] + b.shape[1:])[()]
+    total = np.multiply.outer(a[..., 0], b[0])
+    for k in range(1, b.shape[0]):
+        total = total + np.multiply.outer(a[..., k], b[k])
+    return total
+
+
+def total(values: Any) -> Any:
+    """``np.sum`` of a vector, from the first to the last."""
+    return product(np.ones(values.shape, values.dtype), values)
 
 
 NAMES: dict[str, Any] = {
     f"_{function.__name__}": of_library(name, 2 if function in OF_TWO else 1) for function, name in MATHEMATICS.items()
 }
-NAMES |= {f"_power_{n}": power for n, power in POWERS.items()}
+NAMES |= {f"_power_{n}": power for n, power in POWERS.items()} | {"_dot": product, "_sum": total}
 
 
 class _AsInC(ast.NodeTransformer):
@@ -65,6 +85,8 @@ class _AsInC(ast.NodeTransformer):
         if isinstance(power, int) and power in POWERS:
             name = ast.Name(f"_power_{power}", ast.Load())
             return ast.copy_location(ast.Call(name, [node.left], []), node)
+        if isinstance(node.op, ast.MatMult):
+            return ast.copy_location(ast.Call(ast.Name("_dot", ast.Load()), [node.left, node.right], []), node)
         return node
 
 

@@ -10,6 +10,7 @@ import harpy_pin as hp
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
 from harpy_pin.wbc import WholeBodyLimits, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
+from harpy_pin.wbc.condensed.active_set import VIOLATION
 from harpy_pin.wbc.condensed.limits import SPAN
 
 DAMPED = hp.Actuators(viscous_friction=4.9).damped(ROBOT)
@@ -137,7 +138,8 @@ def test_nothing_changes_where_no_limit_is_near():
 def test_controllers_agree_on_a_walk(solver, formulation, within):
     """On the states of a walk with the damping of the paper authors' model, whose torques are often at their limits.
 
-    ProxQP ends within 1 mN·m of the optimum, and up to its tolerance of 1e-8 beyond a limit.
+    ProxQP ends within 1 mN·m of the optimum, and up to its tolerance of 1e-8 beyond a limit; the own search leaves
+    ``VIOLATION``, and as much again for rounding where accelerations are large.
     """
     gait = hp.make_gait(DAMPED)
     limits = WholeBodyLimits(mu=0.8)
@@ -154,7 +156,7 @@ def test_controllers_agree_on_a_walk(solver, formulation, within):
         other = general.step(state)
         np.testing.assert_allclose(other.torque, command.torque, rtol=0, atol=within)
         np.testing.assert_allclose(other.thrust, command.thrust, rtol=0, atol=within)
-        assert (np.abs(other.torque) <= DAMPED.torque_limit + (2e-8 if solver == "proxqp" else 1e-9)).all()
+        assert (np.abs(other.torque) <= DAMPED.torque_limit + (2e-8 if solver == "proxqp" else 2.0 * VIOLATION)).all()
         limited += bool(condensed.solver.status & CondensedStatus.TORQUE_LIMITED)
         simulator.advance(command, steps=2)
     assert limited > 200

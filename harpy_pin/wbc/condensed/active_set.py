@@ -108,10 +108,7 @@ def row_value(qp: ProgramRecord, r: int, z: Vector) -> float:
     """Row r of C z; the first rows are the bounded variables themselves."""
     if r < qp.bounded:
         return float(z[r])
-    s = 0.0
-    for i in range(z.shape[0]):
-        s += qp.inequality[r, i] * z[i]
-    return s
+    return float(qp.inequality[r] @ z)
 
 
 @kernel
@@ -119,12 +116,8 @@ def equality_residual(qp: ProgramRecord, z: Vector) -> float:
     """Largest |A z − b|; inf where one is not a number."""
     worst = 0.0
     for r in range(qp.equality_value.shape[0]):
-        s = -qp.equality_value[r]
-        for i in range(z.shape[0]):
-            s += qp.equality[r, i] * z[i]
-        if np.isnan(s):
-            return np.inf
-        worst = max(worst, abs(s))
+        residual = qp.equality[r] @ z - qp.equality_value[r]
+        worst = max(worst, np.inf if np.isnan(residual) else abs(residual))
     return worst
 
 
@@ -174,12 +167,10 @@ def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) 
     n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
     m = n_eq + count
     columns = w.columns
-    for i in range(n):
-        for c in range(n_eq):
-            columns[i, c] = qp.equality[c, i]
-        for c in range(count):
-            columns[i, n_eq + c] = qp.inequality[w.chosen[c], i]
-        columns[i, m] = -qp.gradient[i]
+    columns[:, :n_eq] = qp.equality.T
+    for c in range(count):
+        columns[:, n_eq + c] = qp.inequality[w.chosen[c]]
+    columns[:, m] = -qp.gradient
     solve_transposed(w.factor, columns, m + 1)
     # Multipliers: (W H⁻¹ Wᵀ) λ = w + W H⁻¹ g.
     system, multiplier = w.schur[:m, :m], w.multiplier[:m]
@@ -193,20 +184,12 @@ def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) 
             x = columns[i, a]
             if x != 0.0:
                 multiplier[a] -= x * columns[i, m]
-                for b in range(a + 1):
-                    system[a, b] += x * columns[i, b]
+                system[a, : a + 1] += x * columns[i, : a + 1]
     factorise(system, system)
     solve_vector(system, multiplier)
-    for i in range(n):
-        s = columns[i, m]
-        for a in range(m):
-            s += columns[i, a] * multiplier[a]
-        z[i] = s
+    z[:] = columns[:, :m] @ multiplier + columns[:, m]
     solve_factor(w.factor, z.reshape((n, 1)), 1)
-    regular = True
-    for i in range(n):
-        regular = regular and np.isfinite(z[i])
-    return regular
+    return np.isfinite(np.sum(abs(z)))
 
 
 @kernel
@@ -245,16 +228,12 @@ def _correct(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) -> tu
 @kernel
 def dual_active_set(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, int]:
     """Optimum z; returns the outcome and how many exchanges it took."""
-    n, n_eq = qp.gradient.shape[0], qp.equality_value.shape[0]
+    n_eq = qp.equality_value.shape[0]
     _start(qp, w, z)
     size = exchanges = 0
     for c in range(n_eq):
-        value = -qp.equality_value[c]
-        for i in range(n):
-            value += qp.equality[c, i] * z[i]
-        sign = -1.0 if value > 0.0 else 1.0
-        for i in range(n):
-            w.normal[i] = sign * qp.equality[c, i]
+        value = qp.equality[c] @ z - qp.equality_value[c]
+        w.normal[:] = (-1.0 if value > 0.0 else 1.0) * qp.equality[c]
         outcome, size, exchanges = _bring_in(w, c, size, n_eq, -abs(value), exchanges, z)
         if outcome == CONTRADICTORY and abs(value) <= _noise(w.normal, qp.equality_value[c], z):
             continue  # redundant
@@ -264,8 +243,7 @@ def dual_active_set(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, i
         r, side = _most_violated(qp, w, z)
         if side == 0:
             return FOUND, exchanges
-        for i in range(n):
-            w.normal[i] = -side * qp.inequality[r, i]
+        w.normal[:] = -side * qp.inequality[r]
         slack = row_value(qp, r, z) - qp.lower[r] if side < 0 else qp.upper[r] - row_value(qp, r, z)
         w.active[r] = side
         outcome, size, exchanges = _bring_in(w, n_eq + r, size, n_eq, slack, exchanges, z)
@@ -279,10 +257,8 @@ def _start(qp: ProgramRecord, w: DualRecord, z: Vector) -> None:
     """No constraint active, z = −H⁻¹ g."""
     n = z.shape[0]
     factorise(qp.hessian, w.factor)
-    w.basis[:] = 0.0
-    for i in range(n):
-        w.basis[i, i] = 1.0
-        z[i] = -qp.gradient[i]
+    w.basis[:] = np.eye(n)
+    z[:] = -qp.gradient
     solve_transposed(w.factor, w.basis, n)
     solve_vector(w.factor, z)
     w.active[:] = 0
@@ -293,19 +269,14 @@ def _start(qp: ProgramRecord, w: DualRecord, z: Vector) -> None:
         while begin < end and qp.inequality[r, end - 1] == 0.0:
             end -= 1
         w.span[r, 0], w.span[r, 1] = begin, end
-        square = 0.0
-        for i in range(begin, end):
-            square += qp.inequality[r, i] ** 2
+        square = np.sum(qp.inequality[r, begin:end] ** 2)
         w.scale[r] = 1.0 / np.sqrt(square) if square > 0.0 else 1.0
 
 
 @kernel
 def _noise(normal: Vector, value: float, z: Vector) -> float:
     """Violation of normal · z = value that may be rounding."""
-    size = abs(value)
-    for i in range(z.shape[0]):
-        size += abs(normal[i] * z[i])
-    return VIOLATION + ROUNDING * size
+    return VIOLATION + ROUNDING * (abs(value) + np.sum(abs(normal * z)))
 
 
 @kernel
@@ -315,9 +286,8 @@ def _most_violated(qp: ProgramRecord, w: DualRecord, z: Vector) -> tuple[int, in
     for r in range(w.active.shape[0]):
         if w.active[r] != 0:
             continue
-        s = 0.0
-        for i in range(w.span[r, 0], w.span[r, 1]):
-            s += qp.inequality[r, i] * z[i]
+        begin, end = w.span[r, 0], w.span[r, 1]
+        s = qp.inequality[r, begin:end] @ z[begin:end]
         below, above = qp.lower[r] - s, s - qp.upper[r]
         size = max(below, above)
         if size * w.scale[r] > worst:
@@ -346,19 +316,12 @@ def _bring_in(
         exchanges += 1
         turned[begin:end] = 0.0
         for i in range(n):
-            x = w.normal[i]
-            if x != 0.0:
-                for k in range(begin, end):
-                    turned[k] += basis[k, i] * x
-        whole, free = 0.0, 0.0
-        for k in range(n):
-            whole += turned[k] ** 2
-            free += turned[k] ** 2 if k >= size else 0.0
+            if w.normal[i] != 0.0:
+                turned[begin:end] += basis[begin:end, i] * w.normal[i]
+        free = np.sum(turned[size:] ** 2)
+        whole = np.sum(turned[:size] ** 2) + free
         for a in range(size - 1, first - 1, -1):
-            s = turned[a]
-            for b in range(a + 1, size):
-                s -= triangle[a, b] * pull[b]
-            pull[a] = s / triangle[a, a]
+            pull[a] = (turned[a] - triangle[a, a + 1 : size] @ pull[a + 1 : size]) / triangle[a, a]
         leaves, partial = -1, np.inf
         for a in range(first, size):
             if pull[a] > 0.0 and multiplier[a] < partial * pull[a]:
@@ -367,13 +330,11 @@ def _bring_in(
         length = min(partial, full)
         if not length < np.inf:
             return CONTRADICTORY, size, exchanges
-        for a in range(first, size):
-            multiplier[a] -= length * pull[a]
+        multiplier[first:size] -= length * pull[first:size]
         gained += length
         if full < np.inf:
             for k in range(size, n):
-                for i in range(n):
-                    z[i] += length * turned[k] * basis[k, i]
+                z += length * turned[k] * basis[k]
             slack += length * free
         if full <= partial:
             _add(w, size)
@@ -398,8 +359,7 @@ def _rotate(matrix: Vector, k: int, first: int, c: float, s: float) -> None:
     """Rotate rows k and k + 1 from column ``first`` on."""
     for i in range(first, matrix.shape[1]):
         x, y = matrix[k, i], matrix[k + 1, i]
-        matrix[k, i] = c * x + s * y
-        matrix[k + 1, i] = c * y - s * x
+        matrix[k, i], matrix[k + 1, i] = c * x + s * y, c * y - s * x
 
 
 @kernel
@@ -409,8 +369,7 @@ def _add(w: DualRecord, size: int) -> None:
         c, s, length = _turn(w.turned[k], w.turned[k + 1])
         w.turned[k] = length
         _rotate(w.basis, k, 0, c, s)
-    for k in range(size + 1):
-        w.triangle[k, size] = w.turned[k]
+    w.triangle[: size + 1, size] = w.turned[: size + 1]
 
 
 @kernel
@@ -418,8 +377,7 @@ def _drop(w: DualRecord, out: int, size: int) -> None:
     """Column ``out`` leaves R, which keeps ``size`` columns."""
     for a in range(out, size):
         w.chosen[a], w.multiplier[a] = w.chosen[a + 1], w.multiplier[a + 1]
-        for k in range(a + 2):
-            w.triangle[k, a] = w.triangle[k, a + 1]
+        w.triangle[: a + 2, a] = w.triangle[: a + 2, a + 1] + 0.0
     for k in range(out, size):
         c, s, length = _turn(w.triangle[k, k], w.triangle[k + 1, k])
         _rotate(w.triangle, k, k + 1, c, s)

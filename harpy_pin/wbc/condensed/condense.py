@@ -96,57 +96,40 @@ class CondensationRecord(RecordOf):
 def eliminate_limbs(d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, v: Vector) -> None:
     """Fill in the root's equations, after its desired acceleration."""
     thrusts, others = d.thruster_jacobian.shape[0], e.others.shape[0]
-    for i in range(6):
-        e.bias[i] = d.bias[i] + d.damping[i] * v[i]
-        e.inverse_body_weight[i] = 1.0 / (p.w_body if i < 3 else p.w_orientation)
-        for j in range(6):
-            e.mass[i, j] = d.mass_matrix[i, j]
-        for c in range(thrusts):
-            e.free_map[i, c] = d.thruster_jacobian[c, i]
-    for c in range(thrusts):
-        e.inverse_weight[c] = 1.0 / p.w_thrust
+    first = thrusts + others
+    e.bias[:] = d.bias[:6] + d.damping[:6] * v[:6]
+    e.mass[:] = d.mass_matrix[:6, :6]
+    e.free_map[:, :thrusts] = d.thruster_jacobian[:, :6].T
+    e.inverse_body_weight[:3], e.inverse_body_weight[3:] = 1.0 / p.w_body, 1.0 / p.w_orientation
+    e.inverse_weight[:thrusts] = 1.0 / p.w_thrust
     for k in range(e.limb.shape[0]):
         _limb_motion(d, t, e, k)
-        _add_limb(d, t, p, e, k, thrusts + others)
-    for c in range(others):
-        column = e.others[c]
-        e.posture[c] = t.joints[column - 6]
-        e.free_acceleration[thrusts + c] = 0.0
-        e.inverse_weight[thrusts + c] = 1.0 / (p.w_arms * t.joint_share[column - 6])
-        for i in range(6):
-            e.bias[i] += d.mass_matrix[i, column] * e.posture[c]
-            e.free_map[i, thrusts + c] = -d.mass_matrix[i, column]
+        _add_limb(d, t, p, e, k, first)
+    if others > 0:
+        e.posture[:] = t.joints[e.others - 6]
+        e.free_acceleration[thrusts:first] = 0.0
+        e.inverse_weight[thrusts:first] = 1.0 / (p.w_arms * t.joint_share[e.others - 6])
+        e.free_map[:, thrusts:first] = -d.mass_matrix[:6, e.others]
+        e.bias -= e.free_map[:, thrusts:first] @ e.posture
     e.centred = 0
     if t.centred:
         turn_to_centre(d, t, e, v)
-    for i in range(6):
-        s = e.bias[i]
-        for j in range(6):
-            s += e.mass[i, j] * e.desired[j]
-        e.right_hand_side[i] = s
+    e.right_hand_side[:] = e.mass @ e.desired + e.bias
 
 
 @kernel
 def _limb_motion(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, k: int) -> None:
     """J_kl⁺, ā_k and T_k of limb k: its accelerations from the root's."""
-    limb, inverse, limb_map, limb_bias = e.limb[k], e.inverse[k], e.limb_map[k], e.limb_bias[k]
-    joints, rows = inverse.shape
-    first = rows * k
+    rows = e.inverse.shape[2]
+    points, first = rows // 3, rows * k
     jacobian = d.foot_jacobian[first : first + rows]
-    if e.inverse.shape[2] == 3:  # known when compiling: the other kernel is not part of the result
-        _invert_limb(jacobian, limb, inverse)
+    if rows == 3:  # known when compiling: the other kernel is not part of the result
+        _invert_limb(jacobian[:, e.limb[k]], e.inverse[k])
     else:
-        _invert_flat_limb(jacobian, limb, e.normal, inverse)
-    for a in range(joints):
-        s = 0.0
-        for b in range(rows):
-            s += inverse[a, b] * (t.feet[(first + b) // 3, b % 3] - d.foot_drift[first + b])
-        limb_bias[a] = s
-        for j in range(6):
-            s = 0.0
-            for b in range(rows):
-                s -= inverse[a, b] * jacobian[b, j]
-            limb_map[a, j] = s
+        _invert_flat_limb(jacobian, e.limb[k], e.normal, e.inverse[k])
+    desired = t.feet[points * k : points * (k + 1)].reshape((rows,))
+    e.limb_bias[k] = e.inverse[k] @ (desired - d.foot_drift[first : first + rows])
+    e.limb_map[k] = -(e.inverse[k] @ jacobian[:, :6])
 
 
 @kernel
@@ -154,140 +137,83 @@ def _add_limb(
     d: DynamicsRecord, t: TargetsRecord, p: ProblemRecord, e: CondensationRecord, k: int, free_from: int
 ) -> None:
     """What limb k adds to the root's equations: to M_b and n_b, and its columns of G_f and G_o with their weights."""
-    limb, inverse, limb_map, limb_bias = e.limb[k], e.inverse[k], e.limb_map[k], e.limb_bias[k]
-    joints, rows = inverse.shape
+    rows = e.inverse.shape[2]
     first = rows * k
-    jacobian = d.foot_jacobian[first : first + rows]
-    held = t.held[first // 3] != 0.0
-    mass = np.empty(joints)
-    for b in range(free_from + first, free_from + first + rows):
-        e.free_acceleration[b] = 0.0
-        e.inverse_weight[b] = 0.0 if held or p.w_swing == 0.0 else 1.0 / p.w_swing
-    for i in range(6):
-        for a in range(joints):
-            mass[a] = d.mass_matrix[i, limb[a]]
-        s = 0.0
-        for a in range(joints):
-            s += mass[a] * limb_bias[a]
-        e.bias[i] += s
-        for j in range(6):
-            s = 0.0
-            for a in range(joints):
-                s += mass[a] * limb_map[a, j]
-            e.mass[i, j] += s
-        for b in range(rows):
-            e.force_map[i, first + b] = jacobian[b, i] if held else 0.0
-            s = 0.0
-            if not held:
-                for a in range(joints):
-                    s += mass[a] * inverse[a, b]
-            e.free_map[i, free_from + first + b] = 0.0 if held else -s
+    free = free_from + first
+    mass = d.mass_matrix[:6, e.limb[k]]
+    e.bias += mass @ e.limb_bias[k]
+    e.mass += mass @ e.limb_map[k]
+    e.free_acceleration[free : free + rows] = 0.0
+    if t.held[first // 3] != 0.0:
+        e.inverse_weight[free : free + rows] = 0.0
+        e.force_map[:, first : first + rows] = d.foot_jacobian[first : first + rows, :6].T
+        e.free_map[:, free : free + rows] = 0.0
+    else:
+        e.inverse_weight[free : free + rows] = 0.0 if p.w_swing == 0.0 else 1.0 / p.w_swing
+        e.force_map[:, first : first + rows] = 0.0
+        e.free_map[:, free : free + rows] = -(mass @ e.inverse[k])
 
 
 @kernel
-def _invert_limb(jacobian: Vector, limb: NDArray[np.int64], out: Vector) -> None:
-    """J_kl⁻¹ by cofactors; damped where the limb is singular."""
-    x, y, z = limb[0], limb[1], limb[2]
-    for a in range(3):
-        b, c = (a + 1) % 3, (a + 2) % 3
-        out[0, a] = jacobian[b, y] * jacobian[c, z] - jacobian[b, z] * jacobian[c, y]
-        out[1, a] = jacobian[b, z] * jacobian[c, x] - jacobian[b, x] * jacobian[c, z]
-        out[2, a] = jacobian[b, x] * jacobian[c, y] - jacobian[b, y] * jacobian[c, x]
-    determinant = jacobian[0, x] * out[0, 0] + jacobian[1, x] * out[0, 1] + jacobian[2, x] * out[0, 2]
-    scale = determinant / max(determinant * determinant, MIN_DETERMINANT**2)
-    for a in range(3):
-        for b in range(3):
-            out[a, b] *= scale
+def _invert_limb(jacobian: Vector, out: Vector) -> None:
+    """J_kl⁻¹ of J_kl (3, 3) by cofactors; damped where the limb is singular."""
+    x, y, z = jacobian[:, 0], jacobian[:, 1], jacobian[:, 2]
+    out[0], out[1], out[2] = np.cross(y, z), np.cross(z, x), np.cross(x, y)
+    determinant = x @ out[0]
+    out *= determinant / max(determinant * determinant, MIN_DETERMINANT**2)
 
 
 @kernel
 def _invert_flat_limb(jacobian: Vector, limb: NDArray[np.int64], normal: Vector, out: Vector) -> None:
     """J_kl⁺ = (J_klᵀ J_kl)⁻¹ J_klᵀ; bounded where the limb is singular."""
-    joints, rows = out.shape
-    for a in range(joints):
-        for b in range(rows):
-            out[a, b] = jacobian[b, limb[a]]
+    out[:] = jacobian[:, limb].T
+    for a in range(out.shape[0]):
         for c in range(a + 1):
-            s = 0.0
-            for b in range(rows):
-                s += out[a, b] * out[c, b]
-            normal[a, c] = s
+            normal[a, c] = out[a] @ out[c]
     factorise(normal, normal, MIN_PIVOT)
-    solve_transposed(normal, out, rows)
-    solve_factor(normal, out, rows)
+    solve_transposed(normal, out, out.shape[1])
+    solve_factor(normal, out, out.shape[1])
 
 
 @kernel
 def root_factor(e: CondensationRecord) -> None:
     """Factor of K, with the entries of o whose inverse weight is zero taken as fixed."""
     for i in range(6):
+        body, free = e.mass[i] * e.inverse_body_weight, e.free_map[i] * e.inverse_weight
         for j in range(i + 1):
-            s = 0.0
-            for c in range(6):
-                s += e.mass[i, c] * e.inverse_body_weight[c] * e.mass[j, c]
-            for c in range(e.inverse_weight.shape[0]):
-                s += e.free_map[i, c] * e.inverse_weight[c] * e.free_map[j, c]
-            e.factor[i, j] = s
+            e.factor[i, j] = body @ e.mass[j] + free @ e.free_map[j]
     factorise(e.factor, e.factor)
 
 
 @kernel
 def recover(e: CondensationRecord, f: Vector) -> None:
     """λ, o and a for contact forces f; entries of o that are fixed stay as they are, part of the right-hand side."""
-    for i in range(6):
-        s = e.right_hand_side[i]
-        for c in range(f.shape[0]):
-            s -= e.force_map[i, c] * f[c]
-        e.multiplier[i] = s
+    a, o, first = e.acceleration, e.free_acceleration, e.inverse_weight.shape[0] - f.shape[0]
+    e.multiplier[:] = e.right_hand_side - e.force_map @ f
     solve_vector(e.factor, e.multiplier)
-    first = e.inverse_weight.shape[0] - f.shape[0]
-    for c in range(e.inverse_weight.shape[0]):
-        if e.inverse_weight[c] != 0.0:
-            s = 0.0
-            for i in range(6):
-                s += e.free_map[i, c] * e.multiplier[i]
-            e.free_acceleration[c] = e.inverse_weight[c] * s
-    a = e.acceleration
-    for j in range(6):
-        s = 0.0
-        for i in range(6):
-            s += e.mass[i, j] * e.multiplier[i]
-        a[j] = e.desired[j] - e.inverse_body_weight[j] * s
+    o[:] = np.where(e.inverse_weight != 0.0, e.inverse_weight * (e.free_map.T @ e.multiplier), o)
+    a[:6] = e.desired - e.inverse_body_weight * (e.mass.T @ e.multiplier)
     if e.centred:
-        root_of_centre(
-            e, a.reshape((a.shape[0], 1)), e.free_acceleration.reshape((e.inverse_weight.shape[0], 1)), 1, 1.0
-        )
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
-        for x in range(joints):
-            s = e.limb_bias[k, x]
-            for j in range(6):
-                s += e.limb_map[k, x, j] * a[j]
-            for b in range(rows):
-                s += e.inverse[k, x, b] * e.free_acceleration[first + rows * k + b]
-            a[e.limb[k, x]] = s
-    others = e.others.shape[0]
-    for c in range(others):
-        a[e.others[c]] = e.posture[c] + e.free_acceleration[first - others + c]
+        root_of_centre(e, a.reshape((a.shape[0], 1)), o.reshape((o.shape[0], 1)), 1, 1.0)
+    rows = e.inverse.shape[2]
+    for k in range(e.limb.shape[0]):
+        free = o[first + rows * k : first + rows * (k + 1)]
+        a[e.limb[k]] = e.limb_bias[k] + e.limb_map[k] @ a[:6] + e.inverse[k] @ free
+    if e.others.shape[0] > 0:
+        a[e.others] = e.posture + o[first - e.others.shape[0] : first]
 
 
 @kernel
 def joint_torques(d: DynamicsRecord, e: CondensationRecord, v: Vector, f: Vector, torque: Vector) -> None:
     """Torques of the joints for contact forces f and what :func:`recover` computed for them."""
-    nv = v.shape[0]
-    for j in range(6, nv):
-        s = d.bias[j] + d.damping[j] * v[j]
-        for i in range(nv):
-            s += d.mass_matrix[j, i] * e.acceleration[i]
-        for c in range(d.thruster_jacobian.shape[0]):
-            s -= d.thruster_jacobian[c, j] * e.free_acceleration[c]
-        torque[j - 6] = s
-    limbs, joints, rows = e.inverse.shape
-    for k in range(limbs):
-        for x in range(joints):
-            j = e.limb[k, x]
-            for b in range(rows):
-                torque[j - 6] -= d.foot_jacobian[rows * k + b, j] * f[rows * k + b]
+    thrust = e.free_acceleration[: d.thruster_jacobian.shape[0]]
+    torque[:] = d.bias[6:] + d.damping[6:] * v[6:] + d.mass_matrix[6:] @ e.acceleration
+    if d.thruster_jacobian.shape[0] > 0:
+        torque -= d.thruster_jacobian[:, 6:].T @ thrust
+    rows = e.inverse.shape[2]
+    for k in range(e.limb.shape[0]):
+        jacobian = d.foot_jacobian[rows * k : rows * (k + 1)]
+        torque[e.limb[k] - 6] -= jacobian[:, e.limb[k]].T @ f[rows * k : rows * (k + 1)]
 
 
 @kernel
@@ -295,89 +221,42 @@ def turn_to_centre(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, v
     """Change the root's equations, with the limbs eliminated, and what is demanded, to z."""
     rotation, mass, thrusts = d.tree.rotation, d.mass_matrix[0, 0], d.thruster_jacobian.shape[0]
     e.centred = 0
-    _linear_rows(e, rotation, mass)
+    e.root_per_centre[:2] = rotation[:2] @ e.mass[:3] / mass
+    e.root_per_centre[2, :3], e.root_per_centre[2, 3:] = rotation[2], 0.0
     if not _invert(e):
         return
     e.centred = 1
-    free = e.free_map.shape[1]
-    for k in range(2):
-        s = t.centre_drift[k]
-        for i in range(3):
-            s += rotation[k, i] * (e.bias[i] - d.bias[i]) / mass
-        e.centre_bias[k] = s
-        for c in range(free):
-            s = 0.0
-            for i in range(3):
-                s -= rotation[k, i] * e.free_map[i, c] / mass
-            e.centre_free[k, c] = s if c >= thrusts else 0.0
-    e.centre_bias[2] = 0.0
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        e.centre_bias[2] += rotation[2, i] * (v[3 + a] * v[b] - v[3 + b] * v[a])
-        e.desired[i] = t.body[i]
-    row = np.empty(6)
-    for i in range(6):
-        for j in range(6):
-            row[j] = 0.0
-            for k in range(6):
-                row[j] += e.mass[i, k] * e.root_per_centre[k, j]
-        for j in range(6):
-            e.mass[i, j] = row[j]
-        for k in range(3):
-            e.bias[i] -= row[k] * e.centre_bias[k]
-        for c in range(free):
-            e.free_map[i, c] += row[0] * e.centre_free[0, c] + row[1] * e.centre_free[1, c]
-
-
-@kernel
-def _linear_rows(e: CondensationRecord, rotation: Vector, mass: float) -> None:
-    """The first three rows of C, into ``root_per_centre``."""
-    for k in range(3):
-        for j in range(6):
-            s = 0.0
-            for i in range(3):
-                s += rotation[k, i] * e.mass[i, j] / mass
-            e.root_per_centre[k, j] = s
-    for j in range(6):
-        e.root_per_centre[2, j] = rotation[2, j] if j < 3 else 0.0
+    e.centre_bias[:2] = t.centre_drift[:2] + rotation[:2] @ (e.bias[:3] - d.bias[:3]) / mass
+    e.centre_bias[2] = rotation[2] @ np.cross(v[3:6], v[:3])
+    e.centre_free[:, :thrusts] = 0.0
+    e.centre_free[:, thrusts:] = -(rotation[:2] @ e.free_map[:3, thrusts:]) / mass
+    e.desired[:3] = t.body
+    e.mass[:] = e.mass @ e.root_per_centre
+    e.bias -= e.mass[:, :3] @ e.centre_bias
+    e.free_map += e.mass[:, :2] @ e.centre_free
 
 
 @kernel
 def _invert(e: CondensationRecord) -> bool:
     """C⁻¹ in the place of C = [[A, B], [0, 1]]: [[A⁻¹, −A⁻¹ B], [0, 1]]; whether there is one."""
-    m = e.root_per_centre
-    inverse, product = np.empty((3, 3)), np.empty((3, 3))
-    for a in range(3):
-        b, c = (a + 1) % 3, (a + 2) % 3
-        inverse[0, a] = m[b, 1] * m[c, 2] - m[b, 2] * m[c, 1]
-        inverse[1, a] = m[b, 2] * m[c, 0] - m[b, 0] * m[c, 2]
-        inverse[2, a] = m[b, 0] * m[c, 1] - m[b, 1] * m[c, 0]
-    determinant = m[0, 0] * inverse[0, 0] + m[1, 0] * inverse[0, 1] + m[2, 0] * inverse[0, 2]
+    c = e.root_per_centre
+    x, y, z = c[:3, 0], c[:3, 1], c[:3, 2]
+    inverse = np.array([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+    determinant = x @ inverse[0]
     if not abs(determinant) > MIN_CENTRE_DETERMINANT:
         return False
-    for a in range(3):
-        for b in range(3):
-            product[a, b] = 0.0
-            for c in range(3):
-                product[a, b] += inverse[a, c] * m[c, 3 + b] / determinant
-    for a in range(3):
-        for b in range(3):
-            m[a, b], m[a, 3 + b] = inverse[a, b] / determinant, -product[a, b]
-            m[3 + a, b], m[3 + a, 3 + b] = 0.0, 1.0 if a == b else 0.0
+    inverse /= determinant
+    c[:3, 3:] = -(inverse @ c[:3, 3:])
+    c[:3, :3] = inverse
+    c[3:, :3], c[3:, 3:] = 0.0, np.eye(3)
     return True
 
 
 @kernel
 def root_of_centre(e: CondensationRecord, motion: Vector, free: Vector, n: int, bias: float) -> None:
     """The root's acceleration from z, in the first six rows of ``motion`` (≥ 6, ≥ n); ``bias`` says how much of c."""
-    x = np.empty(6)
     for a in range(n):
-        for j in range(6):
-            x[j] = motion[j, a] - (bias * e.centre_bias[j] if j < 3 else 0.0)
-        for k in range(2):
-            for c in range(e.free_acceleration.shape[0]):
-                x[k] -= e.centre_free[k, c] * free[c, a]
-        for i in range(6):
-            motion[i, a] = 0.0
-            for j in range(6):
-                motion[i, a] += e.root_per_centre[i, j] * x[j]
+        z = motion[:6, a] + 0.0
+        z[:3] -= bias * e.centre_bias
+        z[:2] -= e.centre_free @ free[:, a]
+        motion[:6, a] = e.root_per_centre @ z

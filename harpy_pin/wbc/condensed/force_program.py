@@ -89,12 +89,8 @@ def root_acceleration(v: Vector, rotation: Vector, t: TargetsRecord, out: Vector
 
     Its first three entries are in body axes: the body's world acceleration is R (a_v + ω × v).
     """
-    for i in range(3):
-        a, b = (i + 1) % 3, (i + 2) % 3
-        out[i] = -(v[3 + a] * v[b] - v[3 + b] * v[a])
-        for k in range(3):
-            out[i] += rotation[k, i] * t.body[k]
-        out[3 + i] = t.orientation[i]
+    out[:3] = rotation.T @ t.body - np.cross(v[3:6], v[:3])
+    out[3:6] = t.orientation
 
 
 @kernel
@@ -115,23 +111,16 @@ def root_cost(e: CondensationRecord, response: Vector, qp: ProgramRecord) -> Non
     solve_transposed(e.factor, response, n)
     e.multiplier[:] = e.right_hand_side
     solve_transposed(e.factor, e.multiplier.reshape((6, 1)), 1)
+    qp.gradient[:n] = -(response.T @ e.multiplier)
     for a in range(n):
-        s = 0.0
-        for i in range(6):
-            s += response[i, a] * e.multiplier[i]
-        qp.gradient[a] = -s
         for b in range(a + 1):
-            s = 0.0
-            for i in range(6):
-                s += response[i, a] * response[i, b]
-            qp.hessian[a, b] = qp.hessian[b, a] = s
+            qp.hessian[a, b] = qp.hessian[b, a] = response[:, a] @ response[:, b]
 
 
 @kernel
 def friction_limits(t: TargetsRecord, p: ProblemRecord) -> None:
     """Coefficient of each foot's cone in this tick, after the safety margin: into ``p.friction``."""
-    for k in range(p.friction.shape[0]):
-        p.friction[k] = p.friction_share * min(p.mu, t.friction[k])
+    p.friction[:] = p.friction_share * np.minimum(p.mu, t.friction)
 
 
 @kernel
@@ -141,8 +130,7 @@ def friction_rows(t: TargetsRecord, p: ProblemRecord, qp: ProgramRecord, force: 
     faces = p.pyramid.shape[0]
     for k in range(p.friction.shape[0]):
         up, first, z = p.friction[k] * p.inscribed, qp.bounded + (faces + 1) * k, force + 3 * k + 2
-        for row in range(first, first + faces):
-            qp.inequality[row, z] = up
+        qp.inequality[first : first + faces, z] = up
 
 
 @kernel
@@ -151,8 +139,7 @@ def force_bounds(t: TargetsRecord, faces: int, lower: Vector, upper: Vector) -> 
     for k in range(t.held.shape[0]):
         on = t.held[k] != 0.0
         first = (faces + 1) * k
-        for row in range(first, first + faces):
-            lower[row] = 0.0 if on else -1.0
+        lower[first : first + faces] = 0.0 if on else -1.0
         lower[first + faces] = t.force_range[k, 0] if on else -1.0
         upper[first + faces] = t.force_range[k, 1] if on else 1.0
 
@@ -171,5 +158,4 @@ def into_cones(t: TargetsRecord, p: CondensedRecord) -> None:
             outward = -(p.pyramid[face, 0] * f[0] + p.pyramid[face, 1] * f[1])
             if outward * share > inside:
                 share = max(inside, 0.0) / outward
-        f[0] *= share
-        f[1] *= share
+        f[:2] *= share

@@ -54,28 +54,23 @@ def limited_program(d: DynamicsRecord, t: TargetsRecord, p: CondensedRecord, v: 
     e, qp, thrusts, faces = p.root, p.limited.program, d.thruster_jacobian.shape[0], p.pyramid.shape[0]
     first = thrusts + e.others.shape[0]
     stiff = p.w_swing == 0.0  # swing feet have no free acceleration
-    for c in range(e.inverse_weight.shape[0]):
-        e.inverse_weight[c] = e.free_acceleration[c] = 0.0
+    e.inverse_weight[:] = 0.0
+    e.free_acceleration[:] = 0.0
     root_factor(e)
-    for c in range(e.inverse_weight.shape[0]):
-        for i in range(6):
-            free = 0.0 if stiff and c >= first else e.free_map[i, c]
-            p.wide_response[i, c] = free + (e.force_map[i, c - first] if c >= first else 0.0)
+    p.wide_response[:, :first] = e.free_map[:, :first]
+    p.wide_response[:, first:] = np.where(stiff, 0.0, e.free_map[:, first:]) + e.force_map
     root_cost(e, p.wide_response, qp)
     _add_weights(t, p, qp, e.others, thrusts)
-    for c in range(thrusts):
-        qp.lower[c], qp.upper[c] = p.input_lower[c], p.input_upper[c]
+    qp.lower[:thrusts], qp.upper[:thrusts] = p.input_lower[:thrusts], p.input_upper[:thrusts]
     force_bounds(t, faces, qp.lower[first:], qp.upper[first:])
     for k in range(t.held.shape[0]):
         qp.lower[first + (faces + 1) * k + faces] *= p.least_share[k]
     _fit_rows_to_support(t, p, qp, first)
     input_map(d, t, e, v, p.wide_response, p.gain, p.at_rest, True)
     row = qp.lower.shape[0] - p.torque_limit.shape[0]
-    for j in range(p.torque_limit.shape[0]):
-        for a in range(p.gain.shape[1]):
-            qp.inequality[row + j, a] = p.gain[thrusts + j, a]
-        qp.lower[row + j] = -p.torque_limit[j] - p.at_rest[thrusts + j]
-        qp.upper[row + j] = p.torque_limit[j] - p.at_rest[thrusts + j]
+    qp.inequality[row:, : p.gain.shape[1]] = p.gain[thrusts:]
+    qp.lower[row:] = -p.torque_limit - p.at_rest[thrusts:]
+    qp.upper[row:] = p.torque_limit - p.at_rest[thrusts:]
 
 
 @kernel
@@ -105,10 +100,8 @@ def _fit_rows_to_support(t: TargetsRecord, p: CondensedRecord, qp: ProgramRecord
     for k in range(t.held.shape[0]):
         held, up = t.held[k] != 0.0, p.friction[k] * p.inscribed
         first, x = before + (faces + 1) * k, before + 3 * k
-        for row in range(faces):
-            for i in range(2):
-                qp.inequality[first + row, x + i] = p.pyramid[row, i] if held else 0.0
-            qp.inequality[first + row, x + 2] = up if held else 0.0
+        qp.inequality[first : first + faces, x : x + 2] = np.where(held, p.pyramid[:, :2], 0.0)
+        qp.inequality[first : first + faces, x + 2] = up if held else 0.0
         qp.inequality[first + faces, x + 2] = 1.0 if held else 0.0
 
 
@@ -148,14 +141,10 @@ def _free_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, fi
     """Entries of o per unit of each variable, into ``free_per_unit``."""
     free, n = e.free_per_unit, response.shape[1]
     for c in range(e.inverse_weight.shape[0]):
-        for a in range(n):
-            free[c, a] = 0.0
+        free[c, :n] = -e.inverse_weight[c] * (e.free_map[:, c] @ response)
         if e.inverse_weight[c] != 0.0:
-            for i in range(6):
-                x = -e.inverse_weight[c] * e.free_map[i, c]
-                for a in range(n):
-                    free[c, a] += x * response[i, a]
-        elif fixed and (c < first or t.held[(c - first) // 3] == 0.0):
+            continue
+        if fixed and (c < first or t.held[(c - first) // 3] == 0.0):
             free[c, c] = 1.0
 
 
@@ -164,36 +153,21 @@ def _motion_per_unit(t: TargetsRecord, e: CondensationRecord, response: Vector, 
     """Generalised accelerations per unit of each variable, into ``motion_per_unit``."""
     free, motion, n = e.free_per_unit, e.motion_per_unit, response.shape[1]
     for j in range(6):
-        for a in range(n):
-            motion[j, a] = 0.0
-        for i in range(6):
-            x = e.inverse_body_weight[j] * e.mass[i, j]
-            for a in range(n):
-                motion[j, a] += x * response[i, a]
+        motion[j, :n] = e.inverse_body_weight[j] * e.mass[:, j] @ response
     if e.centred:
         root_of_centre(e, motion, free, n, 0.0)
     others = e.others.shape[0]
     first = thrusts + others
     for c in range(others):
-        row = e.others[c]
-        for a in range(n):
-            motion[row, a] = free[thrusts + c, a]
+        motion[e.others[c], :n] = free[thrusts + c, :n]
     limbs, joints, rows = e.inverse.shape
     for k in range(limbs):
         held = t.held[rows * k // 3] != 0.0
         for b in range(joints):
-            row = e.limb[k, b]
-            for a in range(n):
-                motion[row, a] = 0.0
-            for j in range(6):
-                x = e.limb_map[k, b, j]
-                for a in range(n):
-                    motion[row, a] += x * motion[j, a]
+            row = motion[e.limb[k, b], :n]
+            row[:] = e.limb_map[k, b] @ motion[:6, :n]
             if not held:
-                for j in range(rows):
-                    x = e.inverse[k, b, j]
-                    for a in range(n):
-                        motion[row, a] += x * free[first + rows * k + j, a]
+                row += e.inverse[k, b] @ free[first + rows * k : first + rows * (k + 1), :n]
 
 
 @kernel
@@ -201,30 +175,23 @@ def _input_per_unit(d: DynamicsRecord, t: TargetsRecord, e: CondensationRecord, 
     """Thrusts and torques per unit of each variable; the columns of the feet begin at ``first``."""
     free, motion, n = e.free_per_unit, e.motion_per_unit, gain.shape[1]
     nv, thrusts = d.bias.shape[0], d.thruster_jacobian.shape[0]
-    for c in range(thrusts):
-        for a in range(n):
-            gain[c, a] = free[c, a]
+    gain[:thrusts] = free[:thrusts, :n]
+    gain[thrusts:] = 0.0
     for j in range(6, nv):
-        row = thrusts + j - 6
-        for a in range(n):
-            gain[row, a] = 0.0
+        row = gain[thrusts + j - 6]
         for i in range(nv):
-            x = d.mass_matrix[j, i]
-            if x != 0.0:  # limbs do not feel each other
-                for a in range(n):
-                    gain[row, a] += x * motion[i, a]
+            if d.mass_matrix[j, i] != 0.0:  # limbs do not feel each other
+                row += d.mass_matrix[j, i] * motion[i, :n]
         for c in range(thrusts):
-            x = d.thruster_jacobian[c, j]
-            if x != 0.0:
-                for a in range(n):
-                    gain[row, a] -= x * free[c, a]
+            if d.thruster_jacobian[c, j] != 0.0:
+                row -= d.thruster_jacobian[c, j] * free[c, :n]
     limbs, joints, rows = e.inverse.shape
     for k in range(limbs):
         if t.held[rows * k // 3] != 0.0:
+            jacobian, column = d.foot_jacobian[rows * k : rows * (k + 1)], first + rows * k
             for b in range(joints):
                 j = e.limb[k, b]
-                for a in range(rows):
-                    gain[thrusts + j - 6, first + rows * k + a] -= d.foot_jacobian[rows * k + a, j]
+                gain[thrusts + j - 6, column : column + rows] -= jacobian[:, j]
 
 
 @kernel
@@ -257,9 +224,7 @@ def share_of_least_force(d: EquationsRecord, torque: Vector, limit: Vector, k: i
     """ρ of a contact point; the torques are τ° and the limits τ_max, N·m."""
     share = 1.0
     for j in range(limit.shape[0]):
-        moves = 0.0
-        for i in range(3 * k, 3 * k + 3):
-            moves += abs(d.foot_jacobian[i, 6 + j])
+        moves = np.sum(abs(d.foot_jacobian[3 * k : 3 * k + 3, 6 + j]))
         if moves > 0.0 and abs(torque[j]) > limit[j]:
             share = min(share, limit[j] / abs(torque[j]))
     return share
