@@ -62,9 +62,7 @@ class Arrays(Expressions):
             return self.element(whole, [*at[:before], n, *at[before + 1 :]])
 
         shape = (*kind.shape[:before], *as_array(indices).shape, *kind.shape[before + 1 :])
-        found = Value(
-            Array.packed(_number(whole), shape), rule=rule, roots=owner.roots, reads=_elsewhere(whole, indices)
-        )
+        found = Value(Array.packed(_number(whole), shape), rule=rule, roots=owner.roots, reads=_elsewhere(whole, indices))
         return replace(found, fields=frozenset(f"{path.partition('+')[0]}+" for path in owner.fields))
 
     def _of_part(self, part: ast.expr) -> Value:
@@ -86,9 +84,7 @@ class Arrays(Expressions):
 
         kind = operation(*(Value(_number(part), "x", volatile=True) for part in parts)).type
         assert isinstance(kind, Scalar)
-        return Value(
-            Array.packed(kind, shape), rule=rule, reads=tuple(read for part in arrays for read in read_by(part))
-        )
+        return Value(Array.packed(kind, shape), rule=rule, reads=tuple(read for part in arrays for read in read_by(part)))
 
     def operand(self, value: Value) -> Value:
         """An array, or a number that is computed once."""
@@ -281,14 +277,8 @@ FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.maximum: (2, lambda translator, a, b: translator.extreme_of_two("maximum", a, b)),
     np.minimum: (2, lambda translator, a, b: translator.extreme_of_two("minimum", a, b)),
     np.sum: (1, lambda translator, a: translator._through(translator._plus, a, "0")),
-    np.max: (
-        1,
-        lambda translator, a: translator._through(lambda x, y: translator.extreme_of_two("maximum", x, y), a, "0"),
-    ),
-    np.min: (
-        1,
-        lambda translator, a: translator._through(lambda x, y: translator.extreme_of_two("minimum", x, y), a, "0"),
-    ),
+    np.max: (1, lambda translator, a: translator._through(lambda x, y: translator.extreme_of_two("maximum", x, y), a, "0")),
+    np.min: (1, lambda translator, a: translator._through(lambda x, y: translator.extreme_of_two("minimum", x, y), a, "0")),
 }
 """Functions of NumPy for arrays: how many arguments they have, and what they become."""
 
