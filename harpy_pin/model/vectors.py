@@ -27,3 +27,10 @@ def exp(w: Vector) -> Vector:
     else:
         a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / square
     return (1.0 - b * square) * np.eye(3) + np.outer(b * w, w) + a * skew(w)
+
+
+@kernel
+def rotation_in_plane(angle: float) -> Vector:
+    """The rotation (2, 2) to the left by an angle."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s], [s, c]])
