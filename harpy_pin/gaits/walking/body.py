@@ -112,7 +112,7 @@ def _along_cycle(p: WalkingRecord, pressure: Vector) -> Vector:
     about = before if passed < 0.0 and share < 1.0 else middle
     desired = about + now * (middle - about + cyclic_offset(wanted * duration, jump, growth))
     xi = m.centre[:2] + m.drift / p.omega
-    at = middle + (1.0 - share) * (before - middle) + (1.0 + CYCLE_GAIN) * (xi - desired)
+    at: Vector = middle + (1.0 - share) * (before - middle) + (1.0 + CYCLE_GAIN) * (xi - desired)
     length = np.hypot(*line)
     if number > 1.0 and length > 0.0:
         line /= length
@@ -152,7 +152,7 @@ def _stretched_height(p: WalkingRecord) -> float:
     for k in range(p.group.shape[0]):
         if p.in_air[k] == 0.0:
             way = hip_place(p, k, AHEAD) - m.place[k, :2]
-            square = max(p.reach**2 + p.hip**2 - way @ way, 0.25 * p.hip**2)
+            square = float(max(p.reach**2 + p.hip**2 - way @ way, 0.25 * p.hip**2))
             least = min(least, p.height - p.hip + m.place[k, 2] + np.sqrt(square))
     return float(least)
 
@@ -178,7 +178,8 @@ def _body_acceleration(p: WalkingRecord) -> Vector:
             rest -= p.reaction[k, :2] @ np.array([*(axes.T @ p.held[k, :2]), p.held[k, 3]])
             whole -= p.reaction[k, :2, :2]
     (a, b), (c, d) = whole[0], whole[1]
-    return axes @ np.array([d * rest[0] - b * rest[1], a * rest[1] - c * rest[0]]) / (a * d - b * c)
+    body: Vector = axes @ np.array([d * rest[0] - b * rest[1], a * rest[1] - c * rest[0]]) / (a * d - b * c)
+    return body
 
 
 @kernel

@@ -91,10 +91,12 @@ def _landing_middle(p: WalkingRecord, left: float) -> Vector:
     _predict_centre(p, stance, count, pressure, left, there, speed)
     if p.groups != 2:
         standing = (p.groups - 1 + p.double_support) * p.step_duration
-        return there + axes @ p.middle[g] + 0.5 * standing * p.desired + (speed - p.desired) / p.omega
+        there += axes @ p.middle[g] + 0.5 * standing * p.desired + (speed - p.desired) / p.omega
+        return there
     jump = axes @ (p.middle[(g + 1) % p.groups] - p.middle[g])
     desired = desired_after(p, left + 0.5 * duration if p.soles else 0.0)
-    return there + speed / p.omega - cyclic_offset(desired * duration, jump, np.exp(p.omega * duration))
+    there += speed / p.omega - cyclic_offset(desired * duration, jump, np.exp(p.omega * duration))
+    return there
 
 
 @kernel

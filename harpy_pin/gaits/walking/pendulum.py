@@ -157,7 +157,8 @@ def desired_after(p: WalkingRecord, time: float) -> Vector:
 def hip_place(p: WalkingRecord, k: int, time: float) -> Vector:
     """Where the hip of foot k is after a time, if the centre of mass goes on as it does, m."""
     m = p.measured
-    return m.centre[:2] + time * m.drift + rotation_in_plane(m.heading) @ p.nominal[k]
+    place: Vector = m.centre[:2] + time * m.drift + rotation_in_plane(m.heading) @ p.nominal[k]
+    return place
 
 
 @kernel

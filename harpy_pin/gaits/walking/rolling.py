@@ -57,7 +57,7 @@ def plan_roll(p: WalkingRecord) -> None:
     if not p.soles or p.group.shape[0] != 2 or p.groups != 2 or not p.terrain.level:
         return
     m, k = p.measured, 0 if p.group[0] == p.swings else 1
-    way = (m.place[1 - k, :2] - m.place[k, :2]) @ ahead_of(p, k, m.turned[k])
+    way = float((m.place[1 - k, :2] - m.place[k, :2]) @ ahead_of(p, k, m.turned[k]))
     size = min(max(ROLL * abs(way) / p.leg - SHORT, 0.0), MOST_ROLL)
     p.roll = size if way > 0.0 else -size
 
@@ -151,10 +151,11 @@ def lift_corner(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
 @kernel
 def flat_place(p: WalkingRecord, k: int) -> Vector:
     """Where the middle of foot k would be, flat, with the edge where it is over which it rolls, m."""
-    m, end = p.measured, 0.0
+    place: Vector = p.measured.place[k]
     if not rolls(p, k):
-        return m.place[k]
+        return place
+    end = 0.0
     for n in range(p.foot.shape[0]):
         if p.foot[n] == k and p.own[n, 0] * p.roll > 0.0:
             end = p.own[n, 0]
-    return p.pivot - end * np.array([*ahead_of(p, k, m.turned[k]), 0.0])
+    return p.pivot - end * np.array([*ahead_of(p, k, p.measured.turned[k]), 0.0])
