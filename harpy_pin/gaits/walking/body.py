@@ -152,7 +152,7 @@ def _stretched_height(p: WalkingRecord) -> float:
     for k in range(p.group.shape[0]):
         if p.in_air[k] == 0.0:
             way = hip_place(p, k, AHEAD) - m.place[k, :2]
-            square = float(max(p.reach**2 + p.hip**2 - way @ way, 0.25 * p.hip**2))
+            square = max(float(p.reach**2 + p.hip**2 - way @ way), 0.25 * p.hip * p.hip)
             least = min(least, p.height - p.hip + m.place[k, 2] + np.sqrt(square))
     return float(least)
 

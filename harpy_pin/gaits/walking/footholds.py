@@ -136,8 +136,7 @@ def widen_stance(p: WalkingRecord) -> None:
     needed = p.sole[0] * np.sin(turn) + p.sole[1] * np.cos(turn) + aside + CLEAR
     apart = np.hypot(*(p.nominal[0] - p.nominal[1]))
     share = max(needed / apart, 1.0)
-    for k in range(2):
-        p.middle[p.group[k]] = share * p.nominal[k]
+    p.middle[p.group] = share * p.nominal
 
 
 @kernel
