@@ -181,17 +181,26 @@ class Arrays(Expressions):
         return total
 
     def _cross(self, a: Value, b: Value) -> Value:
-        a, b = self._factor(a, (1,)), self._factor(b, (1,))
-        if as_array(a).shape != (3,) or as_array(b).shape != (3,):
-            raise Refused("a cross product of other arrays than two of three numbers")
+        """``np.cross`` of vectors; one of them, or both, may be rows of a matrix."""
+        a, b = self._factor(a), self._factor(b)
+        left, right = as_array(a).shape, as_array(b).shape
+        if left[-1] != 3 or right[-1] != 3:
+            raise Refused("a cross product of other arrays than of three numbers, or of rows of three")
+        shape = self.common_shape(left, right) if len(left) == len(right) else max(left, right, key=len)
 
         def rule(indices: Sequence[Value]) -> Value:
-            i = int(indices[0].constant)  # type: ignore[arg-type]  # three elements are written one by one
-            j, k = self.constant((i + 1) % 3), self.constant((i + 2) % 3)
-            first = self._times(self.element(a, [j]), self.element(b, [k]))
-            return self.arithmetic(ast.Sub(), first, self._times(self.element(a, [k]), self.element(b, [j])))
+            next_, last = (self._turned(indices[-1], n) for n in (1, 2))
+            first = self._times(of(a, indices, next_), of(b, indices, last))
+            return self.arithmetic(ast.Sub(), first, self._times(of(a, indices, last), of(b, indices, next_)))
 
-        return Value(Array.packed(REAL, (3,)), rule=rule, reads=_elsewhere(a, b))
+        def of(array: Value, indices: Sequence[Value], n: Value) -> Value:
+            return self.element(array, [*indices[: len(as_array(array).shape) - 1], n])
+
+        return Value(Array.packed(REAL, shape), rule=rule, reads=_elsewhere(a, b))
+
+    def _turned(self, index: Value, n: int) -> Value:
+        """An index of three, n places on."""
+        return self.arithmetic(ast.Mod(), self.arithmetic(ast.Add(), index, self.constant(n)), self.constant(3))
 
     def _outer(self, a: Value, b: Value) -> Value:
         a, b = self._factor(a, (1,)), self._factor(b, (1,))

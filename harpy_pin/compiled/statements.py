@@ -363,7 +363,7 @@ class _Translator(Assignments):
             raise refused(node, ": arguments by name")
         if function in FUNCTIONS:
             return self.of_arrays(function, self.ordered([_as_tuples(argument) for argument in node.args]))
-        arguments = self.ordered(node.args)
+        arguments = list(self._tuple(ast.Tuple(node.args, ast.Load())).items)
         extreme = function in (builtins.min, builtins.max)
         count = 2 if extreme or function in OF_TWO else 1
         if len(arguments) < count or (len(arguments) > count and not extreme):

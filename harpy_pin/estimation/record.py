@@ -38,9 +38,7 @@ class FilterRecord(RecordOf):
     covariance: Vector = sized("3 feet + 15", "3 feet + 15")  # of the errors
     work: Vector = sized("3 feet + 15", "3 feet + 15")
     rows: Vector = sized(3, "3 feet + 15")
-    turned: Vector = sized(6, "3 feet + 15")
     correction: Vector = sized("3 feet + 15")
-    step_rotation: Vector = sized(3, 3)
     innovation: float  # low-passed squared Mahalanobis distance of three, of feet in stance
 
 

@@ -43,20 +43,18 @@ class StayingRecord(RecordOf):
     way: Vector = sized(DEGREE + 1, 3)  # coefficients of the offset's polynomial in the time since its begin
 
 
-@kernel
+@kernel(out=(3, 3))
 def _offset(t: float, p: StayingRecord, out: Vector) -> None:
     """Offset that was asked for: (3, 3) position, velocity and acceleration; at rest before and after the way."""
     s = min(max(t - p.begin, 0.0), p.duration)
     moving = 0.0 <= t - p.begin < p.duration
-    for i in range(3):
-        position = velocity = acceleration = 0.0
-        for n in range(p.way.shape[0] - 1, -1, -1):
-            acceleration = acceleration * s + 2.0 * velocity
-            velocity = velocity * s + position
-            position = position * s + p.way[n, i]
-        out[0, i] = position
-        out[1, i] = velocity if moving else 0.0
-        out[2, i] = acceleration if moving else 0.0
+    out[:] = 0.0
+    for n in range(p.way.shape[0] - 1, -1, -1):
+        out[2] = out[2] * s + 2.0 * out[1]
+        out[1] = out[1] * s + out[0]
+        out[0] = out[0] * s + p.way[n]
+    if not moving:
+        out[1:] = 0.0
 
 
 @kernel
@@ -65,22 +63,20 @@ def _stay(t: float, p: StayingRecord, o: GaitTargetRecord) -> bool:
     if not abs(t) < LONGEST:
         return False
     rate = 2.0 * np.pi / p.shift_period
-    share, speed = 0.5 - 0.5 * np.cos(rate * t), 0.5 * rate * np.sin(rate * t)
-    acceleration = 0.5 * rate * rate * np.cos(rate * t)
+    c, s = np.cos(rate * t), np.sin(rate * t)
     _offset(t, p, o.body.reshape((3, 3)))
-    for i in range(3):
-        o.body[i] += share * p.shift[i]
-        o.body[3 + i] += speed * p.shift[i]
-        o.body[6 + i] += acceleration * p.shift[i]
-        for k in range(o.stance.shape[0]):
-            o.foot_position[k, i] = p.feet[k, i] - o.body[i]
-            o.foot_velocity[k, i] = -o.body[3 + i]
-            o.foot_acceleration[k, i] = -o.body[6 + i]
+    o.body[:3] += 0.5 * (1.0 - c) * p.shift
+    o.body[3:6] += 0.5 * rate * s * p.shift
+    o.body[6:] += 0.5 * rate**2 * c * p.shift
+    for k in range(o.stance.shape[0]):
+        o.foot_position[k] = p.feet[k] - o.body[:3]
+        o.foot_velocity[k] = -o.body[3:6]
+        o.foot_acceleration[k] = -o.body[6:]
     o.body[2] += p.height
     o.heading[0] = -p.facing
-    for k in range(o.stance.shape[0]):
-        o.foot_position[k, 2] -= p.penetration_offset
-        o.stance[k], o.phase[k] = 1.0, 0.5
+    o.foot_position[:, 2] -= p.penetration_offset
+    o.stance[:] = 1.0
+    o.phase[:] = 0.5
     return True
 
 

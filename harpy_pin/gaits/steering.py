@@ -19,6 +19,8 @@ from harpy_pin.gaits.gait import LONGEST, GaitTargetRecord
 from harpy_pin.gaits.straight import support, world_frame_blend
 from harpy_pin.gaits.terrain_targets import nearest_steppable
 from harpy_pin.gaits.velocity import is_still, take_command
+from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import rotation_in_plane
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.commanded import CommandedRecord
@@ -53,9 +55,7 @@ def restart(p: CommandedRecord) -> None:
     p.leftover[:] = 0.0
     p.in_air[:] = 0.0
     p.foot_velocity[:] = 0.0
-    for k in range(2):
-        p.foot[k, 0] = 0.0
-        p.foot[k, 1] = p.width * (1.0 - 2.0 * k)
+    p.foot[:] = np.array([[0.0, p.width], [0.0, -p.width]])
     p.foothold[:] = p.foot
 
 
@@ -79,23 +79,21 @@ def advance(t: float, p: CommandedRecord, target: GaitTargetRecord) -> bool:
 
 
 @kernel
-def _steer(p: CommandedRecord, forward: float, sideways: float, turn: float, step: float) -> tuple[float, float, float]:
+def _steer(p: CommandedRecord, velocity: Vector, step: float) -> Vector:
     """The velocity after a time, on its way to the goal at bounded acceleration."""
-    dx, dy, dw = p.goal[0] - forward, p.goal[1] - sideways, p.goal[2] - turn
-    size, most = np.hypot(dx, dy), p.acceleration * step
-    share = most / size if size > most else 1.0
-    most = p.turn_acceleration * step
-    return forward + share * dx, sideways + share * dy, turn + min(max(dw, -most), most)
+    change = p.goal[:3] - velocity
+    size, most, most_turn = np.hypot(*change[:2]), p.acceleration * step, p.turn_acceleration * step
+    if size > most:
+        change[:2] *= most / size
+    change[2] = min(max(change[2], -most_turn), most_turn)
+    return velocity + change
 
 
 @kernel
-def _move(
-    x: float, y: float, heading: float, forward: float, sideways: float, turn: float, step: float
-) -> tuple[float, float, float]:
-    """The path's place and heading after a time at one velocity."""
-    middle = heading + 0.5 * turn * step
-    c, s = np.cos(middle), np.sin(middle)
-    return x + step * (c * forward - s * sideways), y + step * (s * forward + c * sideways), heading + step * turn
+def _move(path: Vector, velocity: Vector, step: float) -> None:
+    """Place and heading of the path go on for a time at one velocity."""
+    path[:2] += step * (rotation_in_plane(path[2] + 0.5 * step * velocity[2]) @ velocity[:2])
+    path[2] += step * velocity[2]
 
 
 @kernel
@@ -112,15 +110,12 @@ def _toward(place: float, velocity: float, goal: float, left: float, step: float
 @kernel
 def _step(p: CommandedRecord, step: float) -> None:
     """One short time step of the whole state."""
-    u = p.velocity
-    forward, sideways, turn = _steer(p, u[0], u[1], u[2], step)
-    means = 0.5 * (u[0] + forward), 0.5 * (u[1] + sideways), 0.5 * (u[2] + turn)
-    p.rate[0], p.rate[1], p.rate[2] = (forward - u[0]) / step, (sideways - u[1]) / step, (turn - u[2]) / step
-    u[0], u[1], u[2] = forward, sideways, turn
-    x, y, heading = _move(p.path[0], p.path[1], p.path[2], means[0], means[1], means[2], step)
-    p.path[0], p.path[1], p.path[2] = x, y, heading
-    rest = p.leftover
-    rest[0], rest[1] = _toward(rest[0], rest[1], 0.0, rest[2], step)
+    u, rest = p.velocity, p.leftover
+    new = _steer(p, u, step)
+    _move(p.path, 0.5 * (u + new), step)
+    p.rate[:] = (new - u) / step
+    u[:] = new
+    rest[:2] = _toward(rest[0], rest[1], 0.0, rest[2], step)
     rest[2] = max(rest[2] - step, 0.0)
     if p.walking == 0.0:
         if is_still(p):
@@ -132,8 +127,8 @@ def _step(p: CommandedRecord, step: float) -> None:
     stop = np.floor(before) + 0.5 * p.double_support
     if before < stop <= p.phase and is_still(p) and _feet_settled(p):
         p.phase = stop
-        sway = _sway(p)
-        rest[0], rest[1], rest[2] = sway[0], sway[1], p.step_duration
+        place, speed, _ = _sway(p)
+        rest[:] = place, speed, p.step_duration
         p.walking = p.begun = 0.0
     if p.phase >= 2.0:
         p.phase -= 2.0
@@ -144,14 +139,12 @@ def _step(p: CommandedRecord, step: float) -> None:
 @kernel
 def _feet_settled(p: CommandedRecord) -> bool:
     """Whether both feet are to the sides of the body, where they stand."""
-    c, s = np.cos(p.path[2]), np.sin(p.path[2])
-    x, y = p.path[0], p.path[1]
+    left = rotation_in_plane(p.path[2])[:, 1]
     for k in range(2):
-        side = p.width * (1.0 - 2.0 * k)
-        u, w = x - side * s, y + side * c
+        place = p.path[:2] + p.width * (1.0 - 2.0 * k) * left
         if not p.terrain.level:
-            u, w = nearest_steppable(p.terrain, u, w, p.foot[k, 0], p.foot[k, 1])
-        if np.hypot(p.foot[k, 0] - u, p.foot[k, 1] - w) > SETTLED:
+            place[:] = nearest_steppable(p.terrain, *place, *p.foot[k])
+        if np.hypot(*(p.foot[k] - place)) > SETTLED:
             return False
     return True
 
@@ -189,23 +182,19 @@ def _follow(p: CommandedRecord, k: int) -> None:
 def _plan(p: CommandedRecord, k: int, left: float) -> None:
     """Foothold of foot k, which lands after the time left: beside the path at the middle of its next stance."""
     step = (left + 0.5 * p.step_duration * (1.0 + p.double_support)) / AHEAD
-    x, y, heading = p.path[0], p.path[1], p.path[2]
-    forward, sideways, turn = p.velocity[0], p.velocity[1], p.velocity[2]
+    path, velocity = 1.0 * p.path, 1.0 * p.velocity
     for _ in range(AHEAD):
-        f, g, w = _steer(p, forward, sideways, turn, step)
-        x, y, heading = _move(x, y, heading, 0.5 * (forward + f), 0.5 * (sideways + g), 0.5 * (turn + w), step)
-        forward, sideways, turn = f, g, w
-    side = 1.0 - 2.0 * k
-    nx, ny = -side * np.sin(heading), side * np.cos(heading)  # away from the path, on this foot's side
-    x += p.width * nx
-    y += p.width * ny
-    gap = (x - p.foot[1 - k, 0]) * nx + (y - p.foot[1 - k, 1]) * ny
+        new = _steer(p, velocity, step)
+        _move(path, 0.5 * (velocity + new), step)
+        velocity[:] = new
+    away = (1.0 - 2.0 * k) * rotation_in_plane(path[2])[:, 1]  # from the path, on this foot's side
+    place = path[:2] + p.width * away
+    gap = (place - p.foot[1 - k]) @ away
     if gap < FEET_APART:
-        x += (FEET_APART - gap) * nx
-        y += (FEET_APART - gap) * ny
+        place += (FEET_APART - gap) * away
     if not p.terrain.level:
-        x, y = nearest_steppable(p.terrain, x, y, p.foothold[k, 0], p.foothold[k, 1])
-    p.foothold[k, 0], p.foothold[k, 1] = x, y
+        place[:] = nearest_steppable(p.terrain, *place, *p.foothold[k])
+    p.foothold[k] = place
 
 
 @kernel
@@ -234,18 +223,16 @@ def _sway(p: CommandedRecord) -> tuple[float, float, float]:
 @kernel
 def _write(p: CommandedRecord, o: GaitTargetRecord) -> None:
     """The targets at the present state."""
-    u, du, turn = p.velocity, p.rate, p.velocity[2]
-    c, s = np.cos(p.path[2]), np.sin(p.path[2])
+    u, du, turn, axes = p.velocity, p.rate, p.velocity[2], rotation_in_plane(p.path[2])
     place, speed, change = _sway(p)
     # Along the heading and to its left; the frame turns.
-    forward, left = u[0] - turn * place, u[1] + speed
+    velocity = np.array([u[0] - turn * place, u[1] + speed])
     ahead = du[0] - turn * (u[1] + 2.0 * speed) - du[2] * place
     aside = du[1] + turn * u[0] + change - turn * turn * place
-    body = o.body
-    body[0], body[1], body[2] = p.path[0] - s * place, p.path[1] + c * place, p.height
-    body[3], body[4], body[5] = c * forward - s * left, s * forward + c * left, 0.0
-    body[6], body[7], body[8] = c * ahead - s * aside, s * ahead + c * aside, 0.0
-    o.heading[0], o.heading[1], o.heading[2] = p.path[2], turn, du[2]
+    o.body[:3] = *(p.path[:2] + place * axes[:, 1]), p.height
+    o.body[3:6] = *(axes @ velocity), 0.0
+    o.body[6:] = *(axes @ np.array([ahead, aside])), 0.0
+    o.heading[:] = p.path[2], turn, du[2]
     for k in range(2):
         _write_foot(p, k, o)
 
@@ -255,10 +242,9 @@ def _write_foot(p: CommandedRecord, k: int, o: GaitTargetRecord) -> None:
     """Targets of foot k, relative to the body's."""
     on_ground, done = _support(p, k)
     position, velocity, acceleration = o.foot_position[k], o.foot_velocity[k], o.foot_acceleration[k]
-    for i in range(2):
-        position[i] = p.foot[k, i] - o.body[i]
-        velocity[i] = p.foot_velocity[k, i] - o.body[3 + i]
-        acceleration[i] = -o.body[6 + i]
+    position[:2] = p.foot[k] - o.body[:2]
+    velocity[:2] = p.foot_velocity[k] - o.body[3:5]
+    acceleration[:2] = -o.body[6:8]
     left = 1.0 - done
     o.stance[k], o.phase[k] = (1.0 if on_ground else 0.0), done
     o.world_frame_blend[k] = world_frame_blend(on_ground, done, p.settle, p.release)
@@ -273,7 +259,6 @@ def _write_foot(p: CommandedRecord, k: int, o: GaitTargetRecord) -> None:
         rise = 32.0 * p.clearance * done * left * (left - done) / duration
         bend = 32.0 * p.clearance * (1.0 - 6.0 * done * left) / (duration * duration)
         if p.left[k] > 1e-6:
-            for i in range(2):
-                way = p.foothold[k, i] - p.foot[k, i]
-                acceleration[i] += (6.0 * way / p.left[k] - 4.0 * p.foot_velocity[k, i]) / p.left[k]
+            way = p.foothold[k] - p.foot[k]
+            acceleration[:2] += (6.0 * way / p.left[k] - 4.0 * p.foot_velocity[k]) / p.left[k]
     position[2], velocity[2], acceleration[2] = height - p.height, rise, bend

@@ -146,9 +146,9 @@ def world_frame_blend(on_ground: bool, done: float, settle: float, release: floa
 def _body(t: float, p: StraightRecord, body: Vector) -> None:
     """Constant speed and height, and a sway of period 2 T."""
     rate = np.pi / p.step_duration
-    body[0], body[1], body[2] = p.speed * t, p.sway * np.sin(rate * t), p.height
-    body[3], body[4], body[5] = p.speed, p.sway * rate * np.cos(rate * t), 0.0
-    body[6], body[7], body[8] = 0.0, -p.sway * rate * rate * np.sin(rate * t), 0.0
+    body[:3] = p.speed * t, p.sway * np.sin(rate * t), p.height
+    body[3:6] = p.speed, p.sway * rate * np.cos(rate * t), 0.0
+    body[6:] = 0.0, -p.sway * rate**2 * np.sin(rate * t), 0.0
 
 
 @kernel
@@ -175,14 +175,12 @@ def bezier(points: Vector, s: float, duration: float, position: Vector, velocity
     The curve parameter s goes from 0 to 1 in the ``duration``.
     """
     r = 1.0 - s
-    for i in range(3):
-        p0, p1, p2, p3, p4 = points[0, i], points[1, i], points[2, i], points[3, i], points[4, i]
-        a0, a1, a2, a3 = r * p0 + s * p1, r * p1 + s * p2, r * p2 + s * p3, r * p3 + s * p4
-        b0, b1, b2 = r * a0 + s * a1, r * a1 + s * a2, r * a2 + s * a3
-        c0, c1 = r * b0 + s * b1, r * b1 + s * b2
-        position[i] = r * c0 + s * c1
-        velocity[i] = 4.0 * (c1 - c0) / duration
-        acceleration[i] = 12.0 * (b2 - 2.0 * b1 + b0) / (duration * duration)
+    a = r * points[:4] + s * points[1:]
+    b = r * a[:3] + s * a[1:]
+    c = r * b[:2] + s * b[1:]
+    position[:] = r * c[0] + s * c[1]
+    velocity[:] = 4.0 * (c[1] - c[0]) / duration
+    acceleration[:] = 12.0 * (b[2] - 2.0 * b[1] + b[0]) / duration**2
 
 
 @fixed_arrays("stance_curve", "swing_curve")

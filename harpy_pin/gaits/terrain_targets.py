@@ -187,18 +187,16 @@ def lay_over(t: float, p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRec
     if p.terrain.level:
         return
     height, along, across = fit_plane(p.terrain, g.body[0], g.body[1], p.reach)
+    rise = np.array([along, across])
     o.body[2] += height
-    o.body[5] += along * g.body[3] + across * g.body[4]
-    o.body[8] += along * g.body[6] + across * g.body[7]
+    o.body[5] += rise @ g.body[3:5]
+    o.body[8] += rise @ g.body[6:8]
     if p.leans:
-        size = np.sqrt(1.0 + along * along + across * across)
-        o.up[0], o.up[1], o.up[2] = -along / size, -across / size, 1.0 / size
+        o.up[:] = np.array([-along, -across, 1.0]) / np.sqrt(1.0 + along**2 + across**2)
     for k in range(g.stance.shape[0]):
         _lay_foot(p, g, o, k)
-        for i in range(3):
-            o.foot_position[k, i] -= p.offset[i]
-    for i in range(3):
-        o.body[i] += p.offset[i]
+        o.foot_position[k] -= p.offset
+    o.body[:3] += p.offset
 
 
 @kernel
@@ -206,22 +204,22 @@ def _lay_foot(p: OnTerrainRecord, g: GaitTargetRecord, o: GaitTargetRecord, k: i
     """One foot: on the ground itself; one that is lifted goes over what is higher around it."""
     t = p.terrain
     _beside_edges(p, g, k, o)
-    x, y = g.body[0] + o.foot_position[k, 0], g.body[1] + o.foot_position[k, 1]
+    x, y = g.body[:2] + o.foot_position[k, :2]
     o.ground_height[k] = surface_height(t, x, y)
     nx, ny, nz = surface_normal(t, x, y)
     c, s = np.cos(p.normal_error), np.sin(p.normal_error)
-    o.normal[k, 0], o.normal[k, 1], o.normal[k, 2] = c * nx + s * nz, ny, c * nz - s * nx
-    height, along, across = o.ground_height[k], -nx / nz, -ny / nz
+    o.normal[k] = c * nx + s * nz, ny, c * nz - s * nx
+    height, rise = o.ground_height[k], np.array([-nx / nz, -ny / nz])
     lifted = min(max((g.body[2] + g.foot_position[k, 2]) / LIFTED, 0.0), 1.0)
     if g.stance[k] == 0.0 and p.own_swings:
-        height = along = across = 0.0
+        height = 0.0
+        rise[:] = 0.0
     elif g.stance[k] == 0.0 and lifted > 0.0 and (t.pieces > 0 or t.cells[2] > 0):
         high, steep_along, steep_across = way_over(t, x, y)
         height += lifted * (high - height)
-        along += lifted * (steep_along - along)
-        across += lifted * (steep_across - across)
-    velocity = along * (g.body[3] + o.foot_velocity[k, 0]) + across * (g.body[4] + o.foot_velocity[k, 1])
-    acceleration = along * (g.body[6] + o.foot_acceleration[k, 0]) + across * (g.body[7] + o.foot_acceleration[k, 1])
+        rise += lifted * (np.array([steep_along, steep_across]) - rise)
+    velocity = rise @ (g.body[3:5] + o.foot_velocity[k, :2])
+    acceleration = rise @ (g.body[6:8] + o.foot_acceleration[k, :2])
     o.foot_position[k, 2] = g.body[2] + g.foot_position[k, 2] + height - o.body[2]
     o.foot_velocity[k, 2] = g.body[5] + g.foot_velocity[k, 2] + velocity - o.body[5]
     o.foot_acceleration[k, 2] = g.body[8] + g.foot_acceleration[k, 2] + acceleration - o.body[8]
@@ -236,22 +234,15 @@ def _beside_edges(p: OnTerrainRecord, g: GaitTargetRecord, k: int, o: GaitTarget
         if p.moving[k] != 0.0:
             p.moving[k] = 0.0
             p.aside[k] = p.next_aside[k]
-        for i in range(2):
-            o.foot_position[k, i] += p.aside[k, i]
+        o.foot_position[k, :2] += p.aside[k]
         return
     u = g.phase[k]
     if p.moving[k] == 0.0:
         p.moving[k] = 1.0
-        x = g.body[0] + g.body[3] * (1.0 - u) * p.swing_time + p.landing[k, 0]
-        y = p.landing[k, 1]
-        at = nearest_steppable(p.terrain, x, y, x, y)
-        p.next_aside[k, 0], p.next_aside[k, 1] = at[0] - x, at[1] - y
-    rate = 1.0 / p.swing_time
-    share = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
-    speed = 30.0 * u * u * (1.0 - u) * (1.0 - u) * rate
-    bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) * rate * rate
-    for i in range(2):
-        way = p.next_aside[k, i] - p.aside[k, i]
-        o.foot_position[k, i] += p.aside[k, i] + share * way
-        o.foot_velocity[k, i] += speed * way
-        o.foot_acceleration[k, i] += bend * way
+        x, y = g.body[0] + g.body[3] * (1.0 - u) * p.swing_time + p.landing[k, 0], p.landing[k, 1]
+        at_x, at_y = nearest_steppable(p.terrain, x, y, x, y)
+        p.next_aside[k] = at_x - x, at_y - y
+    way, rate = p.next_aside[k] - p.aside[k], 1.0 / p.swing_time
+    o.foot_position[k, :2] += p.aside[k] + u**3 * (10.0 - 15.0 * u + 6.0 * u**2) * way
+    o.foot_velocity[k, :2] += 30.0 * (u * (1.0 - u)) ** 2 * rate * way
+    o.foot_acceleration[k, :2] += 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) * rate**2 * way

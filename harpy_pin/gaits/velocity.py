@@ -181,16 +181,11 @@ def _as_command(value: ArrayLike, entries: int) -> Vector:
 @kernel
 def take_command(p: VelocityRecord) -> None:
     """The command as the goal of the velocity, scaled down as a whole to what the legs can do and may do."""
-    total = 0.0
-    for i in range(p.command.shape[0]):
-        total += p.command[i]
-    if np.isfinite(total):
+    if np.isfinite(np.sum(p.command)):
         p.last_command[:] = p.command
     else:
         p.refused += 1.0
-    share = share_in_limits(p, p.last_command)
-    for i in range(3):
-        p.goal[i] = share * p.last_command[i]
+    p.goal[:3] = share_in_limits(p, p.last_command) * p.last_command[:3]
 
 
 @kernel
@@ -217,7 +212,5 @@ def foot_speed(p: VelocityRecord, c: Vector) -> float:
 @kernel
 def is_still(p: VelocityRecord) -> bool:
     """Whether nothing is commanded, and nothing applied."""
-    moving = 0.0
-    for i in range(3):
-        moving += abs(p.goal[i]) + abs(p.velocity[i])
-    return moving == 0.0
+    still: bool = np.sum(abs(p.goal[:3]) + abs(p.velocity[:3])) == 0.0
+    return still

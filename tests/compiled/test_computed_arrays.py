@@ -54,6 +54,17 @@ def test_vectors_and_matrices_of_three(r, a, b, out, s):
     same(three, r, a, b, out, s)
 
 
+@kernel(a=(3,), rows=(4, 3), columns=(3, 4), out=(4, 3))
+def rows_of_three(a, rows, columns, out):
+    out[:] = np.cross(a, rows) - np.cross(rows, columns.T)
+    columns[:] += np.cross(a, columns.T).T + np.cross(rows, a).T
+
+
+@given(reals(3), reals(4, 3), reals(3, 4), reals(4, 3))
+def test_cross_products_of_rows(a, rows, columns, out):
+    same(rows_of_three, a, rows, columns, out)
+
+
 @kernel
 def any_size(p, q, v):
     n = p.shape[0]

@@ -12,6 +12,7 @@ from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.rolling import plan_roll, roll_on, rolls
 from harpy_pin.gaits.walking.swinging import PEAK, lift_foot
 from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import rotation_in_plane
 
 EARLIEST = 0.6
 """Share of its swing from which on a foot that is loaded has landed."""
@@ -124,8 +125,7 @@ def _quickest(p: WalkingRecord) -> float:
     way = 0.0
     for k in range(p.group.shape[0]):
         if p.group[k] == p.swings:
-            x, y = p.foothold[k, 0] - p.measured.place[k, 0], p.foothold[k, 1] - p.measured.place[k, 1]
-            way = max(way, np.hypot(x, y))
+            way = max(way, np.hypot(*(p.foothold[k, :2] - p.measured.place[k, :2])))
     return float(np.sqrt(PEAK * way / p.swing_acceleration))
 
 
@@ -202,7 +202,7 @@ def plan_step(p: WalkingRecord) -> None:
     speed = foot_speed(p, p.velocity)
     way = speed * p.usual_step
     p.step_duration = p.usual_step * (p.stride / way if way > p.stride else 1.0)
-    speed += UPSET * np.hypot(p.measured.drift[0] - p.desired[0], p.measured.drift[1] - p.desired[1])
+    speed += UPSET * np.hypot(*(p.measured.drift - p.desired))
     fast = min(speed / p.max_speed, 1.0)
     p.double_support = p.slow_double_support + fast * (p.fast_double_support - p.slow_double_support)
     p.load_ramp = p.slow_load_ramp + fast**4 * (p.fast_load_ramp - p.slow_load_ramp)
@@ -214,28 +214,24 @@ def plan_step(p: WalkingRecord) -> None:
 def _still(p: WalkingRecord) -> bool:
     """Whether nothing is commanded and, but for its sway, nothing moves."""
     m = p.measured
-    return is_still(p) and (p.sways != 0 or np.hypot(m.drift[0], m.drift[1]) < AT_REST * p.omega * p.height)
+    return is_still(p) and (p.sways != 0 or np.hypot(*m.drift) < AT_REST * p.omega * p.height)
 
 
 @kernel
 def _feet_in_place(p: WalkingRecord) -> bool:
     """Whether every foot is on the ground, where it is when the robot stands."""
-    m = p.measured
-    c, s = np.cos(p.path[2]), np.sin(p.path[2])
-    worst = 0.0
+    m, axes, worst = p.measured, rotation_in_plane(p.path[2]), 0.0
     for k in range(p.group.shape[0]):
         if p.in_air[k] != 0.0:
             return False
-        x = m.place[k, 0] - m.centre[0] - c * p.nominal[k, 0] + s * p.nominal[k, 1]
-        y = m.place[k, 1] - m.centre[1] - s * p.nominal[k, 0] - c * p.nominal[k, 1]
-        worst = max(worst, np.hypot(x, y))
+        worst = max(worst, np.hypot(*(m.place[k, :2] - m.centre[:2] - axes @ p.nominal[k])))
     return worst < IN_PLACE * p.height
 
 
 @kernel
 def _commanded(p: WalkingRecord) -> bool:
     """Whether a velocity is commanded."""
-    size: float = abs(p.goal[0]) + abs(p.goal[1]) + abs(p.goal[2])
+    size: float = np.sum(abs(p.goal[:3]))
     return size != 0.0
 
 
@@ -245,22 +241,20 @@ def _beside_feet(p: WalkingRecord) -> float:
     m = p.measured
     points = np.empty((p.measured.point.shape[0], 2))
     count = stance_points(p, -1, 0.0, points)
-    x, y = m.centre[0] + m.drift[0] / p.omega, m.centre[1] + m.drift[1] / p.omega
     if count == 0:
         return 0.0
-    at = nearest_in_hull(points, count, x, y)
-    return float(np.hypot(at[0] - x, at[1] - y))
+    xi = m.centre[:2] + m.drift / p.omega
+    x, y = nearest_in_hull(points, count, *xi)
+    return float(np.hypot(x - xi[0], y - xi[1]))
 
 
 @kernel
 def _first_group(p: WalkingRecord) -> int:
     """The group whose feet are farthest from the capture point: the others stay on the ground."""
     m, best, first = p.measured, -1e9, 0
-    c, s = np.cos(m.heading), np.sin(m.heading)
-    ahead = (c * m.centre[3] + s * m.centre[4]) / p.omega
-    aside = (c * m.centre[4] - s * m.centre[3]) / p.omega
+    glide = rotation_in_plane(m.heading).T @ m.centre[3:5] / p.omega
     for g in range(p.groups):
-        away = -(p.middle[g, 0] * ahead + p.middle[g, 1] * aside)
+        away = -(p.middle[g] @ glide)
         if away > best + 1e-6:
             best, first = away, g
     return first

@@ -18,6 +18,7 @@ from harpy_pin.gaits.walking.pendulum import (
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import ACROSS
 from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import rotation_in_plane
 
 APART = 0.4
 """Least distance between two feet in the direction in which they stand apart, as a share of that when standing."""
@@ -43,17 +44,15 @@ def out_of_reach(p: WalkingRecord, left: float) -> float:
     A robot on soles that has been pushed is balanced by a step at a place that it reaches, or by an earlier one. That
     soles must not touch does not count here: steps of an ordinary walk would end early.
     """
-    x, y = _landing_middle(p, left)
-    heading, g, worst = p.path[2], p.swings, 0.0
-    c, s = np.cos(heading), np.sin(heading)
+    middle, axes, worst, before = _landing_middle(p, left), rotation_in_plane(p.path[2]), 0.0, np.empty(2)
     for k in range(p.group.shape[0]):
-        if p.group[k] == g:
-            before_x, before_y = p.foothold[k, 0], p.foothold[k, 1]
-            p.foothold[k, 0], p.foothold[k, 1] = x, y
-            _keep_apart(p, k, c, s, False)
+        if p.group[k] == p.swings:
+            place = p.foothold[k, :2]
+            before[:], place[:] = place, middle
+            _keep_apart(p, k, axes, False)
             _keep_in_reach(p, k, left)
-            worst = max(worst, np.hypot(p.foothold[k, 0] - x, p.foothold[k, 1] - y))
-            p.foothold[k, 0], p.foothold[k, 1] = before_x, before_y
+            worst = max(worst, np.hypot(*(place - middle)))
+            place[:] = before
     return float(worst)
 
 
@@ -62,81 +61,66 @@ def choose_footholds(p: WalkingRecord, left: float) -> None:
     """Footholds of the group that swings, at the time ``left`` before its touchdown."""
     if is_frozen(p, left):
         return
-    x, y = _landing_middle(p, left)
+    middle, before = _landing_middle(p, left), np.empty(2)
     heading = p.path[2] + p.velocity[2] * (left + 0.5 * p.step_duration * (p.groups - 1))
-    c, s = np.cos(heading), np.sin(heading)
-    g, moving = p.swings, left < (1.0 - ACROSS) * (1.0 - p.double_support) * p.step_duration
+    axes, moving = rotation_in_plane(heading), left < (1.0 - ACROSS) * (1.0 - p.double_support) * p.step_duration
     for k in range(p.group.shape[0]):
-        if p.group[k] == g:
-            ahead, aside = p.spread[k, 0], p.spread[k, 1]
-            before_x, before_y = p.foothold[k, 0], p.foothold[k, 1]
-            p.foothold[k, 0] = x + c * ahead - s * aside
-            p.foothold[k, 1] = y + s * ahead + c * aside
-            p.foothold[k, 2] = heading
-            _keep_apart(p, k, c, s, p.soles != 0)
+        if p.group[k] == p.swings:
+            before[:] = p.foothold[k, :2]
+            p.foothold[k] = *(middle + axes @ p.spread[k]), heading
+            _keep_apart(p, k, axes, p.soles != 0)
             _keep_in_reach(p, k, left)
             if p.steps_over:
-                keep_off_edges(p, k, before_x, before_y, moving)
+                keep_off_edges(p, k, before, moving)
     if p.steps_over:
-        keep_line(p, x, y)
+        keep_line(p, middle)
 
 
 @kernel
-def _landing_middle(p: WalkingRecord, left: float) -> tuple[float, float]:
+def _landing_middle(p: WalkingRecord, left: float) -> Vector:
     """Where the middle of the group's feet lands, m."""
-    m, g = p.measured, p.swings
+    m, g, axes = p.measured, p.swings, rotation_in_plane(p.path[2])
     stance = np.empty((p.measured.point.shape[0], 2))
     count = stance_points(p, g, 0.0, stance)
-    c, s = np.cos(p.path[2]), np.sin(p.path[2])
     if count == 0:
-        return m.centre[0], m.centre[1]
-    at = nearest_in_hull(stance, count, p.pressure[0], p.pressure[1])
+        return m.centre[:2]
     there, speed, duration = np.empty(2), np.empty(2), real_duration(p)
     if p.soles:
         left = max(left - (p.step_duration - duration), 0.0) + 0.5 * p.double_support * p.step_duration
-    _predict_centre(p, stance, count, at[0], at[1], left, there, speed)
-    growth = np.exp(p.omega * duration)
-    following = (g + 1) % p.groups
-    jump_ahead, jump_aside = p.middle[following, 0] - p.middle[g, 0], p.middle[following, 1] - p.middle[g, 1]
-    jump = c * jump_ahead - s * jump_aside, s * jump_ahead + c * jump_aside
-    middle = c * p.middle[g, 0] - s * p.middle[g, 1], s * p.middle[g, 0] + c * p.middle[g, 1]
+    pressure = np.array(nearest_in_hull(stance, count, *p.pressure))
+    _predict_centre(p, stance, count, pressure, left, there, speed)
+    if p.groups != 2:
+        standing = (p.groups - 1 + p.double_support) * p.step_duration
+        there += axes @ p.middle[g] + 0.5 * standing * p.desired + (speed - p.desired) / p.omega
+        return there
+    jump = axes @ (p.middle[(g + 1) % p.groups] - p.middle[g])
     desired = desired_after(p, left + 0.5 * duration if p.soles else 0.0)
-    for i in range(2):
-        if p.groups == 2:
-            offset = cyclic_offset(desired[i] * duration, jump[i], growth)
-            there[i] += speed[i] / p.omega - offset
-        else:
-            standing = (p.groups - 1 + p.double_support) * p.step_duration
-            there[i] += middle[i] + 0.5 * standing * p.desired[i] + (speed[i] - p.desired[i]) / p.omega
-    return there[0], there[1]
+    there += speed / p.omega - cyclic_offset(desired * duration, jump, np.exp(p.omega * duration))
+    return there
 
 
 @kernel
 def _predict_centre(
-    p: WalkingRecord, stance: Vector, count: int, x: float, y: float, left: float, there: Vector, speed: Vector
+    p: WalkingRecord, stance: Vector, count: int, pressure: Vector, left: float, there: Vector, speed: Vector
 ) -> None:
     """Place and velocity of the centre of mass at touchdown, after the time ``left``.
 
-    It is a pendulum about the centre of pressure (x, y), but goes on with its velocity along a line between two point
-    feet, and everywhere on more of them. The first ``count`` rows of ``stance`` are the stance feet's contact points.
+    It is a pendulum about the centre of pressure, but goes on with its velocity along a line between two point feet,
+    and everywhere on more of them. The first ``count`` rows of ``stance`` are the stance feet's contact points.
     """
     m = p.measured
-    there[0], speed[0] = predict(m.centre[0], m.drift[0], x, p.omega, left)
-    there[1], speed[1] = predict(m.centre[1], m.drift[1], y, p.omega, left)
+    for i in range(2):
+        there[i], speed[i] = predict(m.centre[i], m.drift[i], pressure[i], p.omega, left)
     if p.soles or count < 2:
         return
+    straight = m.centre[:2] + left * m.drift
     if count > 2:
-        for i in range(2):
-            there[i], speed[i] = m.centre[i] + left * m.drift[i], m.drift[i]
+        there[:], speed[:] = straight, m.drift
         return
-    ex, ey = stance[1, 0] - stance[0, 0], stance[1, 1] - stance[0, 1]
-    length = np.hypot(ex, ey)
-    ex, ey = ex / length, ey / length
-    steady = ex * m.drift[0] + ey * m.drift[1]
-    change = steady - ex * speed[0] - ey * speed[1]
-    way = ex * m.centre[0] + ey * m.centre[1] + left * steady - ex * there[0] - ey * there[1]
-    there[0], there[1] = there[0] + way * ex, there[1] + way * ey
-    speed[0], speed[1] = speed[0] + change * ex, speed[1] + change * ey
+    line = stance[1] - stance[0]
+    line /= np.hypot(*line)
+    there += line @ (straight - there) * line
+    speed += line @ (m.drift - speed) * line
 
 
 @kernel
@@ -150,11 +134,9 @@ def widen_stance(p: WalkingRecord) -> None:
     aside = max(abs(p.velocity[1]), abs(p.goal[1])) * duration
     turn = 0.5 * max(abs(p.velocity[2]), abs(p.goal[2])) * duration
     needed = p.sole[0] * np.sin(turn) + p.sole[1] * np.cos(turn) + aside + CLEAR
-    apart = np.hypot(p.nominal[0, 0] - p.nominal[1, 0], p.nominal[0, 1] - p.nominal[1, 1])
+    apart = np.hypot(*(p.nominal[0] - p.nominal[1]))
     share = max(needed / apart, 1.0)
-    for k in range(2):
-        for i in range(2):
-            p.middle[p.group[k], i] = share * p.nominal[k, i]
+    p.middle[p.group] = share * p.nominal
 
 
 @kernel
@@ -164,23 +146,20 @@ def _extent(p: WalkingRecord, turned: float) -> float:
 
 
 @kernel
-def _keep_apart(p: WalkingRecord, k: int, c: float, s: float, soles: bool) -> None:
+def _keep_apart(p: WalkingRecord, k: int, axes: Vector, soles: bool) -> None:
     """Move a foothold away from the stance feet, or from their soles, along the direction in which they stand apart."""
     for j in range(p.group.shape[0]):
         if j != k and p.in_air[j] == 0.0:
-            ahead, aside = p.nominal[k, 0] - p.nominal[j, 0], p.nominal[k, 1] - p.nominal[j, 1]
-            apart = np.hypot(ahead, aside)
-            nx, ny = (c * ahead - s * aside) / apart, (s * ahead + c * aside) / apart
-            x, y = p.foothold[k, 0] - p.measured.place[j, 0], p.foothold[k, 1] - p.measured.place[j, 1]
-            gap = x * nx + y * ny
-            least = APART * apart
+            n = axes @ (p.nominal[k] - p.nominal[j])
+            apart = np.hypot(*n)
+            n /= apart
+            gap, least = (p.foothold[k, :2] - p.measured.place[j, :2]) @ n, APART * apart
             if soles:
-                away = np.arctan2(ny, nx)
+                away = np.arctan2(n[1], n[0])
                 own, other = _extent(p, p.foothold[k, 2] - away), _extent(p, p.measured.turned[j] - away)
                 least = max(least, own + other + CLEAR)
             if gap < least:
-                p.foothold[k, 0] += (least - gap) * nx
-                p.foothold[k, 1] += (least - gap) * ny
+                p.foothold[k, :2] += (least - gap) * n
 
 
 @kernel
@@ -191,34 +170,29 @@ def _keep_in_reach(p: WalkingRecord, k: int, left: float) -> None:
     A body that is higher than it should be leaves less, too.
     """
     m = p.measured
-    c, s = np.cos(m.heading), np.sin(m.heading)
-    time = max(left - p.arrives * (1.0 - p.double_support) * p.step_duration, 0.0)
-    hip = hip_place(p, k, time)
-    x, y = p.foothold[k, 0] - hip[0], p.foothold[k, 1] - hip[1]
-    square, beside = x * x + y * y, (c * y - s * x) * p.beside[k]
-    room = max(p.reach * p.reach - 2.0 * p.hip * (m.body[2] - p.height - p.felt[k]), 0.0)
+    hip = hip_place(p, k, max(left - p.arrives * (1.0 - p.double_support) * p.step_duration, 0.0))
+    way = p.foothold[k, :2] - hip
+    square, beside = way @ way, (rotation_in_plane(m.heading).T @ way)[1] * p.beside[k]
+    room = max(p.reach**2 - 2.0 * p.hip * (m.body[2] - p.height - p.felt[k]), 0.0)
     if square + 2.0 * beside > room:
-        share = (np.sqrt(beside * beside + square * room) - beside) / square
-        p.foothold[k, 0] = hip[0] + share * x
-        p.foothold[k, 1] = hip[1] + share * y
+        p.foothold[k, :2] = hip + (np.sqrt(beside**2 + square * room) - beside) / square * way
 
 
 @kernel
-def keep_off_edges(p: WalkingRecord, k: int, before_x: float, before_y: float, moving: bool) -> None:
+def keep_off_edges(p: WalkingRecord, k: int, before: Vector, moving: bool) -> None:
     """Move the foothold of foot k off edges, to a place near to it and to that of the tick before.
 
     A foot that is moving does not change sides of an edge.
     """
-    x, y = p.foothold[k, 0], p.foothold[k, 1]
-    p.foothold[k, 0], p.foothold[k, 1] = nearest_steppable(p.terrain, x, y, before_x, before_y)
-    jump = max(abs(p.foothold[k, 0] - before_x), abs(p.foothold[k, 1] - before_y))
-    if moving and jump > 2.0 * MARGIN:
-        p.foothold[k, 0], p.foothold[k, 1] = before_x, before_y
+    place = p.foothold[k, :2]
+    place[:] = nearest_steppable(p.terrain, *place, *before)
+    if moving and np.max(abs(place - before)) > 2.0 * MARGIN:
+        place[:] = before
 
 
 @kernel
-def keep_line(p: WalkingRecord, x: float, y: float) -> None:
-    """Move both footholds of a group along y so that the line between them goes through its middle (x, y) again.
+def keep_line(p: WalkingRecord, middle: Vector) -> None:
+    """Move both footholds of a group along y so that the line between them goes through its middle again.
 
     A foothold that is moved away from an edge turns that line, across which the robot is a pendulum.
     """
@@ -228,10 +202,9 @@ def keep_line(p: WalkingRecord, x: float, y: float) -> None:
             first, second = second, k
     if first < 0:
         return
-    along = p.foothold[second, 0] - p.foothold[first, 0]
-    if abs(along) < 0.1 * p.height:
+    way, off = p.foothold[second] - p.foothold[first], middle - p.foothold[first, :2]
+    if abs(way[0]) < 0.1 * p.height:
         return
-    share = (x - p.foothold[first, 0]) / along
-    aside = y - p.foothold[first, 1] - share * (p.foothold[second, 1] - p.foothold[first, 1])
+    aside = off[1] - off[0] / way[0] * way[1]
     p.foothold[first, 1] += aside
     p.foothold[second, 1] += aside

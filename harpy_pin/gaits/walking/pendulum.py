@@ -8,13 +8,14 @@ D, forth and back, b = D / (exp(ω T) + 1). The centre of pressure is in the hul
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.rolling import is_lifted, rolls
 from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import rotation_in_plane
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.walking.record import WalkingRecord
@@ -52,13 +53,13 @@ def predict(place: float, velocity: float, pressure: float, omega: float, time: 
 
 
 @kernel
-def cyclic_offset(way: float, jump: float, growth: float) -> float:
-    """Offset of ξ from a foot that lands, in a walk that goes on for ever, m.
+def cyclic_offset(way: Any, jump: Any, growth: float) -> Any:
+    """Offset of ξ from a foot that lands, in a walk that goes on for ever, m: a number, or both coordinates.
 
     The way L per step and the jump D from this support to the next, in the frame that moves with the walk, are in m;
     ``growth`` is exp(ω T).
     """
-    return float(way / (growth - 1.0) + jump / (growth + 1.0))
+    return way / (growth - 1.0) + jump / (growth + 1.0)
 
 
 @kernel
@@ -107,16 +108,16 @@ def upright_begin(speed: float, natural: float) -> float:
     return float(max(OUT - np.sqrt(CREEP * natural / (RACE * speed)), STUCK))
 
 
-@kernel
+@kernel(points=("n", 2))
 def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[float, float]:
     """The point nearest to (x, y) of the convex hull, polygon, segment or point, of the first ``count`` points."""
     outside = count < 3
     best = np.hypot(points[0, 0] - x, points[0, 1] - y)
-    at_x, at_y = points[0, 0], points[0, 1]
+    at_x, at_y = points[0]
     area = 0.0
     for i in range(count):
         for j in range(count):
-            ex, ey = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            ex, ey = points[j] - points[i]
             length = ex * ex + ey * ey
             if length < SAME * SAME:
                 continue
@@ -125,9 +126,10 @@ def nearest_in_hull(points: Vector, count: int, x: float, y: float) -> tuple[flo
                 side = ex * (points[n, 1] - points[i, 1]) - ey * (points[n, 0] - points[i, 0])
                 area = max(area, abs(side))
                 left = left and side >= -TINY
-            if left and ex * (y - points[i, 1]) - ey * (x - points[i, 0]) < 0.0:
+            dx, dy = x - points[i, 0], y - points[i, 1]
+            if left and ex * dy - ey * dx < 0.0:
                 outside = True
-            share = min(max((ex * (x - points[i, 0]) + ey * (y - points[i, 1])) / length, 0.0), 1.0)
+            share = min(max((ex * dx + ey * dy) / length, 0.0), 1.0)
             px, py = points[i, 0] + share * ex, points[i, 1] + share * ey
             distance = np.hypot(px - x, py - y)
             if distance < best:
@@ -147,41 +149,33 @@ def stance_points(p: WalkingRecord, without: int, margin: float, out: Vector) ->
     for n in range(m.point.shape[0]):
         k = p.foot[n]
         if p.in_air[k] == 0.0 and p.group[k] != without and not is_lifted(p, n):
-            for i in range(2):
-                middle = p.pivot[i] if rolls(p, k) else m.place[k, i]
-                out[count, i] = m.point[n, i] + margin * (middle - m.point[n, i])
+            middle = p.pivot if rolls(p, k) else m.place[k]
+            out[count] = m.point[n, :2] + margin * (middle[:2] - m.point[n, :2])
             count += 1
     return count
 
 
 @kernel
-def change_after(p: WalkingRecord, share: float, time: float) -> tuple[float, float]:
+def change_after(p: WalkingRecord, share: float, time: float) -> Vector:
     """Change of the applied velocity after a time, forward and to the left, towards a share of the goal, m/s."""
-    ahead, aside = share * p.goal[0] - p.velocity[0], share * p.goal[1] - p.velocity[1]
-    needed = np.hypot(ahead / p.acceleration[0], aside / p.acceleration[1])
-    share = time / needed if needed > time else 1.0
-    return share * ahead, share * aside
+    change = share * p.goal[:2] - p.velocity[:2]
+    needed = np.hypot(change[0] / p.acceleration[0], change[1] / p.acceleration[1])
+    return (time / needed if needed > time else 1.0) * change
 
 
 @kernel
-def desired_after(p: WalkingRecord, time: float) -> tuple[float, float]:
+def desired_after(p: WalkingRecord, time: float) -> Vector:
     """Velocity of the centre of mass that is asked for after a time, m/s: it goes on towards the goal, and turns."""
-    u, heading = p.velocity, p.path[2] + time * p.velocity[2]
-    ahead, aside = change_after(p, 1.0, time)
-    ahead, aside = u[0] + ahead, u[1] + aside
-    c, s = np.cos(heading), np.sin(heading)
-    return c * ahead - s * aside + p.back[0], s * ahead + c * aside + p.back[1]
+    velocity = p.velocity[:2] + change_after(p, 1.0, time)
+    return rotation_in_plane(p.path[2] + time * p.velocity[2]) @ velocity + p.back
 
 
 @kernel
-def hip_place(p: WalkingRecord, k: int, time: float) -> tuple[float, float]:
+def hip_place(p: WalkingRecord, k: int, time: float) -> Vector:
     """Where the hip of foot k is after a time, if the centre of mass goes on as it does, m."""
     m = p.measured
-    c, s = np.cos(m.heading), np.sin(m.heading)
-    return (
-        m.centre[0] + time * m.drift[0] + c * p.nominal[k, 0] - s * p.nominal[k, 1],
-        m.centre[1] + time * m.drift[1] + s * p.nominal[k, 0] + c * p.nominal[k, 1],
-    )
+    place: Vector = m.centre[:2] + time * m.drift + rotation_in_plane(m.heading) @ p.nominal[k]
+    return place
 
 
 @kernel

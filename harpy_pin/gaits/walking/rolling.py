@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import rotation_in_plane
 
 if TYPE_CHECKING:
     from harpy_pin.gaits.walking.record import WalkingRecord
@@ -56,9 +57,7 @@ def plan_roll(p: WalkingRecord) -> None:
     if not p.soles or p.group.shape[0] != 2 or p.groups != 2 or not p.terrain.level:
         return
     m, k = p.measured, 0 if p.group[0] == p.swings else 1
-    heading = m.turned[k] + p.askew[k]
-    c, s = np.cos(heading), np.sin(heading)
-    way = c * (m.place[1 - k, 0] - m.place[k, 0]) + s * (m.place[1 - k, 1] - m.place[k, 1])
+    way = float((m.place[1 - k, :2] - m.place[k, :2]) @ ahead_of(p, k, m.turned[k]))
     size = min(max(ROLL * abs(way) / p.leg - SHORT, 0.0), MOST_ROLL)
     p.roll = size if way > 0.0 else -size
 
@@ -79,9 +78,9 @@ def roll_on(p: WalkingRecord) -> None:
     u, rate = (p.phase - begin) / length, p.haste / (length * p.step_duration)
     if p.roll != 0.0 and u > 0.0 and u < 1.0:
         bump, slope, most = u * (1.0 - u), 1.0 - 2.0 * u, 64.0 * p.roll
-        p.pitch[0] = most * bump * bump * bump
-        p.pitch[1] = 3.0 * most * bump * bump * slope * rate
-        p.pitch[2] = 6.0 * most * bump * (slope * slope - bump) * rate * rate
+        p.pitch[0] = most * bump**3
+        p.pitch[1] = 3.0 * most * bump**2 * slope * rate
+        p.pitch[2] = 6.0 * most * bump * (slope**2 - bump) * rate**2
         _find_pivot(p)
 
 
@@ -93,8 +92,7 @@ def _find_pivot(p: WalkingRecord) -> None:
     for n in range(p.foot.shape[0]):
         if p.group[p.foot[n]] == p.swings and p.own[n, 0] * p.roll > 0.0:
             number += 1.0
-            for i in range(3):
-                p.pivot[i] += (p.measured.point[n, i] - p.pivot[i]) / number
+            p.pivot += (p.measured.point[n] - p.pivot) / number
 
 
 @kernel
@@ -102,6 +100,13 @@ def rolls(p: WalkingRecord, k: int) -> bool:
     """Whether foot k has a pitch now."""
     rolling: bool = p.pitch[0] != 0.0 and p.group[k] == p.swings
     return rolling
+
+
+@kernel
+def ahead_of(p: WalkingRecord, k: int, heading: float) -> Vector:
+    """Horizontal direction (2,) in which the sole of foot k with this heading is long."""
+    angle = heading + p.askew[k]
+    return np.array([np.cos(angle), np.sin(angle)])
 
 
 @kernel
@@ -122,46 +127,35 @@ def share_of_edge(p: WalkingRecord, n: int) -> float:
 @kernel
 def tip(p: WalkingRecord, o: GaitTargetRecord, n: int, heading: float) -> None:
     """Turn the target of a contact point of a flat foot with this heading about the edge over which the foot rolls."""
-    k = p.foot[n]
+    k, arm, (pitch, rate, bend) = p.foot[n], -2.0 * p.own[n, 0], p.pitch
     if not rolls(p, k) or p.own[n, 0] * p.roll > 0.0:
         return
-    arm, rate, bend = -2.0 * p.own[n, 0], p.pitch[1], p.pitch[2]
-    c, s = arm * np.cos(p.pitch[0]), arm * np.sin(p.pitch[0])
-    x, y = np.cos(heading + p.askew[k]), np.sin(heading + p.askew[k])
-    place, velocity, acceleration = o.foot_position[n], o.foot_velocity[n], o.foot_acceleration[n]
-    ahead = arm - c
-    place[0], place[1], place[2] = place[0] + x * ahead, place[1] + y * ahead, place[2] + s
-    ahead = s * rate
-    velocity[0], velocity[1], velocity[2] = velocity[0] + x * ahead, velocity[1] + y * ahead, velocity[2] + c * rate
-    ahead = s * bend + c * rate * rate
-    acceleration[0], acceleration[1] = acceleration[0] + x * ahead, acceleration[1] + y * ahead
-    acceleration[2] += c * bend - s * rate * rate
+    c, s, ahead = arm * np.cos(pitch), arm * np.sin(pitch), ahead_of(p, k, heading)
+    o.foot_position[n] += np.array([*((arm - c) * ahead), s])
+    o.foot_velocity[n] += rate * np.array([*(s * ahead), c])
+    o.foot_acceleration[n] += np.array([*((s * bend + c * rate**2) * ahead), c * bend - s * rate**2])
 
 
 @kernel
 def lift_corner(p: WalkingRecord, o: GaitTargetRecord, n: int) -> None:
     """Target of a contact point that is lifted: it turns about the edge, where that is, and bears no load."""
     heading = p.measured.turned[p.foot[n]]
-    c, s = np.cos(heading + p.askew[p.foot[n]]), np.sin(heading + p.askew[p.foot[n]])
-    back, left = -2.0 * p.own[n, 0], p.own[n, 1]
-    place, velocity = o.foot_position[n], o.foot_velocity[n]
-    place[0] = p.pivot[0] - c * back - s * left - o.body[0]
-    place[1] = p.pivot[1] - s * back + c * left - o.body[1]
-    place[2] = p.pivot[2] - o.body[2]
-    velocity[2] = -o.body[5]
+    corner = np.array([2.0 * p.own[n, 0], p.own[n, 1]])
+    o.foot_position[n] = p.pivot - o.body[:3]
+    o.foot_position[n, :2] += rotation_in_plane(heading + p.askew[p.foot[n]]) @ corner
+    o.foot_velocity[n, 2] = -o.body[5]
     tip(p, o, n, heading)
     o.stance[n] = o.phase[n] = o.load[n] = 0.0
 
 
 @kernel
-def flat_place(p: WalkingRecord, k: int) -> tuple[float, float, float]:
+def flat_place(p: WalkingRecord, k: int) -> Vector:
     """Where the middle of foot k would be, flat, with the edge where it is over which it rolls, m."""
-    m = p.measured
+    place: Vector = p.measured.place[k]
     if not rolls(p, k):
-        return m.place[k, 0], m.place[k, 1], m.place[k, 2]
+        return place
     end = 0.0
     for n in range(p.foot.shape[0]):
         if p.foot[n] == k and p.own[n, 0] * p.roll > 0.0:
             end = p.own[n, 0]
-    heading = m.turned[k] + p.askew[k]
-    return p.pivot[0] - end * np.cos(heading), p.pivot[1] - end * np.sin(heading), p.pivot[2]
+    return p.pivot - end * np.array([*ahead_of(p, k, p.measured.turned[k]), 0.0])

@@ -51,14 +51,13 @@ PEAK = 5.7735
 def lift_foot(p: WalkingRecord, k: int) -> None:
     """Begin the swing of a foot where it is."""
     m = p.measured
-    x, y, z = flat_place(p, k)
+    place = flat_place(p, k)
     p.in_air[k] = 1.0
     m.load[k] = 0.0  # of its stance: at few ticks a step that would look like a touchdown
-    p.lifted_at[k] = z
+    p.lifted_at[k] = place[2]
     p.swing[k] = 0.0
-    p.lift[k] = 0.0
-    p.swing[k, 0, 0], p.swing[k, 0, 1], p.swing[k, 0, 2] = x, y, m.turned[k]
-    p.lift[k, 0] = z
+    p.swing[k, 0] = *place[:2], m.turned[k]
+    p.lift[k] = place[2], 0.0, 0.0
     if p.steps_over:
         p.lift[k, 0] += surface_height(p.terrain, m.place[k, 0], m.place[k, 1])
         p.risen[k] = p.lift[k, 0]
@@ -74,20 +73,15 @@ def swing_foot(p: WalkingRecord, k: int, left: float, span: float) -> None:
     """
     _swing(p, k, left, span)
     swing, height = p.swing[k], p.lift[k]
-    for i in range(3):
-        p.held[k, i] = swing[2, i]
-    p.held[k, 3] = height[2]
+    p.held[k] = *swing[2], height[2]
     if span < LONG:
         return
     swing_now, height_now = np.empty((3, 3)), np.empty(3)
-    swing_now[:] = swing
-    height_now[:] = height
+    swing_now[:], height_now[:] = swing, height
     _swing(p, k, max(left - span, 0.0), span)
-    for i in range(3):
-        p.held[k, i] = (swing[1, i] - swing_now[1, i]) / span
+    p.held[k, :3] = (swing[1] - swing_now[1]) / span
     p.held[k, 3] = (height[1] - height_now[1]) / span
-    swing[:] = swing_now
-    height[:] = height_now
+    swing[:], height[:] = swing_now, height_now
 
 
 @kernel
@@ -117,10 +111,7 @@ def _sticks(p: WalkingRecord, k: int, left: float, upright: float) -> bool:
 @kernel
 def _step_up(p: WalkingRecord, k: int) -> float:
     """How much higher than below a foot the ground is that any foot has met, m."""
-    highest = p.felt[k]
-    for j in range(p.felt.shape[0]):
-        highest = max(highest, p.felt[j])
-    return float(highest - p.felt[k])
+    return float(np.max(p.felt) - p.felt[k])
 
 
 @kernel
@@ -132,9 +123,9 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
         return
     if u >= SETTLE:
         last, rate = (u - SETTLE) / (1.0 - SETTLE), rate / (1.0 - SETTLE)
-        z[0] = p.felt[k] + p.low * (1.0 - last) - p.deeper * last * last
+        z[0] = p.felt[k] + p.low * (1.0 - last) - p.deeper * last**2
         z[1] = -(p.low + 2.0 * p.deeper * last) * rate
-        z[2] = -2.0 * p.deeper * rate * rate
+        z[2] = -2.0 * p.deeper * rate**2
         return
     u, rate = max(u / SETTLE, 0.0), rate / SETTLE
     w, down, up = 1.0 - u, p.felt[k] + p.low - p.lifted_at[k], 64.0 * (p.clearance + _step_up(p, k))
@@ -150,12 +141,10 @@ def _lift(p: WalkingRecord, k: int, u: float, duration: float, span: float) -> N
 @kernel
 def _move_across(p: WalkingRecord, k: int, left: float, span: float) -> None:
     """Place and heading of a swing foot after a time ``span``, on its way to the foothold in the time ``left``."""
-    swing = p.swing[k]
+    swing, heading = p.swing[k], p.swing[k, 0, 2]
     for i in range(3):
-        goal = p.foothold[k, i]
-        if i == 2:
-            goal = swing[0, 2] + wrapped(goal - swing[0, 2])
-        swing[0, i], swing[1, i], swing[2, i] = toward(swing[0, i], swing[1, i], swing[2, i], goal, left, span)
+        goal = p.foothold[k, i] if i < 2 else heading + wrapped(p.foothold[k, i] - heading)
+        swing[:, i] = toward(*swing[:, i], goal, left, span)
     if p.soles:
         _stay_in_reach(p, k)
 
@@ -164,20 +153,18 @@ def _move_across(p: WalkingRecord, k: int, left: float, span: float) -> None:
 def _stay_in_reach(p: WalkingRecord, k: int) -> None:
     """Keep a swing foot as near to its hip as the leg is long now: the hip goes after it."""
     m, swing, hip = p.measured, p.swing[k], hip_place(p, k, 0.0)
-    x, y, z = swing[0, 0] - hip[0], swing[0, 1] - hip[1], m.body[2] - p.height + p.hip - p.lift[k, 0]
-    square, room = x * x + y * y, max(p.reach * p.reach + p.hip * p.hip - z * z, 0.0)
+    way, z = swing[0, :2] - hip, m.body[2] - p.height + p.hip - p.lift[k, 0]
+    square, room = way @ way, max(p.reach**2 + p.hip**2 - z**2, 0.0)
     if square > room:
-        share = np.sqrt(room / square)
-        swing[0, 0], swing[0, 1] = hip[0] + share * x, hip[1] + share * y
-        swing[1, 0], swing[1, 1] = m.drift[0], m.drift[1]
-        swing[2, 0] = swing[2, 1] = 0.0
+        swing[0, :2] = hip + np.sqrt(room / square) * way
+        swing[1, :2] = m.drift
+        swing[2, :2] = 0.0
 
 
 @kernel
 def _let_down(z: Vector, lowest: float, span: float) -> None:
     """Height of a foot after a time that has not met the ground in time, down to the lowest one."""
-    z[0] = max(z[0] - DESCENT * span, lowest)
-    z[1], z[2] = -DESCENT, 0.0
+    z[:] = max(z[0] - DESCENT * span, lowest), -DESCENT, 0.0
 
 
 @kernel
@@ -197,18 +184,17 @@ def _swing_over(p: WalkingRecord, k: int, left: float, span: float) -> None:
         goal, end = p.risen[k], UP
     elif u < LANDED:
         goal, end = ground, LANDED
-    z[0], z[1], z[2] = toward(z[0], z[1], z[2], goal, max(end - u, LEAST) * duration + span, span)
+    z[:] = toward(*z, goal, max(end - u, LEAST) * duration + span, span)
 
 
 @kernel
 def _highest_on_way(p: WalkingRecord, k: int) -> float:
     """Greatest height of the ground between a foot and its foothold, m."""
-    x, y = p.swing[k, 0, 0], p.swing[k, 0, 1]
-    highest = surface_height(p.terrain, x, y)
+    place = p.swing[k, 0, :2]
+    way = p.foothold[k, :2] - place
+    highest = surface_height(p.terrain, *place)
     for i in range(1, PLACES + 1):
-        share = i / PLACES
-        dx, dy = share * (p.foothold[k, 0] - x), share * (p.foothold[k, 1] - y)
-        highest = max(highest, surface_height(p.terrain, x + dx, y + dy))
+        highest = max(highest, surface_height(p.terrain, *(place + i / PLACES * way)))
     return float(highest)
 
 

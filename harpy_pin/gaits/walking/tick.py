@@ -14,6 +14,7 @@ from harpy_pin.gaits.walking.pendulum import change_after, desired_after, wrappe
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.rolling import stay_flat
 from harpy_pin.gaits.walking.swinging import swing_foot
+from harpy_pin.model.vectors import rotation_in_plane
 
 LONGEST_GAP = 0.05
 """Time that counts between two updates, at most, s."""
@@ -72,7 +73,7 @@ def walk_on(p: WalkingRecord, target: GaitTargetRecord, elapsed: float) -> None:
 def begin_walk(p: WalkingRecord) -> None:
     """Stand where the robot is."""
     m = p.measured
-    p.path[0], p.path[1], p.path[2] = m.centre[0], m.centre[1], m.heading
+    p.path[:] = *m.centre[:2], m.heading
     p.last_command[:] = 0.0
     p.velocity[:] = 0.0
     p.rate[:] = 0.0
@@ -89,23 +90,18 @@ def begin_walk(p: WalkingRecord) -> None:
 @kernel
 def _steer(p: WalkingRecord, span: float) -> None:
     """Applied velocity and path after the time ``span``: the velocity follows the goal at bounded acceleration."""
-    u = p.velocity
+    u, most = p.velocity, p.turn_acceleration * span
     share = 1.0 if p.walking and p.phase >= 0.0 else 0.0  # it stands until it has shifted its weight
-    dx, dy = change_after(p, share, span)
-    most = p.turn_acceleration * span
-    dw = min(max(share * p.goal[2] - u[2], -most), most)
+    change = np.array([*change_after(p, share, span), min(max(share * p.goal[2] - u[2], -most), most)])
     if span > 0.0:
-        p.rate[0], p.rate[1], p.rate[2] = dx / span, dy / span, dw / span
+        p.rate[:] = change / span
         most = HEIGHT_SPEED * p.height
         u[3] = min(max((p.goal[3] - p.raised) / span, -most), most)
     p.raised += u[3] * span
-    middle = p.path[2] + 0.5 * span * (u[2] + 0.5 * dw)
-    c, s = np.cos(middle), np.sin(middle)
-    forward, left = u[0] + 0.5 * dx, u[1] + 0.5 * dy
-    p.path[0] += span * (c * forward - s * left)
-    p.path[1] += span * (s * forward + c * left)
-    p.path[2] += span * (u[2] + 0.5 * dw)
-    u[0], u[1], u[2] = u[0] + dx, u[1] + dy, u[2] + dw
+    mean = u[:3] + 0.5 * change
+    p.path[:2] += span * (rotation_in_plane(p.path[2] + 0.5 * span * mean[2]) @ mean[:2])
+    p.path[2] += span * mean[2]
+    u[:3] += change
     _keep_near(p)
 
 
@@ -113,11 +109,10 @@ def _steer(p: WalkingRecord, span: float) -> None:
 def _keep_near(p: WalkingRecord) -> None:
     """Keep the path near the robot: what a push has moved for good is not walked back."""
     m = p.measured
-    x, y = p.path[0] - m.centre[0], p.path[1] - m.centre[1]
-    size, most = np.hypot(x, y), PATH_RANGE * p.height
+    way = p.path[:2] - m.centre[:2]
+    size, most = np.hypot(*way), PATH_RANGE * p.height
     if size > most:
-        p.path[0] = m.centre[0] + most / size * x
-        p.path[1] = m.centre[1] + most / size * y
+        p.path[:2] = m.centre[:2] + most / size * way
     ahead = wrapped(p.path[2] - m.heading)
     if not p.holds_heading:
         p.path[2] = m.heading
@@ -128,9 +123,7 @@ def _keep_near(p: WalkingRecord) -> None:
 @kernel
 def _choose_velocity(p: WalkingRecord) -> None:
     """Velocity of the centre of mass that is asked for: the applied one, and some of the way back to the path."""
-    m = p.measured
-    x, y = RETURN * (p.path[0] - m.centre[0]), RETURN * (p.path[1] - m.centre[1])
-    size, most = np.hypot(x, y), MAX_RETURN * p.omega * p.height
-    share = most / size if size > most else 1.0
-    p.back[0], p.back[1] = share * x, share * y
-    p.desired[0], p.desired[1] = desired_after(p, 0.0)
+    way = RETURN * (p.path[:2] - p.measured.centre[:2])
+    size, most = np.hypot(*way), MAX_RETURN * p.omega * p.height
+    p.back[:] = (most / size if size > most else 1.0) * way
+    p.desired[:] = desired_after(p, 0.0)
