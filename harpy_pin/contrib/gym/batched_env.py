@@ -46,11 +46,8 @@ from harpy_pin.contrib.threads import Threads
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
-from harpy_pin.governors.contact_force_kernels import (
-    ContactForceFilterParameters,
-    ContactForceFilterRecord,
-    hold_forces,
-)
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
+from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.shield import LimitsRecord, within_limits
 from harpy_pin.ground.ground import Ground, GroundRecord
 from harpy_pin.log.slip import forget_slip
