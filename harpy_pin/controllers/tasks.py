@@ -282,9 +282,7 @@ def limit_push(gravity: Vector, body: Vector) -> None:
 
 
 @kernel(rotation=(3, 3), gravity=(3,), lift=(3,), body=(3,), quaternion=(4,))
-def lean(
-    rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: Vector, quaternion: Vector
-) -> None:
+def lean(rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: Vector, quaternion: Vector) -> None:
     """Take the desired tilt out of the body's orientation, and what is out of reach now out of its acceleration.
 
     ``lift`` is l, ``heading`` the yaw of the upright body, ``body`` (3,) a_d in, after :func:`limit_push`, and a

@@ -17,12 +17,7 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
-from harpy_pin.governors.contact_force_kernels import (
-    ContactForceFilterRecord,
-    answer_terms,
-    cone_rows,
-    friction_limit,
-)
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms, cone_rows, friction_limit
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.thrust import limit_thrust
 from harpy_pin.model.contact_map import ContactMapRecord, sticking_force, unconstrained_drive
