@@ -262,6 +262,16 @@ class Arrays(Expressions):
             lambda x, y: Value(REAL, f"{self.unit.helper(name)}({self.real(x).code}, {self.real(y).code})"), a, b
         )
 
+    def clipped(self, a: Value, low: Value, high: Value) -> Value:
+        """``np.clip``."""
+        return self.extreme_of_two("minimum", self.extreme_of_two("maximum", a, low), high)
+
+    def question(self, operator: ast.operator, array: Value, none: str) -> Value:
+        """``np.any`` or ``np.all`` of a vector of truth values."""
+        if _number(array) is not BOOLEAN:
+            raise Refused("np.any or np.all of what are no truth values")
+        return self._through(lambda x, y: self.arithmetic(operator, x, y), array, none)
+
 
 FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.array: (1, Arrays.array_of),
@@ -272,6 +282,9 @@ FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.where: (3, Arrays._where),
     np.maximum: (2, lambda translator, a, b: translator.extreme_of_two("maximum", a, b)),
     np.minimum: (2, lambda translator, a, b: translator.extreme_of_two("minimum", a, b)),
+    np.clip: (3, Arrays.clipped),
+    np.any: (1, lambda translator, a: translator.question(ast.BitOr(), a, "false")),
+    np.all: (1, lambda translator, a: translator.question(ast.BitAnd(), a, "true")),
     np.sum: (1, lambda translator, a: translator._through(translator._plus, a, "0")),
     np.max: (1, lambda translator, a: translator._through(lambda x, y: translator.extreme_of_two("maximum", x, y), a, "0")),
     np.min: (1, lambda translator, a: translator._through(lambda x, y: translator.extreme_of_two("minimum", x, y), a, "0")),

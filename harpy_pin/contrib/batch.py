@@ -264,9 +264,7 @@ def step_batch(
         p.free.exchange.active[:] = free[i]
         p.limited.exchange.active[:] = limited[i]
         d.tree.mass[0] = (1.0 + mass_error[i]) * b.mass
-        for a in range(3):
-            for c in range(3):
-                d.tree.inertia[0, a, c] = (1.0 + mass_error[i]) * b.inertia[a, c]
+        d.tree.inertia[0] = (1.0 + mass_error[i]) * b.inertia
         r.targets.friction[:] = mu[i]
         m.follows = follows[i]
         m.target[:] = target[i]
@@ -286,14 +284,9 @@ def step_batch(
         follows[i] = m.follows
         target[i] = m.target
         write_thrusts(d, p.inputs, thrust[i])
-        for j in range(torque.shape[1]):
-            torque[i, j] = p.inputs[d.thruster_jacobian.shape[0] + j]
-        for row in range(4):
-            for j in range(m.law.shape[1]):
-                law[i, row, j] = m.law[row, j]
-        for k in range(force.shape[1]):
-            for c in range(3):
-                force[i, k, c] = p.force[3 * k + c]
+        torque[i] = p.inputs[d.thruster_jacobian.shape[0] :]
+        law[i, :, : m.law.shape[1]] = m.law
+        force[i] = p.force.reshape((force.shape[1], 3))
 
 
 @kernel

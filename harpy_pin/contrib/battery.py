@@ -145,22 +145,18 @@ def open_voltage(b: BatteryRecord) -> float:
 def draw(b: BatteryRecord, plant: PlantRecord, v: Vector, dt: float) -> None:
     """Take the power of a step of ``dt`` seconds, at whose end the velocity is v, and bound the next one's thrusts."""
     thrusters, motors = plant.thrusters, plant.motors
-    electrical = 0.0
-    count = thrusters.goal.shape[0]
-    u = thrusters.mean_thrust
-    free = (u.shape[0] - count) // 2
-    for k in range(count):
-        size = abs(u[2 * free + k]) if k >= free else 0.0
-        if k < free:
-            size = np.sqrt(u[3 * k] ** 2 + u[3 * k + 1] ** 2 + u[3 * k + 2] ** 2)
-        electrical += b.thrust_power * size * np.sqrt(size)
+    u, size = thrusters.mean_thrust, np.empty(thrusters.goal.shape[0])
+    free = (u.shape[0] - size.shape[0]) // 2
+    for k in range(free):
+        size[k] = np.sqrt(u[3 * k : 3 * k + 3] @ u[3 * k : 3 * k + 3])
+    size[free:] = abs(u[3 * free :])
+    electrical = np.sum(b.thrust_power * size * np.sqrt(size))
     mechanical, heat = 0.0, 0.0
     if b.copper > 0.0:
-        for j in range(motors.mean_torque.shape[0]):
-            torque = motors.mean_torque[j]
-            power = torque * v[6 + j]
-            mechanical += power
-            heat += b.copper * torque * torque + b.lost * max(-power, 0.0)
+        torque = motors.mean_torque
+        power = torque * v[6:]
+        mechanical = np.sum(power)
+        heat = np.sum(b.copper * torque * torque + b.lost * np.maximum(-power, 0.0))
     voltage = open_voltage(b)
     power_drawn = electrical + mechanical + heat
     root = voltage * voltage - 4.0 * b.resistance * power_drawn
@@ -171,11 +167,8 @@ def draw(b: BatteryRecord, plant: PlantRecord, v: Vector, dt: float) -> None:
         current = 2.0 * power_drawn / whole if root >= 0.0 else voltage / (2.0 * b.resistance)
     b.voltage = voltage - b.resistance * current
     b.charge -= current * dt / b.capacity
-    b.energy[0] += voltage * current * dt
-    b.energy[1] += (power_drawn - b.voltage * current) * dt
-    b.energy[2] += b.resistance * current * current * dt
-    b.energy[3] += b.efficiency * electrical * dt
-    b.energy[4] += (1.0 - b.efficiency) * electrical * dt
-    b.energy[5] += mechanical * dt
-    b.energy[6] += heat * dt
+    chemical, missing = voltage * current, power_drawn - b.voltage * current
+    shaft, inside = b.efficiency * electrical, b.resistance * current * current
+    powers = np.array([chemical, missing, inside, shaft, electrical - shaft, mechanical, heat])
+    b.energy += powers * dt
     thrusters.available = (b.voltage / (FULL * b.cells)) ** 2

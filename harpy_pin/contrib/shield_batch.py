@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.contrib.threads import selection
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterParameters
+from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.shield import ShieldAnswer, ShieldLoop
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.robot import Robot

@@ -73,9 +73,8 @@ def actuate_forward(
     _desired_acceleration(p, goal, w)
     for k in range(2):
         stance = goal.stance[k] != 0.0 and foot_force[k, 2] > w.contact_threshold
-        for i in range(3):
-            p.joint_p[3 * k + i] = w.stance_p[i] if stance else w.swing_p[i]
-            p.joint_d[3 * k + i] = w.stance_d[i] if stance else w.swing_d[i]
+        p.joint_p[3 * k : 3 * k + 3] = w.stance_p if stance else w.swing_p
+        p.joint_d[3 * k : 3 * k + 3] = w.stance_d if stance else w.swing_d
     track_foot(0, p, p.left, goal, q, v)
     track_foot(1, p, p.right, goal, q, v)
     _add_torques(p, w)
@@ -84,47 +83,30 @@ def actuate_forward(
 @kernel
 def _desired_forces(p: ControlRecord, goal: GaitTargetRecord, w: ForwardRecord) -> None:
     """f_t of each foot."""
-    total = 0.0
+    share = np.empty(2)
     for k in range(2):
-        w.force[k, 2] = share_of_load(goal, k, w.double_support) if goal.stance[k] != 0.0 else 0.0
-        total += w.force[k, 2]
-    for k in range(2):
-        share = w.force[k, 2] / total if total > 0.0 else 0.0
-        for i in range(3):
-            ground = w.mass * (goal.body[6 + i] - w.gravity[i]) - p.thrust[0, i] - p.thrust[1, i]
-            w.force[k, i] = share * ground
+        share[k] = share_of_load(goal, k, w.double_support) if goal.stance[k] != 0.0 else 0.0
+    ground = w.mass * (goal.body[6:] - w.gravity) - p.thrust[0] - p.thrust[1]
+    w.force[:] = np.outer(np.where(share > 0.0, share / np.sum(share), 0.0), ground)
 
 
 @kernel
 def _desired_acceleration(p: ControlRecord, goal: GaitTargetRecord, w: ForwardRecord) -> None:
     """a_t: of the upright body from the gait, of the joints from the feet, without the bias J̇ v of their velocities."""
-    desired, jacobian, joints = np.empty(3), np.empty((3, 3)), np.empty(3)
-    w.acceleration[:] = 0.0
-    for i in range(3):
-        for j in range(3):
-            w.acceleration[i] += p.rotation[j, i] * goal.body[6 + j]
+    w.acceleration[:3] = p.rotation.T @ goal.body[6:]
+    w.acceleration[3:6] = 0.0
     for k in range(2):
-        for i in range(3):
-            desired[i] = goal.foot_acceleration[k, i]
-            for j in range(3):
-                jacobian[i, j] = w.dynamics.foot_jacobian[3 * k + i, 6 + 3 * k + j]
-        solve_three(jacobian, desired, joints)
-        for i in range(3):
-            w.acceleration[6 + 3 * k + i] = joints[i]
+        j = 6 + 3 * k
+        jacobian = w.dynamics.foot_jacobian[3 * k : 3 * k + 3, j : j + 3]
+        w.acceleration[j : j + 3] = solve_three(jacobian, goal.foot_acceleration[k])
 
 
 @kernel
 def _add_torques(p: ControlRecord, w: ForwardRecord) -> None:
     """τ_ff on top of the PID's torques, within the motors' limits."""
-    d = w.dynamics
-    for j in range(p.torque.shape[0]):
-        forward = d.bias[6 + j]
-        for i in range(w.acceleration.shape[0]):
-            forward += d.mass_matrix[6 + j, i] * w.acceleration[i]
-        for k in range(2):
-            for i in range(3):
-                forward -= d.foot_jacobian[3 * k + i, 6 + j] * w.force[k, i]
-        p.torque[j] = min(max(p.torque[j] + forward, -p.torque_limit[j]), p.torque_limit[j])
+    d, force = w.dynamics, w.force.reshape(w.force.size)
+    forward = d.mass_matrix[6:] @ w.acceleration + d.bias[6:] - d.foot_jacobian[:, 6:].T @ force
+    p.torque[:] = np.clip(p.torque + forward, -p.torque_limit, p.torque_limit)
 
 
 FORWARD_STEPS = steps_of(actuate_forward)

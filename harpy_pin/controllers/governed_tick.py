@@ -108,11 +108,8 @@ def measure(
     p.verdict = _measure(p, goal, q, v, foot_position, foot_force)
     factor = fading(p)
     if p.verdict != GOOD:
-        for j in range(p.torque.shape[0]):
-            p.torque[j] *= factor
-        for k in range(p.thrust.shape[0]):
-            for i in range(3):
-                p.thrust[k, i] *= factor
+        p.torque *= factor
+        p.thrust *= factor
     return p.verdict
 
 
@@ -133,24 +130,16 @@ def _measure(
     if not possible_feet(goal):
         return BAD
     body_rotation(q, rotation)
-    for i in range(3):
-        p.reference[i] = goal.body[i]
-        p.reference[3 + i] = goal.body[3 + i] if p.reference_velocity else 0.0
-        measured[i] = q[i]
-        measured[3 + i] = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
-    normal = 0.0
-    for k in range(foot_force.shape[0]):
-        normal += foot_force[k, 2]
-    if normal > 0.0:
-        for i in range(3):
-            s = 0.0
-            for k in range(foot_force.shape[0]):
-                s += foot_force[k, 2] * foot_position[k, i]
-            measured[6 + i] = s / normal
+    p.reference[:] = goal.body[:6]
+    if not p.reference_velocity:
+        p.reference[3:] = 0.0
+    measured[:3] = q[:3]
+    measured[3:6] = rotation @ v[:3]
+    load = foot_force[:, 2]
+    if np.sum(load) > 0.0:
+        measured[6:] = load @ foot_position / np.sum(load)
     elif np.isnan(measured[6]):
-        # No foot has been loaded yet: between the feet.
-        for i in range(3):
-            measured[6 + i] = 0.5 * (foot_position[0, i] + foot_position[1, i])
+        measured[6:] = 0.5 * (foot_position[0] + foot_position[1])  # no foot has been loaded yet
     p.tilted = 0 if is_level(goal.normal) else 1
     return GOOD
 
@@ -158,22 +147,18 @@ def _measure(
 @kernel
 def track_foot(k: int, p: ControlRecord, leg: LegRecord, goal: GaitTargetRecord, q: Vector, v: Vector) -> None:
     """Inverse kinematics and joint PID of leg k."""
-    point, motion, jacobian, rate = np.empty(3), np.empty(3), np.empty((3, 3)), np.empty(3)
-    target = p.joint_target[3 * k : 3 * k + 3]
+    point, motion, jacobian, j = np.empty(3), np.empty(3), np.empty((3, 3)), 3 * k
     _to_body(k, p, goal, v[3:6], point, motion)
+    target, integral, limit = p.joint_target[j : j + 3], p.integral[j : j + 3], p.torque_limit[j : j + 3]
     p.out_of_reach[k] = leg_inverse(leg, point, target)
     leg_jacobian(leg, target, jacobian)
-    solve_three(jacobian, motion, rate)
-    if p.out_of_reach[k] > 0.0:
-        rate[:] = 0.0
-    for i in range(3):
-        j = 3 * k + i
-        error = target[i] - q[7 + j]
-        rate[i] = min(max(rate[i], -MAX_JOINT_RATE), MAX_JOINT_RATE)
-        p.integral[j] += p.joint_i[j] * error * p.period
-        p.integral[j] = min(max(p.integral[j], -p.integral_limit), p.integral_limit)
-        u = p.joint_p[j] * error + p.integral[j] + p.joint_d[j] * (rate[i] - v[6 + j])
-        p.torque[j] = min(max(u, -p.torque_limit[j]), p.torque_limit[j])
+    rate = np.where(p.out_of_reach[k] > 0.0, 0.0, solve_three(jacobian, motion))
+    error = target - q[7 + j : 10 + j]
+    error_rate = np.clip(rate, -MAX_JOINT_RATE, MAX_JOINT_RATE) - v[6 + j : 9 + j]
+    change = p.joint_i[j : j + 3] * error * p.period
+    integral[:] = np.clip(integral + change, -p.integral_limit, p.integral_limit)
+    torque = p.joint_p[j : j + 3] * error + integral + p.joint_d[j : j + 3] * error_rate
+    p.torque[j : j + 3] = np.clip(torque, -limit, limit)
 
 
 @kernel
@@ -183,36 +168,20 @@ def _to_body(k: int, p: ControlRecord, goal: GaitTargetRecord, spin: Vector, poi
     A stance foot (blend 0) follows its target in body axes: p. A swing foot (blend 1) follows it in the world, so that
     it lands where and when it should: Rᵀ (c_t + p − c).
     """
-    body, position, velocity, blend = goal.body, goal.foot_position[k], goal.foot_velocity[k], goal.world_frame_blend[k]
-    for i in range(3):
-        point[i] = 0.0
-        motion[i] = 0.0
-        for j in range(3):
-            point[i] += p.rotation[j, i] * (body[j] + position[j] - p.measured[j])
-            motion[i] += p.rotation[j, i] * (body[3 + j] + velocity[j] - p.measured[3 + j])
-    cross = (
-        spin[1] * point[2] - spin[2] * point[1],
-        spin[2] * point[0] - spin[0] * point[2],
-        spin[0] * point[1] - spin[1] * point[0],
-    )
-    for i in range(3):
-        motion[i] = (1.0 - blend) * velocity[i] + blend * (motion[i] - cross[i])
-        point[i] = (1.0 - blend) * position[i] + blend * point[i]
+    position, velocity, blend = goal.foot_position[k], goal.foot_velocity[k], goal.world_frame_blend[k]
+    place = p.rotation.T @ (goal.body[:3] + position - p.measured[:3])
+    moving = p.rotation.T @ (goal.body[3:6] + velocity - p.measured[3:6]) - np.cross(spin, place)
+    point[:] = (1.0 - blend) * position + blend * place
+    motion[:] = (1.0 - blend) * velocity + blend * moving
 
 
 @kernel
-def solve_three(a: Vector, b: Vector, x: Vector) -> None:
-    """x = a⁻¹ b for 3×3 a by Cramer's rule; zero where a is singular (a straight or folded leg)."""
-    c0 = a[1, 1] * a[2, 2] - a[1, 2] * a[2, 1]
-    c1 = a[1, 2] * a[2, 0] - a[1, 0] * a[2, 2]
-    c2 = a[1, 0] * a[2, 1] - a[1, 1] * a[2, 0]
-    det = a[0, 0] * c0 + a[0, 1] * c1 + a[0, 2] * c2
-    if abs(det) < 1e-9:
-        x[:] = 0.0
-        return
-    x[0] = (b[0] * c0 + a[0, 1] * (b[2] * a[1, 2] - b[1] * a[2, 2]) + a[0, 2] * (b[1] * a[2, 1] - b[2] * a[1, 1])) / det
-    x[1] = (a[0, 0] * (b[1] * a[2, 2] - b[2] * a[1, 2]) + b[0] * c1 + a[0, 2] * (a[1, 0] * b[2] - b[1] * a[2, 0])) / det
-    x[2] = (a[0, 0] * (a[1, 1] * b[2] - b[1] * a[2, 1]) + a[0, 1] * (b[1] * a[2, 0] - a[1, 0] * b[2]) + b[0] * c2) / det
+def solve_three(a: Vector, b: Vector) -> Vector:
+    """a⁻¹ b for 3×3 a by Cramer's rule; zero where a is singular (a straight or folded leg)."""
+    x, y, z = a[:, 0], a[:, 1], a[:, 2]
+    adjugate = np.array([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+    det = adjugate[0] @ x
+    return np.where(abs(det) < 1e-9, 0.0, adjugate @ b / det)
 
 
 @kernel
@@ -228,11 +197,9 @@ def actuate(
 @kernel
 def thrusts(p: ControlRecord, applied: Vector, v: Vector) -> None:
     """Thruster feedback, allocation and limit."""
-    r, centre, angles = np.empty(3), np.empty(3), np.empty(4)
-    c, c_dot, foot = p.measured[0:3], p.measured[3:6], p.measured[6:9]
-    for i in range(3):
-        r[i] = c[i] - foot[i]
-    centre_feedback(r, c, c_dot, applied, FULL, p, centre)
+    centre, angles = np.empty(3), np.empty(4)
+    c, c_dot, foot = p.measured[:3], p.measured[3:6], p.measured[6:]
+    centre_feedback(c - foot, c, c_dot, applied, FULL, p, centre)
     roll_yaw(p.rotation, v[3:6], angles)
     allocate(centre, p.rotation, angles, p.attitude_p, p.attitude_d, p.thrust)
     limit_thrust(p.thrust, p.thrust_limit)
@@ -242,14 +209,11 @@ def thrusts(p: ControlRecord, applied: Vector, v: Vector) -> None:
 def limit_bent(p: ControlRecord, applied: Vector, bend: Vector) -> None:
     """Limit the changed command, and move x_w, by the least norm, to where K_p e + K_d ė grows by the change of the
     total thrust."""
-    for i in range(3):
-        k_p, k_d = p.k_pt[i], p.k_dt[i]
-        squared = k_p * k_p + k_d * k_d
-        change = (bend[i] + bend[3 + i]) / squared if squared > 0.0 else 0.0
-        p.bent[i] = applied[i] + k_p * change
-        p.bent[3 + i] = applied[3 + i] + k_d * change
-    for j in range(p.torque.shape[0]):
-        p.torque[j] = min(max(p.torque[j], -p.torque_limit[j]), p.torque_limit[j])
+    squared = p.k_pt * p.k_pt + p.k_dt * p.k_dt
+    change = np.where(squared > 0.0, (bend[:3] + bend[3:6]) / squared, 0.0)
+    p.bent[:3] = applied[:3] + p.k_pt * change
+    p.bent[3:] = applied[3:] + p.k_dt * change
+    p.torque[:] = np.clip(p.torque, -p.torque_limit, p.torque_limit)
     limit_thrust(p.thrust, p.thrust_limit)
 
 

@@ -17,7 +17,7 @@ from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import Gait, check_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterParameters
+from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.rows import ForceRows

@@ -32,13 +32,14 @@ from harpy_pin.controllers.friction import (
     update_friction,
 )
 from harpy_pin.gaits.gait import GaitTargetRecord
-from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, to_contact, to_world, turn_feet
+from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, turn_feet
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.record import RecordOf
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 from harpy_pin.model.tree import TreeRecord
+from harpy_pin.model.vectors import quaternion_product
 from harpy_pin.wbc.condensed.force_program import TargetsRecord, note_centre_drift
 
 MAX_LEAN = 0.4
@@ -100,8 +101,8 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
         return verdict
     if not all_possible_rows(foot_force):
         return BAD
-    for j in range(r.joint_friction.dry.shape[0]):
-        d.bias[6 + j] += r.joint_friction.dry[j] * np.tanh(v[6 + j] / KNOWN_KNEE)
+    known = 6 + r.joint_friction.dry.shape[0]
+    d.bias[6:known] += r.joint_friction.dry * np.tanh(v[6:known] / KNOWN_KNEE)
     if r.joint_friction.on:
         add_joint_friction(r.joint_friction, d, v, foot_force)
     if not (all_possible(g.body) and all_possible(g.heading)):
@@ -112,8 +113,8 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
     if t.centred:
         note_centre_drift(d, t)
     _body_targets(d.tree, g, p, t, q, v)
+    t.joints[:] = p.posture[0] * (p.rest - q[7:]) - p.posture[1] * v[6:]
     for j in range(t.joints.shape[0]):
-        t.joints[j] = p.posture[0] * (p.rest[j] - q[7 + j]) - p.posture[1] * v[6 + j]
         _stay_in_range(p, t, j, q[7 + j], v[6 + j])
     level = is_level(g.normal)
     for k in range(t.held.shape[0]):
@@ -125,20 +126,17 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
     hold_flat_feet(p.flat_feet, t.held)
     for k in range(t.held.shape[0]):
         if t.held[k] != 0.0 and g.load[k] != 0.0:
-            for i in range(3):
-                t.feet[k, i] = -p.contact_damping * d.foot_velocity[k, i]
+            t.feet[k] = -p.contact_damping * d.foot_velocity[k]
             load = share_of_load(g, k, p.double_support) * g.load[k]
-            t.force_range[k, 0] = load * p.min_normal_force
-            t.force_range[k, 1] = load * p.max_normal_force
+            t.force_range[k] = load * p.min_normal_force, load * p.max_normal_force
         else:
-            for i in range(3):
-                t.feet[k, i] = (
-                    g.body[6 + i]
-                    + g.foot_acceleration[k, i]
-                    + p.swing[0] * (g.body[i] + g.foot_position[k, i] - d.foot_position[k, i])
-                    + p.swing[1] * (g.body[3 + i] + g.foot_velocity[k, i] - d.foot_velocity[k, i])
-                )
-            t.force_range[k, 0] = t.force_range[k, 1] = 0.0  # where it is held: a sole rolls, and lifts this corner
+            t.feet[k] = (
+                g.body[6:]
+                + g.foot_acceleration[k]
+                + p.swing[0] * (g.body[:3] + g.foot_position[k] - d.foot_position[k])
+                + p.swing[1] * (g.body[3:6] + g.foot_velocity[k] - d.foot_velocity[k])
+            )
+            t.force_range[k] = 0.0  # where it is held: a sole rolls, and lifts this corner
     t.tilted = 0
     if not level:
         turn_into_contacts(r, g, foot_force)
@@ -147,8 +145,7 @@ def task_terms(r: TasksRecord, g: GaitTargetRecord, q: Vector, v: Vector, foot_f
             update_friction(r.friction, foot_force, d.foot_velocity, t.held)
         else:
             update_friction(r.friction, t.measured, d.foot_velocity, t.held)
-        for k in range(t.held.shape[0]):
-            t.friction[k] = r.friction.estimate[k]
+        t.friction[:] = r.friction.estimate
     return GOOD
 
 
@@ -178,11 +175,8 @@ def hold_flat_feet(flat_feet: NDArray[np.int64], held: Vector) -> None:
     """Hold all corners of a flat foot where one is held; ``flat_feet`` is empty where all feet are points."""
     first = 0
     for n in range(flat_feet.shape[0]):
-        touching = 0.0
-        for k in range(first, first + flat_feet[n]):
-            touching = max(touching, held[k])
-        for k in range(first, first + flat_feet[n]):
-            held[k] = touching
+        corners = held[first : first + flat_feet[n]]
+        corners[:] = np.max(corners)
         first += flat_feet[n]
 
 
@@ -192,31 +186,26 @@ def _body_targets(
 ) -> None:
     """Accelerations of the body's position and orientation."""
     rotation = tree.rotation
-    for i in range(3):
-        velocity = rotation[i, 0] * v[0] + rotation[i, 1] * v[1] + rotation[i, 2] * v[2]
-        t.body[i] = g.body[6 + i] + p.body[0] * (g.body[i] - q[i]) + p.body[1] * (g.body[3 + i] - velocity)
-    # Rotation vector from the target body, which is upright and has a heading, to the body: from the quaternion.
-    x, y, z, w = q[3], q[4], q[5], q[6]
+    t.body[:] = g.body[6:] + p.body[0] * (g.body[:3] - q[:3]) + p.body[1] * (g.body[3:6] - rotation @ v[:3])
+    # The body's quaternion, turned back by what the target has: heading and tilt.
+    turned = np.empty(4)
+    turned[:] = q[3:7]
     if p.flies:
         limit_push(tree.gravity, t.body)
     if p.leans:
-        x, y, z, w = lean(rotation, tree.gravity, p.lift, g.heading[0], t.body, q[3:7])
-    if g.up[0] != 0.0 or g.up[1] != 0.0:
-        x, y, z, w = target_tilt(g.up, x, y, z, w)
-    turn, change = g.heading[1], g.heading[2]
+        lean(rotation, tree.gravity, p.lift, g.heading[0], t.body, turned)
+    if g.up[0] != 0.0 or g.up[1] != 0.0:  # the smallest rotation to the target's z axis
+        c = np.sqrt(0.5 * (1.0 + g.up[2]))
+        turned[:] = quaternion_product(np.array([0.5 * g.up[1] / c, -0.5 * g.up[0] / c, 0.0, c]), turned)
     if g.heading[0] != 0.0:
-        c, s = np.cos(0.5 * g.heading[0]), np.sin(0.5 * g.heading[0])
-        x, y, z, w = c * x + s * y, c * y - s * x, c * z - s * w, c * w + s * z
-    sign = 1.0 if w >= 0.0 else -1.0
-    norm = np.sqrt(x * x + y * y + z * z)
-    scale = 2.0 * sign
-    if norm > 1e-9:
-        scale = 2.0 * sign * np.arctan2(norm, abs(w)) / norm
-    vector = (x, y, z)
-    for i in range(3):
-        up = rotation[2, i]  # the vertical, in body axes
-        error = -p.orientation[0] * scale * vector[i] - p.orientation[1] * (v[3 + i] - up * turn)
-        t.orientation[i] = error + up * change
+        half = 0.5 * g.heading[0]
+        turned[:] = quaternion_product(np.array([0.0, 0.0, -np.sin(half), np.cos(half)]), turned)
+    norm = np.sqrt(turned[:3] @ turned[:3])
+    scale = 2.0 * np.arctan2(norm, abs(turned[3])) / norm if norm > 1e-9 else 2.0
+    error = (scale if turned[3] >= 0.0 else -scale) * turned[:3]  # the rotation vector
+    vertical = rotation[2]  # in body axes
+    spin = v[3:6] - g.heading[1] * vertical
+    t.orientation[:] = g.heading[2] * vertical - p.orientation[0] * error - p.orientation[1] * spin
 
 
 @kernel
@@ -234,17 +223,14 @@ def share_of_load(g: GaitTargetRecord, k: int, double_support: float) -> float:
 @kernel
 def load_on(normal: Vector, force: Vector) -> float:
     """Part of a force (3,) along a normal, N."""
-    return float(normal[0] * force[0] + normal[1] * force[1] + normal[2] * force[2])
+    return float(normal @ force)
 
 
 @kernel
 def below_ground(g: GaitTargetRecord, k: int, place: Vector) -> bool:
     """Whether a foot is below the ground's tangent plane at its target."""
-    n = g.normal[k]
-    above = n[2] * (place[2] - g.ground_height[k])
-    for i in range(2):
-        above += n[i] * (place[i] - g.body[i] - g.foot_position[k, i])
-    below: bool = above <= 0.0
+    n, across = g.normal[k], place[:2] - g.body[:2] - g.foot_position[k, :2]
+    below: bool = n[2] * (place[2] - g.ground_height[k]) + n[:2] @ across <= 0.0
     return below
 
 
@@ -253,14 +239,12 @@ def turn_into_contacts(r: TasksRecord, g: GaitTargetRecord, foot_force: Vector) 
     """Terms, targets and measured forces of the feet, of world axes, in the frames of their contacts."""
     d, t = r.dynamics, r.targets
     for k in range(t.held.shape[0]):
-        contact_frame(g.normal[k, 0], g.normal[k, 1], g.normal[k, 2], t.frame[k])
+        contact_frame(*g.normal[k], t.frame[k])
     _one_frame_for_a_sole(r)
     turn_feet(d, t.frame)
     for k in range(t.held.shape[0]):
-        to_contact(t.frame[k], t.feet[k])
-        for i in range(3):
-            t.measured[k, i] = foot_force[k, i]
-        to_contact(t.frame[k], t.measured[k])
+        t.feet[k] = t.frame[k].T @ t.feet[k]
+        t.measured[k] = t.frame[k].T @ foot_force[k]
     t.tilted = 1
 
 
@@ -271,9 +255,7 @@ def _one_frame_for_a_sole(r: TasksRecord) -> None:
     first = 0
     for n in range(feet.shape[0]):
         for k in range(first + 1, first + feet[n]):
-            for i in range(3):
-                for j in range(3):
-                    t.frame[k, i, j] = t.frame[first, i, j]
+            t.frame[k] = t.frame[first]
         first += feet[n]
 
 
@@ -282,73 +264,42 @@ def forces_in_world(t: TargetsRecord, force: Vector) -> None:
     """Contact forces (3 feet,) in world axes, in place."""
     if t.tilted:
         for k in range(t.held.shape[0]):
-            to_world(t.frame[k], force[3 * k : 3 * k + 3])
+            force[3 * k : 3 * k + 3] = t.frame[k] @ force[3 * k : 3 * k + 3]
 
 
-@kernel
-def target_tilt(up: Vector, x: float, y: float, z: float, w: float) -> tuple[float, float, float, float]:
-    """The body's quaternion seen from a target that leans by the smallest rotation, its z axis ``up`` of length one."""
-    c = np.sqrt(0.5 * (1.0 + up[2]))
-    a, b = 0.5 * up[1] / c, -0.5 * up[0] / c
-    return c * x + a * w + b * z, c * y - a * z + b * w, c * z + a * y - b * x, c * w - a * x - b * y
-
-
-@kernel
+@kernel(gravity=(3,), body=(3,))
 def limit_push(gravity: Vector, body: Vector) -> None:
     """Limit the thrust per mass s = a_d − g that ``body``, a_d in and out, needs: world axes, m/s²; with gravity."""
-    weight = np.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    weight = np.sqrt(gravity @ gravity)
     if weight == 0.0:
         return
-    along = weight
-    for i in range(3):
-        along -= body[i] * gravity[i] / weight
-    across = 0.0
-    for i in range(3):
-        body[i] += (along - weight) * gravity[i] / weight
-        across += body[i] * body[i]
+    down = gravity / weight
+    along = weight - body @ down
+    across = body + (along - weight) * down
     along = max(along, 0.5 * weight)
-    share = min(1.0, _SLOPE * along / max(np.sqrt(across), 1e-12))
-    for i in range(3):
-        body[i] = share * body[i] - (along - weight) * gravity[i] / weight
+    share = min(1.0, _SLOPE * along / max(np.sqrt(across @ across), 1e-12))
+    body[:] = share * across - (along - weight) * down
 
 
-@kernel
-def lean(
-    rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: Vector, quaternion: Vector
-) -> tuple[float, float, float, float]:
+@kernel(rotation=(3, 3), gravity=(3,), lift=(3,), body=(3,), quaternion=(4,))
+def lean(rotation: Vector, gravity: Vector, lift: Vector, heading: float, body: Vector, quaternion: Vector) -> None:
     """Take the desired tilt out of the body's orientation, and what is out of reach now out of its acceleration.
 
-    ``lift`` is l, ``heading`` the yaw of the upright body, and ``body`` (3,) a_d in, after :func:`limit_push`, and a
-    out, in world axes. Returns the body's quaternion (x, y, z, w) turned back by the desired tilt: where the body has
-    that tilt, this is the upright one with that heading.
+    ``lift`` is l, ``heading`` the yaw of the upright body, ``body`` (3,) a_d in, after :func:`limit_push`, and a
+    out, in world axes. ``quaternion`` is the body's, (x, y, z, w), in, and out turned back by the desired tilt: where
+    the body has that tilt, this is the upright one with that heading.
     """
-    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    desired = np.empty(3)
-    length = 0.0
-    for i in range(3):
-        desired[i] = body[i] - gravity[i]
-        length += desired[i] * desired[i]
-    length = np.sqrt(length)
+    desired = body - gravity
+    length = np.sqrt(desired @ desired)
     if length < 1e-9:  # weightless, and no acceleration desired
-        return x, y, z, w
-    # The part along the present direction.
-    now = 0.0
-    for i in range(3):
-        now += desired[i] * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
-    for i in range(3):
-        body[i] = gravity[i] + now * (rotation[i, 0] * lift[0] + rotation[i, 1] * lift[1] + rotation[i, 2] * lift[2])
+        return
+    present = rotation @ lift
+    body[:] = gravity + (desired @ present) * present
     # The shortest turn from the upright body's lift axis a to the desired direction b: quaternion (a × b, 1 + a · b).
+    # It is undone by (b × a, 1 + a · b).
     c, s = np.cos(heading), np.sin(heading)
-    ax, ay, az = c * lift[0] - s * lift[1], s * lift[0] + c * lift[1], lift[2]
-    bx, by, bz = desired[0] / length, desired[1] / length, desired[2] / length
-    tx, ty, tz, tw = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx, 1.0 + ax * bx + ay * by + az * bz
-    norm = np.sqrt(tx * tx + ty * ty + tz * tz + tw * tw)
-    if norm < 1e-9:  # the lift axis points down: there is no shortest turn
-        return x, y, z, w
-    tx, ty, tz, tw = -tx / norm, -ty / norm, -tz / norm, tw / norm
-    return (
-        tw * x + tx * w + ty * z - tz * y,
-        tw * y - tx * z + ty * w + tz * x,
-        tw * z + tx * y - ty * x + tz * w,
-        tw * w - tx * x - ty * y - tz * z,
-    )
+    a, b = np.array([c * lift[0] - s * lift[1], s * lift[0] + c * lift[1], lift[2]]), desired / length
+    back = np.array([*np.cross(b, a), 1.0 + a @ b])
+    norm = np.sqrt(back @ back)
+    if norm >= 1e-9:  # otherwise the lift axis points down: there is no shortest turn
+        quaternion[:] = quaternion_product(back / norm, quaternion)

@@ -98,8 +98,7 @@ def _lead(lag: float, period: float) -> float:
 @kernel
 def advance_thrusts(r: ThrustLagRecord) -> None:
     """Thrusts at the beginning of the next tick."""
-    for k in range(r.goal.shape[0]):
-        r.level[k] = r.goal[k] + r.remaining * (r.level[k] - r.goal[k])
+    r.level[:] = r.goal + r.remaining * (r.level - r.goal)
 
 
 @kernel
@@ -107,16 +106,10 @@ def keep_thrusts(r: ThrustLagRecord, rotation: Vector) -> None:
     """What is kept of the thrusts, for a body of this rotation (3, 3) to world axes."""
     count = r.goal.shape[0]
     free = (r.least.shape[0] - count) // 2  # three variables of each, one of each rotor
-    for k in range(count):
-        keep = CHANGE_SHARE * r.remaining * r.level[k] if r.settled else 0.0
-        if k >= free:
-            r.kept[2 * free + k] = keep
-            continue
-        for i in range(3):
-            s = 0.0
-            for j in range(3):
-                s += rotation[i, j] * r.direction[k, j]
-            r.kept[3 * k + i] = keep * s
+    share = CHANGE_SHARE * r.remaining if r.settled else 0.0
+    for k in range(free):
+        r.kept[3 * k : 3 * k + 3] = share * r.level[k] * (rotation @ r.direction[k])
+    r.kept[3 * free :] = share * r.level[free:]
 
 
 @kernel
@@ -125,9 +118,7 @@ def count_from_kept(r: ThrustLagRecord, d: DynamicsRecord, sign: float) -> None:
 
     The sign is 1, or −1 to undo it.
     """
-    for i in range(d.bias.shape[0]):
-        for c in range(r.kept.shape[0]):
-            d.bias[i] -= sign * d.thruster_jacobian[c, i] * r.kept[c]
+    d.bias -= sign * (d.thruster_jacobian.T @ r.kept)
 
 
 @kernel
@@ -138,26 +129,19 @@ def command_thrusts(r: ThrustLagRecord, d: DynamicsRecord, variables: Vector, co
     """
     count = r.goal.shape[0]
     free = (r.least.shape[0] - count) // 2
-    for k in range(count):
-        if k >= free:
-            c = 2 * free + k
-            r.goal[k] = _leading(r, k, variables[c] + r.kept[c], r.least[c], r.largest[c])
-            r.present[c] = r.goal[k] + r.mean_share * (r.level[k] - r.goal[k])
-            for i in range(3):
-                command[k, i] = r.goal[k] * d.rotor_axis[k - free, i]
-            continue
-        for i in range(3):
-            command[k, i] = variables[3 * k + i] + r.kept[3 * k + i]
-        size = np.sqrt(command[k, 0] ** 2 + command[k, 1] ** 2 + command[k, 2] ** 2)
+    for k in range(free):
+        command[k] = variables[3 * k : 3 * k + 3] + r.kept[3 * k : 3 * k + 3]
+        size = np.sqrt(command[k] @ command[k])
         r.goal[k] = _leading(r, k, size, LEAST, r.most)
         now = r.goal[k] + r.mean_share * (r.level[k] - r.goal[k])
         _lead_direction(r, k, d.tree.rotation, size, command[k])
-        for i in range(3):
-            s = 0.0
-            for j in range(3):
-                s += d.tree.rotation[i, j] * r.direction[k, j]
-            r.present[3 * k + i] = now * s
-            command[k, i] *= r.goal[k]
+        r.present[3 * k : 3 * k + 3] = now * (d.tree.rotation @ r.direction[k])
+        command[k] *= r.goal[k]
+    for k in range(free, count):
+        c = 2 * free + k
+        r.goal[k] = _leading(r, k, variables[c] + r.kept[c], r.least[c], r.largest[c])
+        r.present[c] = r.goal[k] + r.mean_share * (r.level[k] - r.goal[k])
+        command[k] = r.goal[k] * d.rotor_axis[k - free]
     r.settled = 1
 
 
@@ -176,29 +160,18 @@ def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, c
 
     It is on the great circle through both, at most :data:`FARTHEST` from the thrust's.
     """
-    old = np.empty(3)
-    for i in range(3):
-        old[i] = 0.0
-        for j in range(3):
-            old[i] += rotation[i, j] * r.direction[k, j]
+    old = rotation @ r.direction[k]
     if size <= SMALL:
         command[:] = old
         return
-    cosine = 0.0
-    for i in range(3):
-        command[i] /= size
-        cosine += command[i] * old[i]
-    cosine = min(max(cosine, -1.0), 1.0)
-    angle = np.arccos(cosine)
+    command /= size
+    angle = np.arccos(min(max(command @ old, -1.0), 1.0))
     sine = np.sin(angle)
     if r.turn_remaining > 0.0 and r.settled and sine > 1e-6:
         ahead = min(angle * r.turn_lead, FARTHEST)
-        for i in range(3):
-            command[i] = (np.sin(angle - ahead) * old[i] + np.sin(ahead) * command[i]) / sine
+        command[:] = (np.sin(angle - ahead) * old + np.sin(ahead) * command) / sine
         turn(r.direction[k], rotation, command, 1.0, r.turn_remaining)
-        length = np.sqrt(r.direction[k, 0] ** 2 + r.direction[k, 1] ** 2 + r.direction[k, 2] ** 2)
-        for i in range(3):
-            r.direction[k, i] /= length
+        r.direction[k] /= np.sqrt(r.direction[k] @ r.direction[k])
     else:
         turn(r.direction[k], rotation, command, 1.0, 0.0)
 
@@ -206,16 +179,15 @@ def _lead_direction(r: ThrustLagRecord, k: int, rotation: Vector, size: float, c
 @kernel
 def bound_thrusts(r: ThrustLagRecord, fixed: bool, lower: Vector, upper: Vector) -> None:
     """Bounds of a program: those of free thrusts, or, where these are ``fixed``, the thrusts of this tick."""
-    for c in range(r.present.shape[0]):
-        lower[c] = (r.present[c] if fixed else r.least[c]) - r.kept[c]
-        upper[c] = (r.present[c] if fixed else r.largest[c]) - r.kept[c]
+    thrusts = r.present.shape[0]
+    lower[:thrusts] = (r.present if fixed else r.least) - r.kept
+    upper[:thrusts] = (r.present if fixed else r.largest) - r.kept
 
 
 @kernel
 def add_kept(r: ThrustLagRecord, variables: Vector) -> None:
     """Make thrusts, N, of a program's variables."""
-    for c in range(r.kept.shape[0]):
-        variables[c] += r.kept[c]
+    variables[: r.kept.shape[0]] += r.kept
 
 
 class LaggedTickRecord(CondensedTickRecord):

@@ -50,10 +50,6 @@ def write_inputs(r: TickRecord, inputs: Vector, apart: bool) -> None:
     first = inputs.shape[0] - r.torque.shape[0]
     factor = fading(r)
     if r.verdict != GOOD:
-        for c in range(first if apart else 0, inputs.shape[0]):
-            inputs[c] *= factor
-        for k in range(r.thrust.shape[0]):
-            for i in range(3):
-                r.thrust[k, i] *= factor
-    for j in range(r.torque.shape[0]):
-        r.torque[j] = inputs[first + j]
+        inputs[first if apart else 0 :] *= factor
+        r.thrust *= factor
+    r.torque[:] = inputs[first:]

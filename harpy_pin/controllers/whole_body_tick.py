@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.friction import note_inputs
 from harpy_pin.controllers.joint_targets import JointTargetsRecord, add_lacking, keep_targets, move_targets
@@ -98,9 +100,8 @@ def _write_command(r: WholeBodyTickRecord, usable: bool, q: Vector, v: Vector) -
         r.held_for += 1
         if r.held_for > r.hold_ticks:
             r.inputs[:first] = 0.0
-            for j in range(r.posture.shape[0]):
-                u = STIFFNESS * (r.posture[j] - q[7 + j]) - DAMPING * v[6 + j]
-                r.inputs[first + j] = min(max(u, -r.torque_limit[j]), r.torque_limit[j])
+            spring = STIFFNESS * (r.posture - q[7:]) - DAMPING * v[6:]
+            r.inputs[first:] = np.clip(spring, -r.torque_limit, r.torque_limit)
             r.thrust[:] = 0.0
     note_inputs(r.joint_friction, r.inputs)
     write_inputs(r, r.inputs, True)

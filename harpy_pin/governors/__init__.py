@@ -1,7 +1,7 @@
 """Reference governors: they bend a reference so that constraints hold, without solving an optimisation."""
 
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
-from harpy_pin.governors.contact_force_kernels import ContactForceFilterParameters
+from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
 from harpy_pin.governors.governor import Governor, GovernorStatus
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, StackedRows

@@ -27,13 +27,8 @@ import numpy as np
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.governors.contact_force_kernels import (
-    BAD_STATE,
-    MISFIT_SIZES,
-    ContactForceFilterParameters,
-    ContactForceFilterRecord,
-    filter_forces,
-)
+from harpy_pin.governors.contact_force_kernels import BAD_STATE, MISFIT_SIZES, ContactForceFilterRecord, filter_forces
+from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.governor import GovernorStatus
 from harpy_pin.model.contact_map import contact_terms
 from harpy_pin.model.dynamics import Dynamics

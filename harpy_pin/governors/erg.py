@@ -180,10 +180,8 @@ def _argument_verdict(x: Vector, x_r: Vector, dt: float, p: ErgRecord) -> int:
 def _first_broken(h: Vector, jacobian: Vector) -> int:
     """The first row that is NaN, or whose derivatives are not finite; −1 without any."""
     for r in range(h.shape[0]):
-        broken = np.isnan(h[r])
-        for i in range(jacobian.shape[1]):
-            broken = broken or not np.isfinite(jacobian[r, i])
-        if broken:
+        finite = np.all(np.isfinite(jacobian[r]))
+        if np.isnan(h[r]) or not finite:
             return r
     return -1
 
@@ -224,17 +222,15 @@ def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
     Returns:
         Whether both references violate a row.
     """
-    n_rows, n = p.jacobian_r.shape
-    min_r, min_w, worst = p.h_r[0], p.h_w[0], 0
-    for k in range(1, n_rows):
-        min_r = min(min_r, p.h_r[k])
-        if p.h_w[k] < min_w:
-            min_w, worst = p.h_w[k], k
+    worst = 0
+    for k in range(1, p.h_w.shape[0]):
+        if p.h_w[k] < p.h_w[worst]:
+            worst = k
+    min_r, min_w = np.min(p.h_r), p.h_w[worst]
     p.rate[:] = 0.0
     # v_r: straight to the target.
     if min_w >= 0.0 or min_r >= 0.0:
-        for i in range(n):
-            p.rate[i] += p.alpha_r * (x_r[i] - x_w[i])
+        p.rate += p.alpha_r * (x_r - x_w)
     # v_t: the part of the way that leaves the violated rows unchanged.
     tangential = (min_w >= 0.0 or min_r < 0.0) if p.literal else (min_w >= 0.0 and min_r < 0.0)
     # v_n: repair along the worst row when both references violate; v_t instead, or as well, where it has no direction.
@@ -242,101 +238,72 @@ def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
     if infeasible and p.own[worst]:
         tangential = _add_shortest(dt, p, worst)
         if not tangential:
-            for i in range(n):
-                p.rate[i] += p.alpha_r * (x_r[i] - x_w[i])
+            p.rate += p.alpha_r * (x_r - x_w)
     elif infeasible:
         towards = min_w <= min_r if p.literal else p.h_r[worst] >= p.h_w[worst]
         tangential |= not _add_normal(x_r, x_w, p, worst, towards)
     if tangential:
         _add_tangential(x_r, x_w, p)
-    for i in range(n):
-        x_w[i] += dt * p.rate[i]
+    x_w += dt * p.rate
     return infeasible
-
-
-@kernel
-def _dot(a: Vector, b: Vector) -> float:
-    """Sum of the products of their entries."""
-    total = 0.0
-    for i in range(a.shape[0]):
-        total += a[i] * b[i]
-    return total
 
 
 @kernel
 def _violated_basis(p: ErgRecord) -> int:
     """Orthonormal basis of the rows that x_r violates, into ``p.basis``; returns their rank."""
     jacobian, basis = p.jacobian_r, p.basis
-    n_rows, n = jacobian.shape
     rank = 0
-    for k in range(n_rows):
-        if p.h_r[k] < 0.0:
-            norm = np.sqrt(_dot(jacobian[k], jacobian[k]))
-            if norm == 0.0:
-                continue
-            for i in range(n):
-                basis[rank, i] = jacobian[k, i] / norm
-            # Gram–Schmidt, twice: normalised analytic rows, so that the rank is right (W7).
-            for _ in range(2):
-                for b in range(rank):
-                    dot = _dot(basis[b], basis[rank])
-                    for i in range(n):
-                        basis[rank, i] -= dot * basis[b, i]
-            rest = np.sqrt(_dot(basis[rank], basis[rank]))
-            if rest > INDEPENDENT:
-                for i in range(n):
-                    basis[rank, i] /= rest
-                rank += 1
-                if rank == n:
-                    break
+    for k in range(p.h_r.shape[0]):
+        norm = np.sqrt(jacobian[k] @ jacobian[k])
+        if p.h_r[k] >= 0.0 or norm == 0.0:
+            continue
+        row = basis[rank]
+        row[:] = jacobian[k] / norm
+        # Gram–Schmidt, twice: normalised analytic rows, so that the rank is right (W7).
+        for _ in range(2):
+            for b in range(rank):
+                row -= (basis[b] @ row) * basis[b]
+        rest = np.sqrt(row @ row)
+        if rest > INDEPENDENT:
+            row /= rest
+            rank += 1
+            if rank == row.shape[0]:
+                break
     return rank
 
 
 @kernel
 def _add_tangential(x_r: Vector, x_w: Vector, p: ErgRecord) -> None:
     """v_t = α_t (I − C⁺C)(x_r − x_w), C the violated rows."""
-    n = p.rate.shape[0]
-    rank = _violated_basis(p)
-    for i in range(n):
-        p.rate[i] += p.alpha_t * (x_r[i] - x_w[i])
-    for b in range(rank):
-        dot = 0.0
-        for i in range(n):
-            dot += p.basis[b, i] * (x_r[i] - x_w[i])
-        for i in range(n):
-            p.rate[i] -= p.alpha_t * dot * p.basis[b, i]
+    away = x_r - x_w
+    p.rate += p.alpha_t * away
+    for b in range(_violated_basis(p)):
+        p.rate -= p.alpha_t * (p.basis[b] @ away) * p.basis[b]
 
 
 @kernel
 def _add_normal(x_r: Vector, x_w: Vector, p: ErgRecord, worst: int, towards: bool) -> bool:
     """v_n along the worst row, towards the target or away from it; returns whether that is a direction at all."""
-    n = p.rate.shape[0]
     row = p.jacobian_r[worst]
-    squared, dot = 0.0, 0.0
-    for i in range(n):
-        squared += row[i] * row[i]
-        dot += row[i] * (x_r[i] - x_w[i])
+    squared, dot = row @ row, row @ (x_r - x_w)
     scale = p.alpha_n * dot if towards else -p.alpha_n * dot
     if not p.literal:
         scale = scale / squared if squared > 0.0 else 0.0
-    for i in range(n):
-        p.rate[i] += scale * row[i]
+    p.rate += scale * row
     return abs(dot) > float(-NO_WAY * p.h_w[worst])
 
 
 @kernel
 def _add_shortest(dt: float, p: ErgRecord, worst: int) -> bool:
     """The shortest way for x_w into its worst row; returns whether there is one, and a short one."""
-    n = p.rate.shape[0]
     row = p.jacobian_w[worst]
-    norm = np.sqrt(_dot(row, row))
+    norm = np.sqrt(row @ row)
     if not -p.h_w[worst] <= FARTHEST * norm:
         return False
     # At the rate of the print, α_n times the distance of the references, and no further than just inside.
     distance = -min(p.h_w[worst], p.h_r[worst]) / norm
     speed = min(p.alpha_n * distance, (INSIDE - p.h_w[worst] / norm) / max(dt, 1e-9))
-    for i in range(n):
-        p.rate[i] += speed * row[i] / norm
+    p.rate += speed * row / norm
     return True
 
 

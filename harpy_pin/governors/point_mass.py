@@ -56,15 +56,11 @@ def axial_force(r: Vector, c: Vector, c_dot: Vector, model: PointMassRecord, jac
     Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e + K_dt ė).
     J goes into ``jacobian``, N/m and N·s/m; d, N, is returned.
     """
-    length = max(np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), 1e-12)  # a body on the foot has no direction
-    d = model.mass * model.g * r[2] / length
-    for i in range(3):
-        direction = r[i] / length
-        if model.law == 0:
-            jacobian[i] = model.mass * model.k_pr * direction
-            jacobian[3 + i] = model.mass * model.k_dr * direction
-        else:
-            jacobian[i] = -model.k_pt[i] * direction
-            jacobian[3 + i] = -model.k_dt[i] * direction
-        d -= jacobian[i] * c[i] + jacobian[3 + i] * c_dot[i]
-    return float(d)
+    direction = r / max(np.sqrt(r @ r), 1e-12)  # a body on the foot has none
+    if model.law == 0:
+        jacobian[:3] = model.mass * model.k_pr * direction
+        jacobian[3:] = model.mass * model.k_dr * direction
+    else:
+        jacobian[:3] = -model.k_pt * direction
+        jacobian[3:] = -model.k_dt * direction
+    return float(model.mass * model.g * direction[2] - jacobian[:3] @ c - jacobian[3:] @ c_dot)

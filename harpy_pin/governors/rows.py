@@ -189,47 +189,30 @@ def force_rows(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Ve
 
 
 @kernel
+def _pyramid(mu: float) -> Vector:
+    """The rows as a matrix (5, 3): times a force, what is to be positive, but for u_min."""
+    return np.array([[-1.0, 0.0, mu], [1.0, 0.0, mu], [0.0, -1.0, mu], [0.0, 1.0, mu], [0.0, 0.0, 1.0]])
+
+
+@kernel
 def force_rows_measured(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector) -> None:
     """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md R1)."""
-    r = np.empty(3)
-    for i in range(3):
-        r[i] = x[i] - x[6 + i]
-    slope = jacobian[4]
-    force = axial_force(r, x[0:3], x[3:6], p, slope)
-    for i in range(6):
-        force += slope[i] * w[i]
-    length = max(np.sqrt(r[0] * r[0] + r[1] * r[1] + r[2] * r[2]), 1e-12)  # a body on the foot has no direction
-    x_hat, y_hat, z_hat = r[0] / length, r[1] / length, r[2] / length
-    for k in range(4):
-        along = x_hat if k < 2 else y_hat
-        scale = p.mu * z_hat - along if k % 2 == 0 else p.mu * z_hat + along
-        h[k] = scale * force
-        for i in range(6):
-            jacobian[k, i] = scale * slope[i]
-    h[4] = z_hat * force - p.min_normal_force
-    for i in range(6):
-        jacobian[4, i] = z_hat * slope[i]
+    r, slope = x[:3] - x[6:], np.empty(6)
+    offset = axial_force(r, x[:3], x[3:6], p, slope)
+    rows = _pyramid(p.mu) @ (r / max(np.sqrt(r @ r), 1e-12))  # a body on the foot has no direction
+    h[:] = rows * (slope @ w[:6] + offset)
+    h[4] -= p.min_normal_force
+    jacobian[:, :6] = np.outer(rows, slope)
 
 
 @kernel
 def force_rows_tracked(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector) -> None:
     """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (equations.md R2)."""
-    rx, ry, rz = w[0] - x[6], w[1] - x[7], w[2] - x[8]
-    squared = max(rx * rx + ry * ry + rz * rz, 1e-12)  # a reference on the foot has no direction
-    weight = p.mass * p.g
-    jacobian[:, :] = 0.0
-    for k in range(4):
-        along = rx if k < 2 else ry
-        sign = -1.0 if k % 2 == 0 else 1.0
-        product = rz * (p.mu * rz + sign * along)
-        h[k] = weight * product / squared
-        jacobian[k, 0] = -2.0 * rx * product / squared
-        jacobian[k, 1] = -2.0 * ry * product / squared
-        jacobian[k, 2] = 2.0 * p.mu * rz + sign * along - 2.0 * rz * product / squared
-        jacobian[k, 0 if k < 2 else 1] += sign * rz
-        for i in range(3):
-            jacobian[k, i] *= weight / squared
-    h[4] = weight * rz * rz / squared - p.min_normal_force
-    jacobian[4, 0] = -2.0 * weight * rz * rz * rx / (squared * squared)
-    jacobian[4, 1] = -2.0 * weight * rz * rz * ry / (squared * squared)
-    jacobian[4, 2] = 2.0 * weight * rz * (rx * rx + ry * ry) / (squared * squared)
+    r, upward = w[:3] - x[6:], np.array([0.0, 0.0, 1.0])
+    squared = max(r @ r, 1e-12)  # a reference on the foot has no direction
+    scale = p.mass * p.g / squared
+    slope = r[2] * np.eye(3) + np.outer(r, upward) - 2.0 * r[2] / squared * np.outer(r, r)
+    h[:] = _pyramid(p.mu) @ (scale * r[2] * r)
+    h[4] -= p.min_normal_force
+    jacobian[:] = 0.0
+    jacobian[:, :3] = _pyramid(p.mu) @ (scale * slope)

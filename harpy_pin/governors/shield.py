@@ -17,12 +17,8 @@ from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
-from harpy_pin.governors.contact_force_kernels import (
-    ContactForceFilterParameters,
-    ContactForceFilterRecord,
-    answer_terms,
-    friction_limit,
-)
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms, cone_rows, friction_limit
+from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.thrust import limit_thrust
 from harpy_pin.model.contact_map import ContactMapRecord, sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord
@@ -276,7 +272,7 @@ def shield_all(
     q, v, foot_force, torque, thrust = given
     new_torque, new_thrust, before, after, excess = results
     changed, safe, bad_command, short, beyond = flags
-    g, most = record[0], limits[0]
+    g, most, feet = record[0], limits[0], before.shape[1]
     for i in range(q.shape[0]):
         u, f = new_torque[i], new_thrust[i]
         u[:] = torque[i]
@@ -304,48 +300,32 @@ def shield_all(
             within_limits(most, u, f)
         else:
             bend[i] = g.bend
-            for k in range(before.shape[1]):
-                for c in range(2):
-                    before[i, k, c], after[i, k, c] = g.h_r[2 * k + c], g.h_w[2 * k + c]
+            before[i] = g.h_r.reshape((feet, 2))
+            after[i] = g.h_w.reshape((feet, 2))
             _short_of(g, before[i], short[i])
             _mark(most, u, f, beyond[i, 1])
             if within_limits(most, u, f):  # less of the change is left
                 _margins(dynamics[0], terms[0], g, v[i], u, f, after[i])
-            safe[i] = True
-            for k in range(after.shape[1]):
-                safe[i] = safe[i] and after[i, k, 0] >= 0.0 and after[i, k, 1] >= 0.0
+            safe[i] = np.all(after[i].reshape(2 * feet) >= 0.0)
         last_torque[i] = u
         last_thrust[i] = f
-        changed[i] = _differs(u, torque[i]) or _differs(f.reshape(f.size), thrust[i].reshape(f.size))
-
-
-@kernel
-def _differs(a: Vector, b: Vector) -> bool:
-    different = False
-    for j in range(a.shape[0]):
-        different = different or a[j] != b[j]
-    return different
+        changed[i] = np.any(u != torque[i]) | np.any(f.reshape(f.size) != thrust[i].reshape(f.size))
 
 
 @kernel
 def _mark(most: LimitsRecord, torque: Vector, thrust: Vector, beyond: NDArray[np.bool_]) -> None:
     """Which torques, then which thrusts, are beyond their limits."""
     joints = torque.shape[0]
-    for j in range(joints):
-        beyond[j] = abs(torque[j]) > most.torque_limit[j]
+    beyond[:joints] = abs(torque) > most.torque_limit
     for k in range(thrust.shape[0]):
-        size = np.sqrt(thrust[k, 0] ** 2 + thrust[k, 1] ** 2 + thrust[k, 2] ** 2)
-        beyond[joints + k] = size > most.thrust_limit
+        beyond[joints + k] = np.sqrt(thrust[k] @ thrust[k]) > most.thrust_limit
 
 
 @kernel
 def within_limits(most: LimitsRecord, torque: Vector, thrust: Vector) -> bool:
     """Bring a command within ``torque_limit`` and ``thrust_limit``, in place; returns whether it was beyond them."""
-    over = False
-    for j in range(torque.shape[0]):
-        if abs(torque[j]) > most.torque_limit[j]:
-            over = True
-            torque[j] = most.torque_limit[j] if torque[j] > 0.0 else -most.torque_limit[j]
+    over: bool = np.any(abs(torque) > most.torque_limit)
+    torque[:] = np.clip(torque, -most.torque_limit, most.torque_limit)
     return limit_thrust(thrust, most.thrust_limit) or over
 
 
@@ -381,5 +361,4 @@ def _margins(
     sticking_force(d, w, count)
     for c in range(0, count, 3):
         k = w.rows[c] // 3
-        tangential = np.sqrt(w.force[c] ** 2 + w.force[c + 1] ** 2)
-        out[k, 0], out[k, 1] = g.friction[k] * w.force[c + 2] - tangential, w.force[c + 2]
+        out[k] = cone_rows(w.force[c : c + 3], g.friction[k])

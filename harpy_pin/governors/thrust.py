@@ -74,19 +74,11 @@ def centre_feedback(
     u_t,c = (I − Y)(K_pt e + K_dt ė) with Y = r̂ r̂ᵀ (projected law) or Y = 0 (full law);
     u_r = rᵀ(k_pr e + k_dr ė), with r = c − u, m, in world axes, and the reference [c_w; ċ_w].
     """
-    u_r = 0.0
-    along = 0.0
-    squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
-    for i in range(3):
-        e = reference[i] - c[i]
-        e_dot = reference[3 + i] - c_dot[i]
-        out[i] = gains.k_pt[i] * e + gains.k_dt[i] * e_dot
-        along += r[i] * out[i]
-        u_r += r[i] * (gains.k_pr * e + gains.k_dr * e_dot)
+    e, e_dot = reference[:3] - c, reference[3:] - c_dot
+    out[:] = gains.k_pt * e + gains.k_dt * e_dot
     if law == 0:
-        for i in range(3):
-            out[i] -= r[i] * along / max(squared, 1e-24)  # a body on the foot has no direction
-    return u_r
+        out -= r * (r @ out) / max(r @ r, 1e-24)  # a body on the foot has no direction
+    return float(r @ (gains.k_pr * e + gains.k_dr * e_dot))
 
 
 @kernel(rotation=(3, 3), angular_velocity=(3,), out=(4,))
@@ -98,11 +90,9 @@ def roll_yaw(rotation: Vector, angular_velocity: Vector, out: Vector) -> None:
     sin_pitch = min(max(-rotation[2, 0], -1.0), 1.0)
     cos_pitch = max(np.sqrt(1.0 - sin_pitch * sin_pitch), 1e-6)
     roll = np.arctan2(rotation[2, 1], rotation[2, 2])
-    out[0] = roll
-    out[1] = np.arctan2(rotation[1, 0], rotation[0, 0])
+    yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
     spin = (np.sin(roll) * angular_velocity[1] + np.cos(roll) * angular_velocity[2]) / cos_pitch
-    out[2] = angular_velocity[0] + sin_pitch * spin
-    out[3] = spin
+    out[:] = roll, yaw, angular_velocity[0] + sin_pitch * spin, spin
 
 
 @kernel(centre=(3,), rotation=(3, 3), angles=(4,), out=(2, 3))
@@ -115,10 +105,9 @@ def allocate(centre: Vector, rotation: Vector, angles: Vector, k_p: float, k_d: 
     """
     u_roll = -k_p * angles[0] - k_d * angles[2]
     u_yaw = k_p * angles[1] + k_d * angles[3]
-    for i in range(3):
-        difference = rotation[i, 0] * u_yaw + rotation[i, 2] * u_roll
-        out[0, i] = 0.5 * centre[i] + difference
-        out[1, i] = 0.5 * centre[i] - difference
+    difference = rotation @ np.array([u_yaw, 0.0, u_roll])
+    out[0] = 0.5 * centre + difference
+    out[1] = 0.5 * centre - difference
 
 
 @kernel(thrust=("n", 3))
@@ -126,9 +115,8 @@ def limit_thrust(thrust: Vector, limit: float) -> bool:
     """Shorten, in place, each thrust beyond the limit, N; its direction stays. Returns whether any was shortened."""
     limited = False
     for k in range(thrust.shape[0]):
-        norm = np.sqrt(thrust[k, 0] ** 2 + thrust[k, 1] ** 2 + thrust[k, 2] ** 2)
+        norm = np.sqrt(thrust[k] @ thrust[k])
         if norm > limit:
             limited = True
-            for i in range(3):
-                thrust[k, i] *= limit / norm
+            thrust[k] *= limit / norm
     return limited

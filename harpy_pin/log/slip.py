@@ -40,10 +40,9 @@ def slip_record(feet: int) -> Records[SlipRecord]:
 @kernel
 def forget_slip(s: SlipRecord, position: Vector) -> None:
     """Begin anew, with the feet where they are."""
-    for k in range(position.shape[0]):
-        s.path[k], s.net[k], s.ended[k], s.away[k] = 0.0, 0.0, 0.0, np.inf
-        for i in range(3):
-            s.before[k, i] = position[k, i]
+    s.path[:] = s.net[:] = s.ended[:] = 0.0
+    s.away[:] = np.inf
+    s.before[:] = position
 
 
 @kernel
@@ -54,7 +53,7 @@ def note_slip(s: SlipRecord, level: bool, frame: Vector, position: Vector, force
     """
     for k in range(position.shape[0]):
         f, r = force[3 * k : 3 * k + 3], frame[k]
-        normal = f[2] if level else r[0, 2] * f[0] + r[1, 2] * f[1] + r[2, 2] * f[2]
+        normal = f[2] if level else r[:, 2] @ f
         if normal > 0.0:
             if s.away[k] > DEBOUNCE:
                 s.ended[k] = s.net[k]
@@ -70,10 +69,7 @@ def note_slip(s: SlipRecord, level: bool, frame: Vector, position: Vector, force
 @kernel
 def _distance(level: bool, frame: Vector, begin: Vector, end: Vector) -> float:
     """Distance of two places along the ground, m."""
-    if level:
-        return float(np.hypot(end[0] - begin[0], end[1] - begin[1]))
-    along = across = 0.0
-    for c in range(3):
-        along += frame[c, 0] * (end[c] - begin[c])
-        across += frame[c, 1] * (end[c] - begin[c])
-    return float(np.hypot(along, across))
+    x, y = end[:2] - begin[:2]
+    if not level:
+        x, y = frame[:, :2].T @ (end - begin)
+    return float(np.hypot(x, y))

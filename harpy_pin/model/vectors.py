@@ -1,4 +1,9 @@
-"""Vectors, quaternions and rotations of three dimensions, for kernels; quaternions are (x, y, z, w)."""
+"""Vectors of three numbers, rotations and spatial vectors, for kernels that compute with them.
+
+Quaternions are (x, y, z, w) of length one (Solà, Quaternion kinematics for the error-state Kalman
+filter, 2017). Motions are linear, then angular, and forces are force, then moment (Featherstone,
+Rigid Body Dynamics Algorithms, 2008).
+"""
 
 from __future__ import annotations
 
@@ -8,18 +13,46 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.state import Vector
 
 SMALL_ANGLE = 1e-4
-"""Below which functions of an angle are their series, rad."""
+"""Below it functions of an angle are their series, exact to rounding, rad."""
 
 
-@kernel
+@kernel(v=(3,))
 def skew(v: Vector) -> Vector:
-    """The matrix [v]× whose product with a vector is the cross product v × a."""
+    """[v] with [v] x = v × x."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-@kernel
+@kernel(p=(4,), q=(4,))
+def quaternion_product(p: Vector, q: Vector) -> Vector:
+    """The rotation q, then p (Solà, 13)."""
+    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    return np.array([*vector, p[3] * q[3] - p[:3] @ q[:3]])
+
+
+@kernel(quaternion=(4,))
+def rotation_matrix(quaternion: Vector) -> Vector:
+    """R (3, 3) of a quaternion (Solà, 115)."""
+    x, y, z, w = quaternion
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+@kernel(quaternion=(4,), v=(3,))
+def rotate(quaternion: Vector, v: Vector) -> Vector:
+    """R v = v + w s + x × s with s = 2 x × v, by a quaternion."""
+    s = 2.0 * np.cross(quaternion[:3], v)
+    turned: Vector = v + quaternion[3] * s + np.cross(quaternion[:3], s)
+    return turned
+
+
+@kernel(w=(3,))
 def exp(w: Vector) -> Vector:
-    """The rotation matrix exp([w]×) = cos φ 1 + sin φ/φ [w]× + (1 − cos φ)/φ² w wᵀ, φ = |w|: Rodrigues' formula."""
+    """exp([w]) = cos φ 1 + sin φ/φ [w] + (1 − cos φ)/φ² w wᵀ with φ = |w| (Rodrigues)."""
     square = w @ w
     angle = np.sqrt(square)
     if angle < SMALL_ANGLE:
@@ -34,3 +67,30 @@ def rotation_in_plane(angle: float) -> Vector:
     """The rotation (2, 2) to the left by an angle."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
+
+
+@kernel(axis=(3,))
+def rotation_about(axis: Vector, cosine: float, sine: float) -> Vector:
+    """Rotation about an axis of length one by an angle (Rodrigues)."""
+    x, y, z = axis
+    u, v, w = (1.0 - cosine) * axis
+    a, b, c = sine * axis
+    return np.array(
+        [
+            [u * x + cosine, u * y - c, u * z + b],
+            [v * x + c, v * y + cosine, v * z - a],
+            [w * x - b, w * y + a, w * z + cosine],
+        ]
+    )
+
+
+@kernel(u=(6,), s=(6,))
+def motion_cross(u: Vector, s: Vector) -> Vector:
+    """u × s of two motions (Featherstone, 2.31)."""
+    return np.array([*(np.cross(u[3:], s[:3]) + np.cross(u[:3], s[3:])), *np.cross(u[3:], s[3:])])
+
+
+@kernel(u=(6,), f=(6,))
+def force_cross(u: Vector, f: Vector) -> Vector:
+    """u ×* f of a motion and a force (Featherstone, 2.32)."""
+    return np.array([*np.cross(u[3:], f[:3]), *(np.cross(u[3:], f[3:]) + np.cross(u[:3], f[:3]))])

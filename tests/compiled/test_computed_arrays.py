@@ -83,6 +83,18 @@ def test_sizes_that_are_known_at_run_time_only(p, q, v):
     same(any_size_of_nine, p, q, v)
 
 
+@kernel(a=(3,))
+def questions(a, b):
+    b[:] = 0.0 + np.clip(b, -1.0, 3.0)
+    a[:] = 0.0 + np.clip(a, b[:3], b[1:4])
+    return np.any(a > 1.0), np.all(a[:2] != b[:2]), np.all(b <= 3.0) | np.any(np.isnan(b))
+
+
+@given(reals(3), reals(9))
+def test_clipped_numbers_and_truth_values(a, b):
+    same(questions, a, b)
+
+
 @kernel(p=(4, 9), q=(4,), v=(9,))
 def any_size_of_nine(p, q, v):
     total, largest, _ = any_size(p, q, v)

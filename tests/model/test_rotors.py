@@ -233,11 +233,12 @@ def test_a_lean_points_the_thrust_where_it_is_asked_for():
         turn = pin.Quaternion.FromTwoVectors(upright @ lift, push).matrix()
         target = turn @ upright
         body = limited.copy()
-        left = lean(target, gravity, lift, heading, body, pin.Quaternion(target).coeffs())
-        np.testing.assert_allclose(pin.Quaternion(np.array(left)).matrix(), upright, atol=1e-12)
+        left = np.array(pin.Quaternion(target).coeffs())
+        lean(target, gravity, lift, heading, body, left)
+        np.testing.assert_allclose(pin.Quaternion(left).matrix(), upright, atol=1e-12)
         np.testing.assert_allclose(body, limited, atol=1e-12)  # all of it can be had there
         body = limited.copy()
-        lean(upright, gravity, lift, heading, body, pin.Quaternion(upright).coeffs())
+        lean(upright, gravity, lift, heading, body, left)
         now = upright @ lift
         np.testing.assert_allclose(body - gravity, (push @ now) * now, atol=1e-12)
     weightless = np.array([3.0, 4.0, 5.0])

@@ -46,11 +46,8 @@ from harpy_pin.contrib.threads import Threads
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
-from harpy_pin.governors.contact_force_kernels import (
-    ContactForceFilterParameters,
-    ContactForceFilterRecord,
-    hold_forces,
-)
+from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
+from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.shield import LimitsRecord, within_limits
 from harpy_pin.ground.ground import Ground, GroundRecord
 from harpy_pin.log.slip import forget_slip
@@ -265,25 +262,18 @@ def _command(
 ) -> None:
     """Torques of springs that follow the action, and its thrusts in world axes."""
     joints = torque.shape[0]
-    for j in range(joints):
-        target = p.posture[j] + ANGLE * a[j]
-        torque[j] = SPRING * (target - q[7 + j]) - DAMPER * v[6 + j]
+    torque[:] = SPRING * (p.posture + ANGLE * a[:joints] - q[7:]) - DAMPER * v[6:]
     for k in range(2):
-        for i in range(3):
-            thrust[k, i] = 0.0
-            for c in range(3):
-                thrust[k, i] += d.tree.rotation[i, c] * THRUST * p.weight * a[joints + 3 * k + c]
+        first = joints + 3 * k
+        thrust[k] = d.tree.rotation @ (THRUST * p.weight * a[first : first + 3])
 
 
 @kernel
 def _reward(d: DynamicsRecord, p: SettingsRecord, v: Vector, a: Vector) -> float:
     """The reward; zero where the velocity is not finite."""
-    r, cost = d.tree.rotation, 0.0
-    ahead = r[0, 0] * v[0] + r[0, 1] * v[1] + r[0, 2] * v[2] - p.speed
-    aside = r[1, 0] * v[0] + r[1, 1] * v[1] + r[1, 2] * v[2]
-    for c in range(p.posture.shape[0], a.shape[0]):
-        cost += (THRUST * a[c]) ** 2
-    reward = np.exp(-(ahead * ahead + aside * aside) / (TOLERANCE * TOLERANCE)) - EFFORT * cost
+    error, thrusts = d.tree.rotation[:2] @ v[:3], a[p.posture.shape[0] :]
+    error[0] -= p.speed
+    reward = np.exp(-(error @ error) / (TOLERANCE * TOLERANCE)) - EFFORT * THRUST * THRUST * (thrusts @ thrusts)
     return reward if np.isfinite(reward) else 0.0
 
 
@@ -291,19 +281,15 @@ def _reward(d: DynamicsRecord, p: SettingsRecord, v: Vector, a: Vector) -> float
 def _observe(d: DynamicsRecord, s: StepRecord, p: SettingsRecord, q: Vector, v: Vector, a: Vector, out: Vector) -> None:
     """The observation; see the top of this module."""
     r, joints = d.tree.rotation, p.posture.shape[0]
+    of_feet = 12 + 2 * joints
     out[0] = (q[2] - p.height) / 0.1
-    for i in range(3):
-        out[1 + i] = r[2, i]
-        out[6 + i] = v[i]
-        out[9 + i] = v[3 + i] / 3.0
-    out[4], out[5] = r[0, 0], r[1, 0]
-    for j in range(joints):
-        out[12 + j] = (q[7 + j] - p.posture[j]) / ANGLE
-        out[12 + joints + j] = v[6 + j] / 10.0
-    for k in range(2):
-        out[12 + 2 * joints + k] = s.force[3 * k + 2] / p.weight
-    for c in range(a.shape[0]):
-        out[14 + 2 * joints + c] = a[c]
-    out[14 + 2 * joints + a.shape[0]] = p.speed
-    for i in range(out.shape[0]):
-        out[i] = min(max(out[i], -MOST), MOST) if np.isfinite(out[i]) else 0.0
+    out[1:4] = r[2]
+    out[4:6] = r[:2, 0]
+    out[6:9] = v[:3]
+    out[9:12] = v[3:6] / 3.0
+    out[12 : 12 + joints] = (q[7:] - p.posture) / ANGLE
+    out[12 + joints : of_feet] = v[6:] / 10.0
+    out[of_feet : of_feet + 2] = s.force.reshape((2, 3))[:, 2] / p.weight
+    out[of_feet + 2 : of_feet + 2 + a.shape[0]] = a
+    out[of_feet + 2 + a.shape[0]] = p.speed
+    out[:] = np.where(np.isfinite(out), np.clip(out, -MOST, MOST), 0.0)
