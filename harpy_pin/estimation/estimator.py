@@ -40,6 +40,13 @@ STATUS = {
     tick.INCONSISTENT: "readings contradict each other",
     tick.BACKWARDS: "time does not go on",
     tick.GAP: "steps are missing",
+    tick.CLOCK: "clock in other units",
+    tick.WEIGHTLESS: "gravity is not felt",
+    tick.UPSIDE_DOWN: "gravity upside down",
+    tick.UNLOADED: "feet do not bear the weight",
+    tick.TURNING: "gyroscope contradicts the legs",
+    tick.NO_FOOTHOLD: "no foothold",
+    tick.UNSURE: "velocity is uncertain",
 }
 """What :attr:`Estimator.status` says, by code."""
 
@@ -185,7 +192,8 @@ class Estimator(KeepsViews):
             c[name] = 0.0
         r["q"], r["v"] = q, v
         r["begun"], r["status"], f["period"] = 0, tick.NO_SAMPLE, self.period
-        r["same_in_a_row"] = r["late_in_a_row"] = r["lost"] = 0
+        for name in ("same_in_a_row", "late_in_a_row", "pauses_in_a_row", "turning", "loose", "lost"):
+            r[name] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 
@@ -299,6 +307,8 @@ def _record(
         gyroscope_range=imu.gyroscope_range,
         accelerometer_range=imu.accelerometer_range,
         period=period,
+        turning=0.0,
+        loose=0.0,
         lost=0.0,
         t=np.nan,
         level=np.int64(1),

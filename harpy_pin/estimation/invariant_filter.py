@@ -86,7 +86,7 @@ def predict(f: FilterRecord, angular_velocity: Vector, acceleration: Vector, rol
     _predict_covariance(f)
     wx, wy, wz = angular_velocity[0], angular_velocity[1], angular_velocity[2]
     rotation_of(0.5 * t * wx, 0.5 * t * wy, 0.5 * t * wz, half)
-    _turn_by(r, half)
+    turn_by(r, half)
     for i in range(3):
         a = r[i, 0] * acceleration[0] + r[i, 1] * acceleration[1] + r[i, 2] * acceleration[2] + f.gravity[i]
         way = t * (f.velocity[i] + 0.5 * t * a)
@@ -94,12 +94,12 @@ def predict(f: FilterRecord, angular_velocity: Vector, acceleration: Vector, rol
         f.position[i] += way
         for k in range(f.held.shape[0]):
             f.foothold[k, i] += t * rolling[k, i] - way
-    _turn_by(r, half)
+    turn_by(r, half)
     orthonormalise(r)
 
 
 @kernel
-def _turn_by(r: Vector, turn: Vector) -> None:
+def turn_by(r: Vector, turn: Vector) -> None:
     """R ← R turn, both (3, 3)."""
     for i in range(3):
         x, y, z = r[i, 0], r[i, 1], r[i, 2]

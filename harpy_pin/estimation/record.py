@@ -97,6 +97,10 @@ class EstimatorRecord(RecordOf):
     status: int = ZERO
     same_in_a_row: int = ZERO
     late_in_a_row: int = ZERO
+    pauses_in_a_row: int = ZERO
+    felt: Vector = sized(6)  # means of accelerometer, and of forces of feet and thrusters per mass, body axes, m/s²
+    turning: float  # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
+    loose: float  # time since a foothold was measured, s
     lost: float  # time for which loaded feet have agreed with each other, and not with the estimate, s
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
     raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s

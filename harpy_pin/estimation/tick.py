@@ -6,13 +6,23 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
-from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
+from harpy_pin.estimation.invariant_filter import (
+    begin_filter,
+    leave,
+    predict,
+    rotation_of,
+    slide,
+    take_kinematics,
+    touch_down,
+    turn_by,
+)
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
 GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
+CLOCK, WEIGHTLESS, UPSIDE_DOWN, UNLOADED, TURNING, NO_FOOTHOLD, UNSURE = 7, 8, 9, 10, 11, 12, 13
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
@@ -25,6 +35,8 @@ BIASED, SHAKEN = 8.0, 12.0
 that shake the robot and creep look like up to ten of an accelerometer."""
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
+PAUSES = 3
+"""Longer pauses in a row, from which on the clock has another unit: steps are then taken to be a period apart."""
 LEAST = 0.05
 """Share of a period that the time must have gone on by."""
 EXACT = 1e-6
@@ -35,8 +47,25 @@ LOST = 0.05
 """Time after which loaded feet that agree with each other are believed against the estimate, s."""
 ANEW = (0.1, 0.1)
 """Standard deviations of tilt, rad, and velocity, m/s, that are then begun anew."""
+AVERAGE = 1.0
+"""Time constant of the means that accelerometer, gyroscope and forces are judged by, s."""
+LIGHT, HEAVY = 0.5, 2.0
+"""Shares of gravity between which the accelerometer's mean is. Jumps of 0.3 m in a row have 0.87 to 1.18."""
+UPRIGHT = 0.5
+"""Cosine of the largest angle between the accelerometer's mean and the estimate's vertical."""
+BORNE = 0.5
+"""Share of the weight that feet and thrusters bear in the mean at least; they bear 0.98 to 1.03 of it in walks, and
+0.77 in jumps."""
+TURNS = 0.03
+"""Speed at which loaded feet move against each other by the gyroscope alone, m/s; a good one stays below zero."""
+KNOWN = 0.025
+"""Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95 within 5 cm/s."""
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
+WEIGHTLESS_BELOW = 1.0
+"""Acceleration that tells no vertical, m/s²."""
+SMALL = 1e-9
+"""Acceleration across the vertical that tells no axis, m/s²."""
 MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
@@ -84,7 +113,8 @@ def estimate(
                 e.t, e.late_in_a_row = t, 0
             e.status = BACKWARDS
             return BACKWARDS
-        elapsed = min(elapsed, MOST_PERIODS * e.period)
+        e.pauses_in_a_row = e.pauses_in_a_row + 1 if elapsed > MOST_PERIODS * e.period else 0
+        elapsed = min(elapsed, MOST_PERIODS * e.period) if e.pauses_in_a_row < PAUSES else e.period
         periods = max(np.floor(elapsed / e.period + 0.5), 1.0)
         exact = abs(elapsed - periods * e.period) <= EXACT * e.period
         e.filter.period = periods * e.period if exact else elapsed
@@ -113,6 +143,7 @@ def estimate(
         for k in range(normal_force.shape[0]):
             if abs(normal_force[k]) < np.inf:
                 e.contact.force[k, 2] = normal_force[k]
+        _weigh(e)
         contact_probability(e.contact, e.dynamics, stance, phase, ground_height)
         _use_feet(e)
     _write_state(e)
@@ -145,15 +176,12 @@ def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> 
 @kernel
 def _begin(e: EstimatorRecord) -> None:
     """The first step: with the tilt that the accelerometer says, and the lowest foot on the ground, where asked to."""
-    f, c, a = e.filter, e.contact, e.raw_acceleration
+    f, c = e.filter, e.contact
     begin_filter(f)
-    length = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-    if e.level and length > 1.0 and a[1] * a[1] + a[2] * a[2] > 0.01 * length * length:
-        r, x, y, z = f.rotation, a[0] / length, a[1] / length, a[2] / length
-        across = np.sqrt(y * y + z * z)  # of the body's x axis, less its part along the vertical
-        r[2, 0], r[2, 1], r[2, 2] = x, y, z
-        r[0, 0], r[0, 1], r[0, 2] = across, -x * y / across, -x * z / across
-        r[1, 0], r[1, 1], r[1, 2] = 0.0, z / across, -y / across
+    for i in range(3):
+        e.felt[i] = e.felt[3 + i] = e.raw_acceleration[i]
+    if e.level:
+        _level(e)
         _body_state(e)
     update_terms(e.dynamics, e.q, e.v)
     if e.level:
@@ -167,6 +195,33 @@ def _begin(e: EstimatorRecord) -> None:
     for j in range(6, e.v.shape[0]):
         c.velocity[j] = e.v[j]
     e.begun = 1
+
+
+@kernel
+def _level(e: EstimatorRecord) -> None:
+    """Turn the body, with its heading, so that the accelerometer's mean points up."""
+    r, a, turn = e.filter.rotation, e.felt, np.empty((3, 3))
+    x, y, z = a[1] * r[2, 2] - a[2] * r[2, 1], a[2] * r[2, 0] - a[0] * r[2, 2], a[0] * r[2, 1] - a[1] * r[2, 0]
+    across = np.sqrt(x * x + y * y + z * z)
+    if a[0] ** 2 + a[1] ** 2 + a[2] ** 2 > WEIGHTLESS_BELOW**2:
+        angle = np.arctan2(across, a[0] * r[2, 0] + a[1] * r[2, 1] + a[2] * r[2, 2]) / max(across, SMALL)
+        rotation_of(angle * x, angle * y, angle * z, turn)
+        turn_by(r, turn)
+
+
+@kernel
+def _weigh(e: EstimatorRecord) -> None:
+    """Means of what the accelerometer feels, and of what feet and thrusters bear of each kilogram, body axes, m/s²."""
+    d, share = e.dynamics, min(e.period / AVERAGE, 1.0)
+    for i in range(3):
+        s = 0.0
+        for k in range(e.contact.force.shape[0]):
+            for x in range(3):
+                s += d.foot_jacobian[3 * k + x, i] * e.contact.force[k, x]
+        for n in range(e.thrust.shape[0]):
+            s += d.thruster_jacobian[n, i] * e.thrust[n]
+        e.felt[i] += share * (e.raw_acceleration[i] - e.felt[i])
+        e.felt[3 + i] += share * (s / d.mass_matrix[0, 0] - e.felt[3 + i])
 
 
 @kernel
@@ -293,11 +348,13 @@ def _use_feet(e: EstimatorRecord) -> None:
     f, c, noise = e.filter, e.contact, np.empty((3, 3))
     _local_feet(e)
     _believe_feet(e)
+    e.loose += f.period
     for k in range(f.held.shape[0]):
         if c.probability[k] < LIKELY:
             if f.held[k] != 0:
                 leave(f, k)
         else:
+            e.loose = 0.0
             _kinematic_noise(e, k, noise)
             place = e.local_foot[k]
             if f.held[k] != 0:
@@ -310,11 +367,11 @@ def _use_feet(e: EstimatorRecord) -> None:
 
 @kernel
 def _believe_feet(e: EstimatorRecord) -> None:
-    """Begin the velocity anew where loaded feet agree with each other for a while, and none with the estimate.
+    """Begin anew where loaded feet agree with each other for a while, and none with the estimate.
 
     A foot that the estimate lets move too fast is not in contact for it, so that nothing else could correct it.
     """
-    c, w, mean, own = e.contact, e.angular_velocity, np.zeros(3), np.zeros((e.local_foot.shape[0], 3))
+    c, w, mean, own = e.contact, e.angular_velocity, np.zeros(6), np.zeros((e.local_foot.shape[0], 6))
     loaded, lost = 0.0, True
     for k in range(own.shape[0]):
         lost = lost and c.probability[k] < LIKELY
@@ -325,27 +382,43 @@ def _believe_feet(e: EstimatorRecord) -> None:
             u[2] = w[1] * h[0] - w[0] * h[1] - s[2]
             loaded += 1.0
             for i in range(3):
+                u[3 + i] = s[i]
                 mean[i] += u[i]
+                mean[3 + i] += s[i]
     lost = lost and loaded > 1.0
+    spread = 0.0
     for k in range(own.shape[0]):
         for i in range(3):
-            lost = lost and (c.loaded[k] == 0 or abs(own[k, i] - mean[i] / loaded) < AGREE)
+            if c.loaded[k] != 0:
+                off, still = own[k, i] - mean[i] / loaded, own[k, 3 + i] - mean[3 + i] / loaded
+                lost = lost and abs(off) < AGREE
+                spread += (off * off - 4.0 * still * still) / loaded
+    if loaded > 1.0:
+        e.turning += min(e.period / AVERAGE, 1.0) * (min(max(spread, -1.0), 1.0) - e.turning)
     e.lost = e.lost + e.filter.period if lost else 0.0
     if e.lost >= LOST:
-        _begin_velocity(e, mean, 1.0 / loaded)
+        _begin_anew(e, mean, 1.0 / loaded)
         e.lost = 0.0
 
 
 @kernel
-def _begin_velocity(e: EstimatorRecord, velocity: Vector, share: float) -> None:
-    """Take a share of a velocity of the inertial unit, body axes, m/s; what is known of tilt and velocity is lost."""
+def _begin_anew(e: EstimatorRecord, velocity: Vector, share: float) -> None:
+    """Take a share of a velocity of the inertial unit, body axes, m/s, and the tilt that the accelerometer says.
+
+    The biases are those of the start again. The place and its heading stay as they are.
+    """
     f, r, p = e.filter, e.filter.rotation, e.filter.covariance
+    _level(e)
+    for i in range(15):
+        if not 6 <= i < 9:
+            for j in range(p.shape[0]):
+                p[i, j] = p[j, i] = 0.0
+            p[i, i] = f.start[i] ** 2
     for i in range(3):
-        f.velocity[i] = share * (r[i, 0] * velocity[0] + r[i, 1] * velocity[1] + r[i, 2] * velocity[2])
-    for i in range(6):
-        for j in range(p.shape[0]):
-            p[i, j] = p[j, i] = 0.0
-    for i in range(3):
+        anew = share * (r[i, 0] * velocity[0] + r[i, 1] * velocity[1] + r[i, 2] * velocity[2])
+        p[6 + i, 6 + i] += ((f.velocity[i] - anew) * e.loose) ** 2
+        f.velocity[i] = anew
+        f.gyroscope_bias[i] = f.accelerometer_bias[i] = 0.0
         p[i, i], p[3 + i, 3 + i] = ANEW[0] ** 2 if i < 2 else 0.0, ANEW[1] ** 2
 
 
@@ -406,11 +479,30 @@ def _status(e: EstimatorRecord, good: bool, periods: float) -> int:
         return STUCK
     if e.saturated:
         return SATURATED
-    f = e.filter
-    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0
+    if e.pauses_in_a_row >= PAUSES:
+        return CLOCK
+    f, a, r = e.filter, e.felt, e.filter.rotation
+    square, gravity = a[0] ** 2 + a[1] ** 2 + a[2] ** 2, f.gravity[0] ** 2 + f.gravity[1] ** 2 + f.gravity[2] ** 2
+    if not LIGHT**2 * gravity < square < HEAVY**2 * gravity:
+        return WEIGHTLESS
+    borne = (a[0] * a[3] + a[1] * a[4] + a[2] * a[5]) / square
+    up = (a[0] * r[2, 0] + a[1] * r[2, 1] + a[2] * r[2, 2]) / np.sqrt(square)
+    if min(borne, up) < -UPRIGHT:
+        return UPSIDE_DOWN
+    if not BORNE < borne < BORNE + f.held.shape[0]:
+        return UNLOADED
+    if e.turning > TURNS * TURNS:
+        return TURNING
+    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0 and up > UPRIGHT
+    unsure = False
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
         consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
+        unsure = unsure or not f.covariance[3 + i, 3 + i] <= KNOWN * KNOWN
     if not consistent:
         return INCONSISTENT
-    return GAP if periods > 1.0 else GOOD
+    if periods > 1.0:
+        return GAP
+    if unsure:
+        return NO_FOOTHOLD if e.loose > 0.0 else UNSURE
+    return GOOD
