@@ -192,7 +192,7 @@ class Estimator(KeepsViews):
             c[name] = 0.0
         r["q"], r["v"] = q, v
         r["begun"], r["status"], f["period"] = 0, tick.NO_SAMPLE, self.period
-        for name in ("same_in_a_row", "late_in_a_row", "pauses_in_a_row", "turning", "loose", "lost"):
+        for name in ("same_in_a_row", "late_in_a_row", "pauses_in_a_row", "missing", "turning", "unread", "loose", "lost"):
             r[name] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
@@ -307,7 +307,9 @@ def _record(
         gyroscope_range=imu.gyroscope_range,
         accelerometer_range=imu.accelerometer_range,
         period=period,
+        missing=0.0,
         turning=0.0,
+        unread=0.0,
         loose=0.0,
         lost=0.0,
         t=np.nan,

@@ -60,8 +60,12 @@ TURNS = 0.03
 """Speed at which loaded feet move against each other by the gyroscope alone, m/s; a good one stays below zero."""
 KNOWN = 0.025
 """Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95 within 5 cm/s."""
+SWING = 0.05
+"""Time without readings of the joints in which a foot may have come to stand elsewhere, s."""
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
+SHORT, INTERPOLATED = 10.0, 0.1
+"""Periods over which a line between two samples is as good as those between, and its share of that error beyond."""
 WEIGHTLESS_BELOW = 1.0
 """Acceleration that tells no vertical, m/s²."""
 SMALL = 1e-9
@@ -131,13 +135,14 @@ def estimate(
         _begin(e)
     else:
         _predict_all(e, periods)
-        if e.saturated or not unit:
-            _doubt(e)
+        e.missing = 0.0 if unit and not e.saturated else e.missing + periods
+        _doubt(e, e.missing + (INTERPOLATED * max(periods - SHORT, 0.0)) ** 2)
         _body_state(e)
         update_terms(e.dynamics, e.q, e.v)
+    e.unread += e.filter.period
     if legs:
         _accelerate(e)
-        observe_torques(e.contact, e.dynamics, torque, e.thrust, e.filter.period)
+        observe_torques(e.contact, e.dynamics, torque, e.thrust, e.unread)
         learn_joints(e.contact, stance, phase, e.filter.period)
         leg_forces(e.contact, e.dynamics)
         for k in range(normal_force.shape[0]):
@@ -146,6 +151,7 @@ def estimate(
         _weigh(e)
         contact_probability(e.contact, e.dynamics, stance, phase, ground_height)
         _use_feet(e)
+        e.unread = 0.0
     _write_state(e)
     e.status = _status(e, unit and legs, periods)
     return e.status
@@ -225,12 +231,12 @@ def _weigh(e: EstimatorRecord) -> None:
 
 
 @kernel
-def _doubt(e: EstimatorRecord) -> None:
-    """Let rotation and velocity be less certain, after a period without a good sample."""
-    p, t = e.filter.covariance, e.filter.period
+def _doubt(e: EstimatorRecord, missing: float) -> None:
+    """Let rotation and velocity be less certain, by a share of the variance of a period without a good sample."""
+    p, t = e.filter.covariance, e.period
     for i in range(3):
-        p[i, i] += (DOUBT[0] * t) ** 2
-        p[3 + i, 3 + i] += (DOUBT[1] * t) ** 2
+        p[i, i] += missing * (DOUBT[0] * t) ** 2
+        p[3 + i, 3 + i] += missing * (DOUBT[1] * t) ** 2
 
 
 @kernel
@@ -337,7 +343,7 @@ def _accelerate(e: EstimatorRecord) -> None:
         c.acceleration[i] = e.raw_acceleration[i] - f.accelerometer_bias[i] + weight - turn[i]
         c.acceleration[3 + i] = b[i]
     for j in range(6, e.v.shape[0]):
-        difference = (e.v[j] - c.velocity[j]) / f.period
+        difference = (e.v[j] - c.velocity[j]) / e.unread
         c.acceleration[j] = min(max(difference, -MAX_ACCELERATION), MAX_ACCELERATION)
         c.velocity[j] = e.v[j]
 
@@ -350,10 +356,9 @@ def _use_feet(e: EstimatorRecord) -> None:
     _believe_feet(e)
     e.loose += f.period
     for k in range(f.held.shape[0]):
-        if c.probability[k] < LIKELY:
-            if f.held[k] != 0:
-                leave(f, k)
-        else:
+        if f.held[k] != 0 and (c.probability[k] < LIKELY or e.unread > SWING):
+            leave(f, k)
+        if c.probability[k] >= LIKELY:
             e.loose = 0.0
             _kinematic_noise(e, k, noise)
             place = e.local_foot[k]
