@@ -22,7 +22,7 @@ from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
 GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
-CLOCK, WEIGHTLESS, UPSIDE_DOWN, UNLOADED, TURNING, NO_FOOTHOLD, UNSURE = 7, 8, 9, 10, 11, 12, 13
+CLOCK, WEIGHTLESS, UPSIDE_DOWN, UNLOADED, TURNING, NO_FOOTHOLD, UNSURE, BAD_TARGET = 7, 8, 9, 10, 11, 12, 13, 14
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
@@ -103,6 +103,9 @@ def estimate(
     ``normal_force`` (feet,) is that of foot sensors, N, NaN where there is none. Thrusts are in the record.
     Returns the status.
     """
+    if not (all_possible(stance) and all_possible(phase) and all_possible(ground_height)):
+        e.status = BAD_TARGET
+        return BAD_TARGET
     legs = all_possible(joint_position) and all_possible(joint_velocity) and all_possible(torque)
     legs = legs and all_possible(e.thrust)
     if not abs(t) < np.inf or (not legs and e.begun == 0):
