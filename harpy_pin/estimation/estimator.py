@@ -179,7 +179,7 @@ class Estimator(KeepsViews):
         r["q"], r["v"] = q, v
         r["begun"], r["status"], f["period"] = 0, tick.NO_SAMPLE, self.period
         r["same_in_a_row"] = r["late_in_a_row"] = r["pauses_in_a_row"] = r["missing"] = 0
-        r["turning"] = r["unread"] = r["loose"] = r["lost"] = 0
+        r["turning"] = r["unread"] = r["loose"] = r["lost"] = r["astray"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 
@@ -195,14 +195,11 @@ class Estimator(KeepsViews):
     @property
     def explanation(self) -> str:
         """The status in a sentence, with its likely cause and the numbers that it goes by."""
-        r = self._record_
-        felt, borne = np.split(r["felt"][0], 2)
-        square, deviation = max(felt @ felt, 1e-9), self.velocity_deviation.max()
-        return f"{self.status}: " + EXPLANATIONS[int(r["status"][0])].format(
+        r, deviation = self._record_[0], self.velocity_deviation.max()
+        return f"{self.status}: " + EXPLANATIONS[int(r["status"])].format(
             period=self.period,
-            felt=np.sqrt(square),
-            gravity=np.linalg.norm(r["filter"]["gravity"]),
-            borne=felt @ borne / square,
+            felt=r["gravity"] * GRAVITY,
+            borne=r["borne"],
             deviation=deviation,
             twice=2.0 * deviation,
         )
@@ -319,6 +316,9 @@ def _record(
         accelerometer_range=imu.accelerometer_range,
         period=period,
         missing=0.0,
+        gravity=1.0,
+        borne=1.0,
+        up=1.0,
         turning=0.0,
         unread=0.0,
         loose=0.0,

@@ -35,7 +35,7 @@ EXPLANATIONS = {
     tick.CLOCK: "each step is more than 100 periods of {period:g} s after the last one; the time "
     "must be in s, and may be in ms or ns; steps are taken to be a period apart",
     tick.WEIGHTLESS: "over a second the accelerometer's mean is {felt:.3g} m/s² and not "
-    "{gravity:.3g}; near 1 it is in units of g, near 0 gravity was taken off, near 96 it was "
+    "9.81; near 1 it is in units of g, near 0 gravity was taken off, near 96 it was "
     "multiplied by g twice; or the robot falls",
     tick.UPSIDE_DOWN: "over a second the accelerometer feels gravity upwards, or the legs pull the "
     "body down; it must say (0, 0, +9.81) m/s² at rest, upright, and torques must have the sign of "

@@ -16,13 +16,13 @@ from harpy_pin.estimation.invariant_filter import (
     touch_down,
     turn_by,
 )
-from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.estimation.record import ERRORS, EstimatorRecord
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
 GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
-CLOCK, WEIGHTLESS, UPSIDE_DOWN, UNLOADED, TURNING, NO_FOOTHOLD, UNSURE, BAD_TARGET = 7, 8, 9, 10, 11, 12, 13, 14
+CLOCK, UNLOADED, WEIGHTLESS, UPSIDE_DOWN, TURNING, NO_FOOTHOLD, UNSURE, BAD_TARGET = 7, 8, 9, 10, 11, 12, 13, 14
 """Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
 SAME = 50
 """Equal samples of the gyroscope in a row that no working one gives."""
@@ -58,6 +58,8 @@ BORNE = 0.5
 0.77 in jumps."""
 TURNS = 0.03
 """Speed at which loaded feet move against each other by the gyroscope alone, m/s; a good one stays below zero."""
+FLIGHT = 1.0
+"""Time without a foothold from which on it is said, s. Jumps of 0.3 m last 0.8 s with thrusters."""
 KNOWN = 0.025
 """Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95 within 5 cm/s."""
 SWING = 0.05
@@ -66,8 +68,6 @@ DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
 SHORT, INTERPOLATED = 10.0, 0.1
 """Periods over which a line between two samples is as good as those between, and its share of that error beyond."""
-WEIGHTLESS_BELOW = 1.0
-"""Acceleration that tells no vertical, m/s²."""
 SMALL = 1e-9
 """Acceleration across the vertical that tells no axis, m/s²."""
 MAX_ACCELERATION = 1e4
@@ -139,7 +139,7 @@ def estimate(
     else:
         _predict_all(e, periods)
         e.missing = 0.0 if unit and not e.saturated else e.missing + periods
-        _doubt(e, e.missing + (INTERPOLATED * max(periods - SHORT, 0.0)) ** 2)
+        _doubt(e, max(periods - SHORT, 0.0))
         _body_state(e)
         update_terms(e.dynamics, e.q, e.v)
     e.unread += e.filter.period
@@ -189,8 +189,10 @@ def _begin(e: EstimatorRecord) -> None:
     begin_filter(f)
     for i in range(3):
         e.felt[i] = e.felt[3 + i] = e.raw_acceleration[i]
+    _compare(e)
     if e.level:
-        _level(e)
+        if e.gravity > LIGHT:
+            _level(e)
         _body_state(e)
     update_terms(e.dynamics, e.q, e.v)
     if e.level:
@@ -212,10 +214,9 @@ def _level(e: EstimatorRecord) -> None:
     r, a, turn = e.filter.rotation, e.felt, np.empty((3, 3))
     x, y, z = a[1] * r[2, 2] - a[2] * r[2, 1], a[2] * r[2, 0] - a[0] * r[2, 2], a[0] * r[2, 1] - a[1] * r[2, 0]
     across = np.sqrt(x * x + y * y + z * z)
-    if a[0] ** 2 + a[1] ** 2 + a[2] ** 2 > WEIGHTLESS_BELOW**2:
-        angle = np.arctan2(across, a[0] * r[2, 0] + a[1] * r[2, 1] + a[2] * r[2, 2]) / max(across, SMALL)
-        rotation_of(angle * x, angle * y, angle * z, turn)
-        turn_by(r, turn)
+    angle = np.arctan2(across, a[0] * r[2, 0] + a[1] * r[2, 1] + a[2] * r[2, 2]) / max(across, SMALL)
+    rotation_of(angle * x, angle * y, angle * z, turn)
+    turn_by(r, turn)
 
 
 @kernel
@@ -231,15 +232,32 @@ def _weigh(e: EstimatorRecord) -> None:
             s += d.thruster_jacobian[n, i] * e.thrust[n]
         e.felt[i] += share * (e.raw_acceleration[i] - e.felt[i])
         e.felt[3 + i] += share * (s / d.mass_matrix[0, 0] - e.felt[3 + i])
+    _compare(e)
 
 
 @kernel
-def _doubt(e: EstimatorRecord, missing: float) -> None:
-    """Let rotation and velocity be less certain, by a share of the variance of a period without a good sample."""
-    p, t = e.filter.covariance, e.period
+def _compare(e: EstimatorRecord) -> None:
+    """What these means are of gravity and of the weight, and whether they are upright."""
+    a, g, r = e.felt, e.filter.gravity, e.filter.rotation
+    square = a[0] ** 2 + a[1] ** 2 + a[2] ** 2
+    e.gravity = np.sqrt(square / (g[0] ** 2 + g[1] ** 2 + g[2] ** 2))
+    e.borne = (a[0] * a[3] + a[1] * a[4] + a[2] * a[5]) / max(square, SMALL)
+    e.up = (a[0] * r[2, 0] + a[1] * r[2, 1] + a[2] * r[2, 2]) / np.sqrt(max(square, SMALL))
+
+
+@kernel
+def _doubt(e: EstimatorRecord, gap: float) -> None:
+    """Let rotation and velocity be less certain, after periods without a good sample and a gap of others.
+
+    Over a gap the error may be as large as the difference between the samples at its ends.
+    """
+    p, t, jump = e.filter.covariance, e.period, 0.0
+    variance = e.missing + (INTERPOLATED * gap) ** 2
     for i in range(3):
-        p[i, i] += missing * (DOUBT[0] * t) ** 2
-        p[3 + i, 3 + i] += missing * (DOUBT[1] * t) ** 2
+        jump += (e.raw_acceleration[i] - e.before[3 + i]) ** 2
+        p[i, i] += variance * (DOUBT[0] * t) ** 2
+    for i in range(3):
+        p[3 + i, 3 + i] += variance * (DOUBT[1] * t) ** 2 + jump * (gap * t) ** 2
 
 
 @kernel
@@ -377,12 +395,17 @@ def _use_feet(e: EstimatorRecord) -> None:
 def _believe_feet(e: EstimatorRecord) -> None:
     """Begin anew where loaded feet agree with each other for a while, and none with the estimate.
 
-    A foot that the estimate lets move too fast is not in contact for it, so that nothing else could correct it.
+    A foot that the estimate lets move too fast is not in contact for it, so that nothing else could correct it. It also
+    begins anew once readings are plausible again that were not, and whose biases and tilt were wrong.
     """
     c, w, mean, own = e.contact, e.angular_velocity, np.zeros(6), np.zeros((e.local_foot.shape[0], 6))
+    wrong = WEIGHTLESS <= e.status <= TURNING
+    e.astray = 1 if wrong else e.astray
+    if LIGHT < e.gravity < HEAVY and e.borne > BORNE and e.up < UPRIGHT:
+        _level(e)
     loaded, lost = 0.0, True
     for k in range(own.shape[0]):
-        lost = lost and c.probability[k] < LIKELY
+        lost = lost and (c.probability[k] < LIKELY or (e.astray != 0 and not wrong))
         if c.loaded[k] != 0:
             h, s, u = e.local_foot[k], e.local_speed[k], own[k]
             u[0] = w[2] * h[1] - w[1] * h[2] - s[0]
@@ -405,19 +428,23 @@ def _believe_feet(e: EstimatorRecord) -> None:
         e.turning += min(e.period / AVERAGE, 1.0) * (min(max(spread, -1.0), 1.0) - e.turning)
     e.lost = e.lost + e.filter.period if lost else 0.0
     if e.lost >= LOST:
+        if not wrong:
+            _level(e)
+            e.astray = 0
         _begin_anew(e, mean, 1.0 / loaded)
         e.lost = 0.0
 
 
 @kernel
 def _begin_anew(e: EstimatorRecord, velocity: Vector, share: float) -> None:
-    """Take a share of a velocity of the inertial unit, body axes, m/s, and the tilt that the accelerometer says.
+    """Take a share of a velocity of the inertial unit, body axes, m/s, and the biases of the start.
 
-    The biases are those of the start again. The place and its heading stay as they are.
+    Place and heading stay as they are.
     """
     f, r, p = e.filter, e.filter.rotation, e.filter.covariance
-    _level(e)
-    for i in range(15):
+    for k in range(f.held.shape[0]):
+        leave(f, k)
+    for i in range(ERRORS):
         if not 6 <= i < 9:
             for j in range(p.shape[0]):
                 p[i, j] = p[j, i] = 0.0
@@ -489,20 +516,17 @@ def _status(e: EstimatorRecord, good: bool, periods: float) -> int:
         return SATURATED
     if e.pauses_in_a_row >= PAUSES:
         return CLOCK
-    f, a, r = e.filter, e.felt, e.filter.rotation
-    square, gravity = a[0] ** 2 + a[1] ** 2 + a[2] ** 2, f.gravity[0] ** 2 + f.gravity[1] ** 2 + f.gravity[2] ** 2
-    if not LIGHT**2 * gravity < square < HEAVY**2 * gravity:
+    if not LIGHT < e.gravity < HEAVY:
         return WEIGHTLESS
-    borne = (a[0] * a[3] + a[1] * a[4] + a[2] * a[5]) / square
-    up = (a[0] * r[2, 0] + a[1] * r[2, 1] + a[2] * r[2, 2]) / np.sqrt(square)
-    if min(borne, up) < -UPRIGHT:
+    if min(e.borne, e.up) < -UPRIGHT:
         return UPSIDE_DOWN
-    if not BORNE < borne < BORNE + f.held.shape[0]:
+    f = e.filter
+    if not BORNE < e.borne < BORNE + f.held.shape[0]:
         return UNLOADED
     if e.turning > TURNS * TURNS:
         return TURNING
-    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0 and up > UPRIGHT
-    unsure = False
+    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0 and e.astray == 0 and e.up > UPRIGHT
+    unsure = e.loose > FLIGHT
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
         consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
