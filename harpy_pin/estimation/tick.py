@@ -530,7 +530,7 @@ def _status(e: EstimatorRecord, good: bool, periods: float) -> int:
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
         consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
-        unsure = unsure or not f.covariance[3 + i, 3 + i] <= KNOWN * KNOWN
+        unsure = unsure or not 0.0 < f.covariance[3 + i, 3 + i] <= KNOWN * KNOWN
     if not consistent:
         return INCONSISTENT
     if periods > 1.0:
