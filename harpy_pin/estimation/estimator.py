@@ -234,7 +234,7 @@ class Estimator(KeepsViews):
             self._estimate(readings, target)
         except (TypeError, AttributeError, InputError):
             self._estimate(self._fit(readings), self._expected(target))
-        return State(float(readings.t), *[array[...] for array in self._arrays])
+        return State(float(readings.t), *self._arrays)
 
     def _estimate(self, s: Readings, target: Any) -> None:
         """One step with arrays as kernels take them."""
