@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.estimation import tick
 from harpy_pin.estimation.imu import Imu
+from harpy_pin.estimation.plausibility import BAD_TARGET, NO_SAMPLE
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRecord
 from harpy_pin.estimation.statuses import EXPLANATIONS, STATUS
@@ -177,7 +177,7 @@ class Estimator(KeepsViews):
         for name in ("residual", "motion", "sums", "joint", "probability", "force"):
             c[name] = 0.0
         r["q"], r["v"] = q, v
-        r["begun"], r["status"], f["period"] = 0, tick.NO_SAMPLE, self.period
+        r["begun"], r["status"], f["period"] = 0, NO_SAMPLE, self.period
         r["same_in_a_row"] = r["late_in_a_row"] = r["pauses_in_a_row"] = r["missing"] = 0
         r["turning"] = r["unread"] = r["loose"] = r["lost"] = r["astray"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
@@ -245,7 +245,7 @@ class Estimator(KeepsViews):
             read_thrusts(self._record_["dynamics"], s.thrust, self._thrust)
         legs, expected = (s.joint_position, s.joint_velocity, s.joint_torque), target or self._nothing
         plan = (expected.stance, expected.phase, expected.ground_height)
-        if estimate(self._record_, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan) == tick.BAD_TARGET:
+        if estimate(self._record_, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan) == BAD_TARGET:
             raise InputError("a target's stance, phase and ground_height must be finite", name="target", value=target)
 
     def _fit(self, readings: Readings) -> Readings:

@@ -18,7 +18,7 @@ from needs import needs_robots
 
 import harpy_pin as hp
 from harpy_pin.estimation import EstimatorSettings
-from harpy_pin.estimation.tick import KNOWN
+from harpy_pin.estimation.plausibility import KNOWN
 from harpy_pin.simulation.sensing import EstimatedState
 
 pytestmark = needs_robots

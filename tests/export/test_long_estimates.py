@@ -11,7 +11,7 @@ from harpy_pin.export.code import controller_code
 from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.recording import _library, record
 
-MINUTES = 1
+MINUTES = 30
 DURATION = 7.0
 """Of the motion, whose end is then repeated, s."""
 
