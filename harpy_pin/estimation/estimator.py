@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.errors import InputError
-from harpy_pin.estimation import tick
 from harpy_pin.estimation.imu import Imu
+from harpy_pin.estimation.plausibility import BAD_TARGET, NO_SAMPLE
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.estimation.record import ContactRecord, EstimatorRecord, FilterRecord
+from harpy_pin.estimation.statuses import EXPLANATIONS, STATUS
 from harpy_pin.estimation.tick import estimate
 from harpy_pin.model.dynamics import dynamics_record
-from harpy_pin.model.entry import as_array
+from harpy_pin.model.entry import MAX_SAMPLE, all_possible, as_array
 from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, field, make_record
@@ -32,16 +33,6 @@ POINT_RATE, SOLE_RATE = 300.0, 150.0
 """Of the momentum observer, 1/s."""
 NEAR = 0.3
 """Distance below which a foot is where the ground is, as a share of the noise of the ground's height."""
-STATUS = {
-    tick.GOOD: "good",
-    tick.NO_SAMPLE: "no sample",
-    tick.STUCK: "stuck gyroscope",
-    tick.SATURATED: "saturated",
-    tick.INCONSISTENT: "readings contradict each other",
-    tick.BACKWARDS: "time does not go on",
-    tick.GAP: "steps are missing",
-}
-"""What :attr:`Estimator.status` says, by code."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +88,7 @@ class EstimatorSettings:
             checks.keep(self, **{entry.name: value})
 
 
-@fixed_arrays("record")
+@fixed_arrays("record", "probability")
 class Estimator(KeepsViews):
     """Where a robot is and how it moves, from what it feels itself.
 
@@ -170,12 +161,14 @@ class Estimator(KeepsViews):
             v: (nv,) velocity; zero by default.
 
         Raises:
-            InputError: wrong shapes, or entries that are not finite.
+            InputError: wrong shapes, or entries that are not finite or beyond 1e6.
         """
         r, model = self._record_, self.robot.model
         r["level"] = q is None
         q = pin.neutral(model) if q is None else configuration(model, q)
         v = np.zeros(model.nv) if v is None else checks.vector("v", v, model.nv)
+        if not (all_possible(q) and all_possible(v)):
+            raise InputError(f"q and v must be at most {MAX_SAMPLE:g}", name="v", value=v)
         rotation, place = pin.Quaternion(q[3:7]).toRotationMatrix(), r["place"][0]
         f, c = r["filter"], r["contact"]
         f["rotation"], f["position"] = rotation, q[:3] + rotation @ place
@@ -184,22 +177,44 @@ class Estimator(KeepsViews):
         for name in ("residual", "motion", "sums", "joint", "probability", "force"):
             c[name] = 0.0
         r["q"], r["v"] = q, v
-        r["begun"], r["status"], f["period"] = 0, tick.NO_SAMPLE, self.period
-        r["same_in_a_row"] = r["late_in_a_row"] = r["lost"] = 0
+        r["begun"], r["status"], f["period"] = 0, NO_SAMPLE, self.period
+        r["same_in_a_row"] = r["late_in_a_row"] = r["pauses_in_a_row"] = r["missing"] = 0
+        r["turning"] = r["unread"] = r["loose"] = r["lost"] = r["astray"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 
     @property
     def status(self) -> str:
-        """What the last step says of its readings.
+        """What the last step says of its readings; :attr:`explanation` says why.
 
-        ``good``; ``no sample`` where one was missing, not a number or beyond 1e6; ``stuck gyroscope`` where it has said
-        the same for 50 samples; ``saturated`` where the inertial unit is at its range; ``readings contradict each
-        other`` where the innovations of the last half second or the biases are far beyond their covariance, as those
-        of a wrongly mounted unit are, or loaded feet agree with each other alone; ``time does not go on``; ``steps are
-        missing`` where more than one and a half periods have passed. The estimate goes on in all of them and is finite.
+        With ``good`` they fit each other, the weight and gravity, and the velocity is known to
+        5 cm/s. With all others the estimate goes on and is finite.
         """
         return STATUS[int(self._record_["status"][0])]
+
+    @property
+    def explanation(self) -> str:
+        """The status in a sentence, with its likely cause and the numbers that it goes by."""
+        r, deviation = self._record_[0], self.velocity_deviation.max()
+        return f"{self.status}: " + EXPLANATIONS[int(r["status"])].format(
+            period=self.period,
+            felt=r["gravity"] * GRAVITY,
+            borne=r["borne"],
+            deviation=deviation,
+            twice=2.0 * deviation,
+        )
+
+    @property
+    def velocity_deviation(self) -> Vector:
+        """(3,) standard deviations of the velocity, body axes, m/s."""
+        f = self._record_["filter"][0]
+        rotation: Vector = f["rotation"]
+        return np.sqrt(np.diag(rotation.T @ f["covariance"][3:6, 3:6] @ rotation))
+
+    @property
+    def position_deviation(self) -> Vector:
+        """(3,) standard deviations of the place since the start, world axes, m."""
+        return np.sqrt(np.diag(self._record_["filter"]["covariance"][0, 6:9, 6:9]))
 
     def step(self, readings: Readings, target: Any = None) -> State:
         """One step.
@@ -213,7 +228,7 @@ class Estimator(KeepsViews):
             The estimate; it shares memory with the next one.
 
         Raises:
-            InputError: arrays of another robot.
+            InputError: arrays of another robot, or targets that are not finite.
         """
         try:
             self._estimate(readings, target)
@@ -230,7 +245,8 @@ class Estimator(KeepsViews):
             read_thrusts(self._record_["dynamics"], s.thrust, self._thrust)
         legs, expected = (s.joint_position, s.joint_velocity, s.joint_torque), target or self._nothing
         plan = (expected.stance, expected.phase, expected.ground_height)
-        estimate(self._record_, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan)
+        if estimate(self._record_, s.t, s.gyroscope, s.accelerometer, *legs, force, *plan) == BAD_TARGET:
+            raise InputError("a target's stance, phase and ground_height must be finite", name="target", value=target)
 
     def _fit(self, readings: Readings) -> Readings:
         """The same readings in arrays of the sizes that kernels take."""
@@ -299,6 +315,13 @@ def _record(
         gyroscope_range=imu.gyroscope_range,
         accelerometer_range=imu.accelerometer_range,
         period=period,
+        missing=0.0,
+        gravity=1.0,
+        borne=1.0,
+        up=1.0,
+        turning=0.0,
+        unread=0.0,
+        loose=0.0,
         lost=0.0,
         t=np.nan,
         level=np.int64(1),

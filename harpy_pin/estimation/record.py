@@ -95,6 +95,16 @@ class EstimatorRecord(RecordOf):
     status: int = ZERO
     same_in_a_row: int = ZERO
     late_in_a_row: int = ZERO
+    pauses_in_a_row: int = ZERO
+    missing: float  # periods in a row without a good sample of the inertial unit
+    felt: Vector = sized(6)  # means of accelerometer, and of forces of feet and thrusters per mass, body axes, m/s²
+    gravity: float  # mean of the accelerometer as a share of gravity
+    borne: float  # share of the weight that feet and thrusters bear in the mean, along that of the accelerometer
+    up: float  # cosine of the angle between the accelerometer's mean and the estimate's vertical
+    astray: int = ZERO  # 1 while readings have been implausible, and the estimate has not begun anew since
+    turning: float  # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
+    unread: float  # time since the joints were read, s
+    loose: float  # time since a foothold was measured, s
     lost: float  # time for which loaded feet have agreed with each other, and not with the estimate, s
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s
     raw_angular_velocity: Vector = sized(3)  # of the last good sample, body axes, rad/s

@@ -7,36 +7,35 @@ import numpy as np
 from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
+from harpy_pin.estimation.plausibility import (
+    BACKWARDS,
+    BAD_TARGET,
+    LIGHT,
+    NO_SAMPLE,
+    PAUSES,
+    believe_feet,
+    compare,
+    judge,
+    level,
+    weigh,
+)
 from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
 
-GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
-"""Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
-SAME = 50
-"""Equal samples of the gyroscope in a row that no working one gives."""
-EXPECTED = 3.0
-"""Mean of the squared Mahalanobis distance of three measurements."""
-INCONSISTENCY = 3.0
-"""Factor on it that says that the readings do not belong together."""
-BIASED, SHAKEN = 8.0, 12.0
-"""Estimated biases of gyroscope and accelerometer that say the same, in standard deviations of the sensor. Contacts
-that shake the robot and creep look like up to ten of an accelerometer."""
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
 LEAST = 0.05
 """Share of a period that the time must have gone on by."""
 EXACT = 1e-6
 """Share of a period by which clocks of simulations are off: their periods are exact."""
-AGREE = 0.3
-"""Difference between the velocities by two loaded feet that both stand, m/s."""
-LOST = 0.05
-"""Time after which loaded feet that agree with each other are believed against the estimate, s."""
-ANEW = (0.1, 0.1)
-"""Standard deviations of tilt, rad, and velocity, m/s, that are then begun anew."""
+SWING = 0.05
+"""Time without readings of the joints in which a foot may have come to stand elsewhere, s."""
 DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
+SHORT, INTERPOLATED = 10.0, 0.1
+"""Periods over which a line between two samples is as good as those between, and its share of that error beyond."""
 MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
@@ -70,6 +69,9 @@ def estimate(
     ``normal_force`` (feet,) is that of foot sensors, N, NaN where there is none. Thrusts are in the record.
     Returns the status.
     """
+    if not (all_possible(stance) and all_possible(phase) and all_possible(ground_height)):
+        e.status = BAD_TARGET
+        return BAD_TARGET
     legs = all_possible(joint_position) and all_possible(joint_velocity) and all_possible(torque)
     legs = legs and all_possible(e.thrust)
     if not abs(t) < np.inf or (not legs and e.begun == 0):
@@ -84,7 +86,8 @@ def estimate(
                 e.t, e.late_in_a_row = t, 0
             e.status = BACKWARDS
             return BACKWARDS
-        elapsed = min(elapsed, MOST_PERIODS * e.period)
+        e.pauses_in_a_row = e.pauses_in_a_row + 1 if elapsed > MOST_PERIODS * e.period else 0
+        elapsed = min(elapsed, MOST_PERIODS * e.period) if e.pauses_in_a_row < PAUSES else e.period
         periods = max(np.floor(elapsed / e.period + 0.5), 1.0)
         exact = abs(elapsed - periods * e.period) <= EXACT * e.period
         e.filter.period = periods * e.period if exact else elapsed
@@ -101,22 +104,25 @@ def estimate(
         _begin(e)
     else:
         _predict_all(e, periods)
-        if e.saturated or not unit:
-            _doubt(e)
+        e.missing = 0.0 if unit and not e.saturated else e.missing + periods
+        _doubt(e, max(periods - SHORT, 0.0))
         _body_state(e)
         update_terms(e.dynamics, e.q, e.v)
+    e.unread += e.filter.period
     if legs:
         _accelerate(e)
-        observe_torques(e.contact, e.dynamics, torque, e.thrust, e.filter.period)
+        observe_torques(e.contact, e.dynamics, torque, e.thrust, e.unread)
         learn_joints(e.contact, stance, phase, e.filter.period)
         leg_forces(e.contact, e.dynamics)
         for k in range(normal_force.shape[0]):
             if abs(normal_force[k]) < np.inf:
                 e.contact.force[k, 2] = normal_force[k]
+        weigh(e)
         contact_probability(e.contact, e.dynamics, stance, phase, ground_height)
         _use_feet(e)
+        e.unread = 0.0
     _write_state(e)
-    e.status = _status(e, unit and legs, periods)
+    e.status = judge(e, unit and legs, periods)
     return e.status
 
 
@@ -145,15 +151,14 @@ def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> 
 @kernel
 def _begin(e: EstimatorRecord) -> None:
     """The first step: with the tilt that the accelerometer says, and the lowest foot on the ground, where asked to."""
-    f, c, a = e.filter, e.contact, e.raw_acceleration
+    f, c = e.filter, e.contact
     begin_filter(f)
-    length = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
-    if e.level and length > 1.0 and a[1] * a[1] + a[2] * a[2] > 0.01 * length * length:
-        r, x, y, z = f.rotation, a[0] / length, a[1] / length, a[2] / length
-        across = np.sqrt(y * y + z * z)  # of the body's x axis, less its part along the vertical
-        r[2, 0], r[2, 1], r[2, 2] = x, y, z
-        r[0, 0], r[0, 1], r[0, 2] = across, -x * y / across, -x * z / across
-        r[1, 0], r[1, 1], r[1, 2] = 0.0, z / across, -y / across
+    for i in range(3):
+        e.felt[i] = e.felt[3 + i] = e.raw_acceleration[i]
+    compare(e)
+    if e.level:
+        if e.gravity > LIGHT:
+            level(e)
         _body_state(e)
     update_terms(e.dynamics, e.q, e.v)
     if e.level:
@@ -170,12 +175,18 @@ def _begin(e: EstimatorRecord) -> None:
 
 
 @kernel
-def _doubt(e: EstimatorRecord) -> None:
-    """Let rotation and velocity be less certain, after a period without a good sample."""
-    p, t = e.filter.covariance, e.filter.period
+def _doubt(e: EstimatorRecord, gap: float) -> None:
+    """Let rotation and velocity be less certain, after periods without a good sample and a gap of others.
+
+    Over a gap the error may be as large as the difference between the samples at its ends.
+    """
+    p, t, jump = e.filter.covariance, e.period, 0.0
+    variance = e.missing + (INTERPOLATED * gap) ** 2
     for i in range(3):
-        p[i, i] += (DOUBT[0] * t) ** 2
-        p[3 + i, 3 + i] += (DOUBT[1] * t) ** 2
+        jump += (e.raw_acceleration[i] - e.before[3 + i]) ** 2
+        p[i, i] += variance * (DOUBT[0] * t) ** 2
+    for i in range(3):
+        p[3 + i, 3 + i] += variance * (DOUBT[1] * t) ** 2 + jump * (gap * t) ** 2
 
 
 @kernel
@@ -282,7 +293,7 @@ def _accelerate(e: EstimatorRecord) -> None:
         c.acceleration[i] = e.raw_acceleration[i] - f.accelerometer_bias[i] + weight - turn[i]
         c.acceleration[3 + i] = b[i]
     for j in range(6, e.v.shape[0]):
-        difference = (e.v[j] - c.velocity[j]) / f.period
+        difference = (e.v[j] - c.velocity[j]) / e.unread
         c.acceleration[j] = min(max(difference, -MAX_ACCELERATION), MAX_ACCELERATION)
         c.velocity[j] = e.v[j]
 
@@ -292,12 +303,13 @@ def _use_feet(e: EstimatorRecord) -> None:
     """Correct by the feet that touch the ground; others, and those that slipped, are forgotten."""
     f, c, noise = e.filter, e.contact, np.empty((3, 3))
     _local_feet(e)
-    _believe_feet(e)
+    believe_feet(e)
+    e.loose += f.period
     for k in range(f.held.shape[0]):
-        if c.probability[k] < LIKELY:
-            if f.held[k] != 0:
-                leave(f, k)
-        else:
+        if f.held[k] != 0 and (c.probability[k] < LIKELY or e.unread > SWING):
+            leave(f, k)
+        if c.probability[k] >= LIKELY:
+            e.loose = 0.0
             _kinematic_noise(e, k, noise)
             place = e.local_foot[k]
             if f.held[k] != 0:
@@ -306,47 +318,6 @@ def _use_feet(e: EstimatorRecord) -> None:
                     touch_down(f, k, place, noise)
             else:
                 touch_down(f, k, place, noise)
-
-
-@kernel
-def _believe_feet(e: EstimatorRecord) -> None:
-    """Begin the velocity anew where loaded feet agree with each other for a while, and none with the estimate.
-
-    A foot that the estimate lets move too fast is not in contact for it, so that nothing else could correct it.
-    """
-    c, w, mean, own = e.contact, e.angular_velocity, np.zeros(3), np.zeros((e.local_foot.shape[0], 3))
-    loaded, lost = 0.0, True
-    for k in range(own.shape[0]):
-        lost = lost and c.probability[k] < LIKELY
-        if c.loaded[k] != 0:
-            h, s, u = e.local_foot[k], e.local_speed[k], own[k]
-            u[0] = w[2] * h[1] - w[1] * h[2] - s[0]
-            u[1] = w[0] * h[2] - w[2] * h[0] - s[1]
-            u[2] = w[1] * h[0] - w[0] * h[1] - s[2]
-            loaded += 1.0
-            for i in range(3):
-                mean[i] += u[i]
-    lost = lost and loaded > 1.0
-    for k in range(own.shape[0]):
-        for i in range(3):
-            lost = lost and (c.loaded[k] == 0 or abs(own[k, i] - mean[i] / loaded) < AGREE)
-    e.lost = e.lost + e.filter.period if lost else 0.0
-    if e.lost >= LOST:
-        _begin_velocity(e, mean, 1.0 / loaded)
-        e.lost = 0.0
-
-
-@kernel
-def _begin_velocity(e: EstimatorRecord, velocity: Vector, share: float) -> None:
-    """Take a share of a velocity of the inertial unit, body axes, m/s; what is known of tilt and velocity is lost."""
-    f, r, p = e.filter, e.filter.rotation, e.filter.covariance
-    for i in range(3):
-        f.velocity[i] = share * (r[i, 0] * velocity[0] + r[i, 1] * velocity[1] + r[i, 2] * velocity[2])
-    for i in range(6):
-        for j in range(p.shape[0]):
-            p[i, j] = p[j, i] = 0.0
-    for i in range(3):
-        p[i, i], p[3 + i, 3 + i] = ANEW[0] ** 2 if i < 2 else 0.0, ANEW[1] ** 2
 
 
 @kernel
@@ -395,22 +366,3 @@ def _write_state(e: EstimatorRecord) -> None:
             e.foot_position[k, i] = f.position[i] + r[i, 0] * h[0] + r[i, 1] * h[1] + r[i, 2] * h[2]
             e.foot_velocity[k, i] = r[i, 0] * sx + r[i, 1] * sy + r[i, 2] * sz
             e.foot_force[k, i] = e.contact.share[k] * e.contact.force[k, i]
-
-
-@kernel
-def _status(e: EstimatorRecord, good: bool, periods: float) -> int:
-    """What is to be said of this step."""
-    if not good:
-        return NO_SAMPLE
-    if e.same_in_a_row >= SAME:
-        return STUCK
-    if e.saturated:
-        return SATURATED
-    f = e.filter
-    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0
-    for i in range(3):
-        consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
-        consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
-    if not consistent:
-        return INCONSISTENT
-    return GAP if periods > 1.0 else GOOD

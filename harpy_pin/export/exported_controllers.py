@@ -24,8 +24,9 @@ from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, VIOLATED
 from harpy_pin.controllers.whole_body import WholeBodyController
 from harpy_pin.controllers.whole_body_tick import QP_TICKS, ProgramTickRecord
 from harpy_pin.errors import InputError
-from harpy_pin.estimation.estimator import STATUS, Estimator
+from harpy_pin.estimation.estimator import Estimator
 from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.estimation.statuses import STATUS
 from harpy_pin.estimation.tick import estimate
 from harpy_pin.gaits.gait import GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.walking.measuring import measure

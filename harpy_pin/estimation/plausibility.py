@@ -1,0 +1,179 @@
+"""Whether readings can be true: against gravity, the weight on the feet, the legs and the filter's covariance.
+
+Where they were not, or loaded feet agree with each other and not with the estimate, the estimate begins anew.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.estimation.contact import LIKELY
+from harpy_pin.estimation.invariant_filter import leave
+from harpy_pin.estimation.record import ERRORS, EstimatorRecord
+from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import exp
+
+GOOD, NO_SAMPLE, STUCK, SATURATED, INCONSISTENT, BACKWARDS, GAP = 0, 1, 2, 3, 4, 5, 6
+CLOCK, UNLOADED, WEIGHTLESS, UPSIDE_DOWN, TURNING, NO_FOOTHOLD, UNSURE, BAD_TARGET = 7, 8, 9, 10, 11, 12, 13, 14
+"""Status of a step, see :attr:`harpy_pin.estimation.estimator.Estimator.status`."""
+SAME = 50
+"""Equal samples of the gyroscope in a row that no working one gives."""
+EXPECTED = 3.0
+"""Mean of the squared Mahalanobis distance of three measurements."""
+INCONSISTENCY = 3.0
+"""Factor on it that says that the readings do not belong together."""
+BIASED, SHAKEN = 8.0, 12.0
+"""Estimated biases of gyroscope and accelerometer that say the same, in standard deviations of the sensor. Contacts
+that shake the robot and creep look like up to ten of an accelerometer."""
+PAUSES = 3
+"""Longer pauses in a row, from which on the clock has another unit: steps are then taken to be a period apart."""
+AGREE = 0.3
+"""Difference between the velocities by two loaded feet that both stand, m/s."""
+LOST = 0.05
+"""Time after which loaded feet that agree with each other are believed against the estimate, s."""
+ANEW = (0.1, 0.1)
+"""Standard deviations of tilt, rad, and velocity, m/s, that are then begun anew."""
+AVERAGE = 1.0
+"""Time constant of the means that accelerometer, gyroscope and forces are judged by, s."""
+LIGHT, HEAVY = 0.5, 2.0
+"""Shares of gravity between which the accelerometer's mean is. Jumps of 0.3 m in a row have 0.87 to 1.18."""
+UPRIGHT = 0.5
+"""Cosine of the largest angle between the accelerometer's mean and the estimate's vertical."""
+BORNE = 0.5
+"""Share of the weight that feet and thrusters bear in the mean at least; they bear 0.98 to 1.03 of it in walks, and
+0.77 in jumps."""
+TURNS = 0.03
+"""Speed at which loaded feet move against each other by the gyroscope alone, m/s; a good one stays below zero."""
+FLIGHT = 1.0
+"""Time without a foothold from which on it is said, s. Jumps of 0.3 m last 0.8 s with thrusters."""
+KNOWN = 0.025
+"""Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95 within 5 cm/s."""
+SMALL = 1e-9
+"""Acceleration across the vertical that tells no axis, m/s²."""
+
+
+@kernel
+def level(e: EstimatorRecord) -> None:
+    """Turn the body, with its heading, so that the accelerometer's mean points up."""
+    r, felt = e.filter.rotation, e.felt[:3]
+    axis = np.cross(felt, r[2])
+    across = np.sqrt(axis @ axis)
+    r[:] = r @ exp(np.arctan2(across, felt @ r[2]) / max(across, SMALL) * axis)
+
+
+@kernel
+def weigh(e: EstimatorRecord) -> None:
+    """Means of what the accelerometer feels, and of what feet and thrusters bear of each kilogram, body axes, m/s²."""
+    d, share = e.dynamics, min(e.period / AVERAGE, 1.0)
+    borne = e.contact.force.reshape((e.contact.force.size,)) @ d.foot_jacobian[:, :3]
+    if e.thrust.shape[0] > 0:
+        borne += e.thrust @ d.thruster_jacobian[:, :3]
+    e.felt[:3] += share * (e.raw_acceleration - e.felt[:3])
+    e.felt[3:] += share * (borne / d.mass_matrix[0, 0] - e.felt[3:])
+    compare(e)
+
+
+@kernel
+def compare(e: EstimatorRecord) -> None:
+    """What these means are of gravity and of the weight, and whether they are upright."""
+    felt, g = e.felt[:3], e.filter.gravity
+    square = felt @ felt
+    e.gravity = np.sqrt(square / (g @ g))
+    e.borne = felt @ e.felt[3:] / max(square, SMALL)
+    e.up = felt @ e.filter.rotation[2] / np.sqrt(max(square, SMALL))
+
+
+@kernel
+def believe_feet(e: EstimatorRecord) -> None:
+    """Begin anew where loaded feet agree with each other for a while, and none with the estimate.
+
+    A foot that the estimate lets move too fast is not in contact for it, so that nothing else could correct it. It also
+    begins anew once readings are plausible again that were not, and whose biases and tilt were wrong.
+    """
+    c, mean, own = e.contact, np.zeros(6), np.zeros((e.local_foot.shape[0], 6))
+    wrong = WEIGHTLESS <= e.status <= TURNING
+    e.astray = 1 if wrong else e.astray
+    if LIGHT < e.gravity < HEAVY and e.borne > BORNE and e.up < UPRIGHT:
+        level(e)
+    loaded, lost = 0.0, True
+    for k in range(own.shape[0]):
+        lost = lost and (c.probability[k] < LIKELY or (e.astray != 0 and not wrong))
+        if c.loaded[k] != 0:
+            still = e.local_speed[k]
+            own[k, :3], own[k, 3:] = np.cross(e.local_foot[k], e.angular_velocity) - still, still
+            mean += own[k]
+            loaded += 1.0
+    lost = lost and loaded > 1.0
+    spread = 0.0
+    for k in range(own.shape[0]):
+        if c.loaded[k] != 0:
+            off = own[k] - mean / loaded
+            lost = lost and np.max(abs(off[:3])) < AGREE
+            spread += (off[:3] @ off[:3] - 4.0 * off[3:] @ off[3:]) / loaded
+    if loaded > 1.0:
+        e.turning += min(e.period / AVERAGE, 1.0) * (min(max(spread, -1.0), 1.0) - e.turning)
+    e.lost = e.lost + e.filter.period if lost else 0.0
+    if e.lost >= LOST:
+        if not wrong:
+            level(e)
+            e.astray = 0
+        _begin_anew(e, mean[:3] / loaded)
+        e.lost = 0.0
+
+
+@kernel
+def _begin_anew(e: EstimatorRecord, velocity: Vector) -> None:
+    """Take a velocity of the inertial unit, body axes, m/s, and the biases of the start.
+
+    Place and heading stay as they are.
+    """
+    f, p = e.filter, e.filter.covariance
+    for k in range(f.held.shape[0]):
+        leave(f, k)
+    anew = f.rotation @ velocity
+    for i in range(ERRORS):
+        if not 6 <= i < 9:
+            p[i], p[:, i] = 0.0, 0.0
+            p[i, i] = f.start[i] ** 2
+    for i in range(3):
+        p[i, i], p[3 + i, 3 + i] = ANEW[0] ** 2 if i < 2 else 0.0, ANEW[1] ** 2
+        p[6 + i, 6 + i] += ((f.velocity[i] - anew[i]) * e.loose) ** 2
+    f.velocity[:] = anew
+    f.gyroscope_bias[:] = 0.0
+    f.accelerometer_bias[:] = 0.0
+
+
+@kernel
+def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
+    """What is to be said of this step."""
+    if not good:
+        return NO_SAMPLE
+    if e.same_in_a_row >= SAME:
+        return STUCK
+    if e.saturated:
+        return SATURATED
+    if e.pauses_in_a_row >= PAUSES:
+        return CLOCK
+    if not LIGHT < e.gravity < HEAVY:
+        return WEIGHTLESS
+    if min(e.borne, e.up) < -UPRIGHT:
+        return UPSIDE_DOWN
+    f = e.filter
+    if not BORNE < e.borne < BORNE + f.held.shape[0]:
+        return UNLOADED
+    if e.turning > TURNS * TURNS:
+        return TURNING
+    consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0 and e.astray == 0 and e.up > UPRIGHT
+    unsure = e.loose > FLIGHT
+    for i in range(3):
+        consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
+        consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]
+        unsure = unsure or not 0.0 < f.covariance[3 + i, 3 + i] <= KNOWN * KNOWN
+    if not consistent:
+        return INCONSISTENT
+    if periods > 1.0:
+        return GAP
+    if unsure:
+        return NO_FOOTHOLD if e.loose > 0.0 else UNSURE
+    return GOOD
