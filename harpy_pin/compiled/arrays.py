@@ -16,7 +16,7 @@ import numpy as np
 
 from harpy_pin.compiled.expressions import Expressions
 from harpy_pin.compiled.operators import PRODUCT, SUM, UNARY, Refused, wrap
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Struct, Tuple, Value
+from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Struct, Value
 
 SHORT = 9
 """Elements that are written one by one, without a loop."""

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.compiled.blocks import Assignment, Block, CFunction, Learnt, Variable, Wider, mentions
 from harpy_pin.compiled.arrays import SHORT, Arrays, as_array, offset, read_by
+from harpy_pin.compiled.blocks import Assignment, Block, CFunction, Learnt, Variable, Wider, mentions
 from harpy_pin.compiled.operators import ATOM, Refused, refused
 from harpy_pin.compiled.source import Source
 from harpy_pin.compiled.types import INTEGER, REAL, Array, Function, Scalar, Struct, Tuple, Value

@@ -13,6 +13,7 @@ from harpy_pin.model.entry import all_possible, all_possible_rows, is_unit
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import place_bodies
 from harpy_pin.model.tree import TreeRecord
+from harpy_pin.model.vectors import rotation_in_plane
 
 LOAD_SHARE = 0.5
 """Share of the last sample in the load of a foot: noise must not look like a touchdown."""
