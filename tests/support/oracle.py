@@ -53,6 +53,8 @@ def of_library(name: str, count: int) -> Callable[..., Any]:
 
 def product(a: Any, b: Any) -> Any:
     """``a @ b`` with sums from the first term to the last, which NumPy leaves open."""
+    if b.shape[0] == 0:
+        return np.zeros(a.shape[:-1] + b.shape[1:])[()]
     total = np.multiply.outer(a[..., 0], b[0])
     for k in range(1, b.shape[0]):
         total = total + np.multiply.outer(a[..., k], b[k])
