@@ -1,0 +1,73 @@
+"""Vectors of three numbers, rotations and spatial vectors, for kernels that compute with them.
+
+Quaternions are (x, y, z, w) of length one (Solà, Quaternion kinematics for the error-state Kalman filter,
+2017). Motions are linear, then angular, and forces are force, then moment (Featherstone, Rigid Body Dynamics
+Algorithms, 2008).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.state import Vector
+
+
+@kernel(v=(3,))
+def skew(v: Vector) -> Vector:
+    """[v] with [v] x = v × x."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+@kernel(p=(4,), q=(4,))
+def quaternion_product(p: Vector, q: Vector) -> Vector:
+    """The rotation q, then p (Solà, 13)."""
+    return np.array([*(p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])), p[3] * q[3] - p[:3] @ q[:3]])
+
+
+@kernel(quaternion=(4,))
+def rotation_matrix(quaternion: Vector) -> Vector:
+    """R (3, 3) of a quaternion (Solà, 115)."""
+    x, y, z, w = quaternion
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+@kernel(quaternion=(4,), v=(3,))
+def rotate(quaternion: Vector, v: Vector) -> Vector:
+    """R v = v + w s + x × s with s = 2 x × v, by a quaternion."""
+    s = 2.0 * np.cross(quaternion[:3], v)
+    turned: Vector = v + quaternion[3] * s + np.cross(quaternion[:3], s)
+    return turned
+
+
+@kernel(axis=(3,))
+def rotation_about(axis: Vector, cosine: float, sine: float) -> Vector:
+    """Rotation about an axis of length one by an angle (Rodrigues)."""
+    x, y, z = axis
+    u, v, w = (1.0 - cosine) * axis
+    a, b, c = sine * axis
+    return np.array(
+        [
+            [u * x + cosine, u * y - c, u * z + b],
+            [v * x + c, v * y + cosine, v * z - a],
+            [w * x - b, w * y + a, w * z + cosine],
+        ]
+    )
+
+
+@kernel(u=(6,), s=(6,))
+def motion_cross(u: Vector, s: Vector) -> Vector:
+    """u × s of two motions (Featherstone, 2.31)."""
+    return np.array([*(np.cross(u[3:], s[:3]) + np.cross(u[:3], s[3:])), *np.cross(u[3:], s[3:])])
+
+
+@kernel(u=(6,), f=(6,))
+def force_cross(u: Vector, f: Vector) -> Vector:
+    """u ×* f of a motion and a force (Featherstone, 2.32)."""
+    return np.array([*np.cross(u[3:], f[:3]), *(np.cross(u[3:], f[3:]) + np.cross(u[:3], f[:3]))])
