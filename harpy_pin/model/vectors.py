@@ -1,8 +1,8 @@
 """Vectors of three numbers, rotations and spatial vectors, for kernels that compute with them.
 
-Quaternions are (x, y, z, w) of length one (Solà, Quaternion kinematics for the error-state Kalman filter,
-2017). Motions are linear, then angular, and forces are force, then moment (Featherstone, Rigid Body Dynamics
-Algorithms, 2008).
+Quaternions are (x, y, z, w) of length one (Solà, Quaternion kinematics for the error-state Kalman
+filter, 2017). Motions are linear, then angular, and forces are force, then moment (Featherstone,
+Rigid Body Dynamics Algorithms, 2008).
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ def skew(v: Vector) -> Vector:
 @kernel(p=(4,), q=(4,))
 def quaternion_product(p: Vector, q: Vector) -> Vector:
     """The rotation q, then p (Solà, 13)."""
-    return np.array([*(p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])), p[3] * q[3] - p[:3] @ q[:3]])
+    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    return np.array([*vector, p[3] * q[3] - p[:3] @ q[:3]])
 
 
 @kernel(quaternion=(4,))
