@@ -203,9 +203,8 @@ def integrate(t: TreeRecord, q: Vector, displacement: Vector) -> None:
         place, step = t.place[i], displacement[t.column[i]]
         if t.kind[i] == UNBOUNDED:
             c, s = np.cos(step), np.sin(step)
-            x, y = c * q[place] - s * q[place + 1], s * q[place] + c * q[place + 1]
-            norm = np.sqrt(x * x + y * y)
-            q[place], q[place + 1] = x / norm, y / norm
+            turned = np.array([[c, -s], [s, c]]) @ q[place : place + 2]
+            q[place : place + 2] = turned / np.sqrt(turned @ turned)
         else:
             q[place] += step
 
