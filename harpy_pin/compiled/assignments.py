@@ -360,7 +360,7 @@ class Assignments(Arrays):
             value = self._apart(view, value)
         value = self.operand(value)
         sizes = [range(size) for size in kind.shape if isinstance(size, int)]
-        if value.rule is not None and len(sizes) == len(kind.shape) and prod(map(len, sizes)) <= SHORT:
+        if isinstance(value.type, Array) and len(sizes) == len(kind.shape) and prod(map(len, sizes)) <= SHORT:
             for indices in product(*sizes):
                 self._fill_element(view, value, [self.constant(n) for n in indices])
             return

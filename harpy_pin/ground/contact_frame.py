@@ -17,13 +17,13 @@ LENGTH = 1e-6
 """Largest error of a normal's squared length."""
 
 
-@kernel
+@kernel(out=(3, 3))
 def contact_frame(x: float, y: float, z: float, out: Vector) -> None:
     """The frame of the normal (x, y, z), upwards and of length one: the rotation from its axes to the world's."""
     share = 1.0 / (1.0 + z)
-    out[0, 0], out[0, 1], out[0, 2] = 1.0 - share * x * x, -share * x * y, x
-    out[1, 0], out[1, 1], out[1, 2] = -share * x * y, 1.0 - share * y * y, y
-    out[2, 0], out[2, 1], out[2, 2] = -x, -y, z
+    out[0] = 1.0 - share * x * x, -share * x * y, x
+    out[1] = -share * x * y, 1.0 - share * y * y, y
+    out[2] = -x, -y, z
 
 
 @kernel
@@ -49,17 +49,13 @@ def all_upward(normal: Vector) -> bool:
 @kernel
 def to_contact(frame: Vector, vector: Vector) -> None:
     """A vector (3,) of world axes in those of the contact, in place."""
-    x, y, z = vector[0], vector[1], vector[2]
-    for c in range(3):
-        vector[c] = frame[0, c] * x + frame[1, c] * y + frame[2, c] * z
+    vector[:] = frame.T @ vector
 
 
 @kernel
 def to_world(frame: Vector, vector: Vector) -> None:
     """A vector (3,) of the contact's axes in those of the world, in place."""
-    x, y, z = vector[0], vector[1], vector[2]
-    for c in range(3):
-        vector[c] = frame[c, 0] * x + frame[c, 1] * y + frame[c, 2] * z
+    vector[:] = frame @ vector
 
 
 def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
@@ -79,8 +75,4 @@ def turn_feet(d: DynamicsRecord, frame: Vector) -> None:
         to_contact(r, d.foot_position[k])
         to_contact(r, d.foot_velocity[k])
         to_contact(r, d.foot_drift[3 * k : 3 * k + 3])
-        rows = d.foot_jacobian[3 * k : 3 * k + 3]
-        for i in range(rows.shape[1]):
-            x, y, z = rows[0, i], rows[1, i], rows[2, i]
-            for c in range(3):
-                rows[c, i] = r[0, c] * x + r[1, c] * y + r[2, c] * z
+        d.foot_jacobian[3 * k : 3 * k + 3] = r.T @ d.foot_jacobian[3 * k : 3 * k + 3]

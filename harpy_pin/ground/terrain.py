@@ -324,4 +324,4 @@ def _heights(terrain: Records[TerrainRecord], x: Vector, y: Vector, out: Vector)
 @kernel
 def _normals(terrain: Records[TerrainRecord], x: Vector, y: Vector, out: Vector) -> None:
     for i in range(x.shape[0]):
-        out[i, 0], out[i, 1], out[i, 2] = surface_normal(terrain[0], x[i], y[i])
+        out[i] = surface_normal(terrain[0], x[i], y[i])

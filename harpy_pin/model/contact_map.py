@@ -62,15 +62,8 @@ def unconstrained_drive(d: EquationsRecord, v: Vector, torque: Vector, thrust: V
 
     ``thrust`` are the thrust variables, see :mod:`harpy_pin.model.rotor`.
     """
-    nv = v.shape[0]
-    for i in range(nv):
-        drive[i] = -d.bias[i] - d.damping[i] * v[i]
-    for c in range(thrust.shape[0]):
-        for i in range(nv):
-            drive[i] += d.thruster_jacobian[c, i] * thrust[c]
-    base = nv - torque.shape[0]
-    for j in range(torque.shape[0]):
-        drive[base + j] += torque[j]
+    drive[:] = -d.bias - d.damping * v + d.thruster_jacobian.T @ thrust
+    drive[v.shape[0] - torque.shape[0] :] += torque
 
 
 @kernel
@@ -82,9 +75,7 @@ def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     rows, drive, contact, force = w.rows, w.drive, w.contact, w.force
     nv = drive.shape[0]
     factorise(d.mass_matrix, w.factor)
-    for c in range(count):
-        for i in range(nv):
-            contact[i, c] = d.foot_jacobian[rows[c], i]
+    contact[:, :count] = d.foot_jacobian[rows[:count]].T
     solve_transposed(w.factor, contact, count)
     solve_transposed(w.factor, drive.reshape((nv, 1)), 1)
     held = w.delassus[:count, :count]
@@ -95,8 +86,7 @@ def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
             x = contact[i, a]
             if x != 0.0:
                 force[a] -= x * drive[i]
-                for b in range(a + 1):
-                    held[a, b] += x * contact[i, b]
+                held[a, : a + 1] += x * contact[i, : a + 1]
     largest = 0.0
     for a in range(count):
         largest = max(largest, held[a, a])
@@ -114,21 +104,11 @@ def sticking_force(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
 
 @kernel
 def _times_delassus(contact: Vector, columns: Vector) -> None:
-    """Multiply columns (count, any) by D = Cᵀ C, in place. Loops: a product of matrices takes seconds to compile."""
-    count = columns.shape[0]
-    motion, product = np.empty(contact.shape[0]), np.empty(contact.shape[1])
+    """Multiply columns (count, any) by D = Cᵀ C, in place."""
+    motion, touching = np.empty(contact.shape[0]), contact[:, : columns.shape[0]]
     for y in range(columns.shape[1]):
-        for i in range(motion.shape[0]):
-            motion[i] = 0.0
-            for a in range(count):
-                motion[i] += contact[i, a] * columns[a, y]
-        for a in range(count):
-            product[a] = 0.0
-        for i in range(motion.shape[0]):
-            for a in range(count):
-                product[a] += contact[i, a] * motion[i]
-        for a in range(count):
-            columns[a, y] = product[a]
+        motion[:] = touching @ columns[:, y]
+        columns[:, y] = touching.T @ motion
 
 
 @kernel
@@ -150,11 +130,8 @@ def contact_gain(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
     inputs, gain, contact, response = w.inputs, w.gain, w.contact, w.response
     nv, ny = inputs.shape
     nt = d.thruster_jacobian.shape[0]
-    for i in range(nv):
-        for c in range(nt):
-            inputs[i, c] = d.thruster_jacobian[c, i]
-        for c in range(nt, ny):
-            inputs[i, c] = 0.0
+    inputs[:, :nt] = d.thruster_jacobian.T
+    inputs[:, nt:] = 0.0
     for c in range(nt, ny):
         inputs[nv - ny + c, c] = 1.0
     solve_transposed(w.factor, inputs, ny)
@@ -163,8 +140,7 @@ def contact_gain(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
         for a in range(count):
             x = contact[i, a]
             if x != 0.0:
-                for y in range(ny):
-                    gain[a, y] -= x * inputs[i, y]
+                gain[a] -= x * inputs[i]
     held = w.delassus[:count, :count]
     if w.redundant:
         _times_delassus(contact, gain[:count])
@@ -175,6 +151,5 @@ def contact_gain(d: DynamicsRecord, w: ContactMapRecord, count: int) -> None:
         for a in range(count):
             x = contact[i, a]
             if x != 0.0:
-                for y in range(ny):
-                    response[i, y] += x * gain[a, y]
+                response[i] += x * gain[a]
     solve_factor(w.factor, response, ny)

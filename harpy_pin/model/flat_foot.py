@@ -22,6 +22,7 @@ from harpy_pin import checks
 from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import skew
 
 LARGEST = 10.0  # longest side of a flat foot, m
 MIN_SPREAD = 1e-3
@@ -137,7 +138,7 @@ def add_flat_feet(
     return tuple(points), tuple(counts)
 
 
-@kernel
+@kernel(position=("n", 3))
 def flat_foot_rows(
     jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector
 ) -> None:
@@ -147,26 +148,19 @@ def flat_foot_rows(
     moment about the middle of the corners, Σ (J_i a + J̇_i v − α_i) = 0 and Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.
     Jacobian, drift J̇ v and positions are those of the corners, in world axes.
     """
-    n, nv = position.shape[0], jacobian.shape[1]
+    n, middle, size = position.shape[0], np.zeros(3), 0.0
     rows[:6] = 0.0
     value[:6] = 0.0
-    middle, arm = np.zeros(3), np.zeros(3)
     for i in range(n):
-        for c in range(3):
-            middle[c] += position[i, c] / n
-    size = 0.0
+        middle += position[i] / n
     for i in range(n):
-        for c in range(3):
-            size += (position[i, c] - middle[c]) ** 2
+        arm = position[i] - middle
+        size += arm @ arm
     whole, turn = 1.0 / np.sqrt(n), 1.0 / np.sqrt(size)
     for i in range(n):
-        for c in range(3):
-            arm[c] = turn * (position[i, c] - middle[c])
-        for c in range(3):
-            a, b = (c + 1) % 3, (c + 2) % 3
-            ja, jb, jc = jacobian[3 * i + a], jacobian[3 * i + b], jacobian[3 * i + c]
-            for j in range(nv):
-                rows[c, j] += whole * jc[j]
-                rows[3 + c, j] += arm[a] * jb[j] - arm[b] * ja[j]
-            value[c] += whole * (desired[i, c] - drift[3 * i + c])
-            value[3 + c] += arm[a] * (desired[i, b] - drift[3 * i + b]) - arm[b] * (desired[i, a] - drift[3 * i + a])
+        arm, part = turn * (position[i] - middle), jacobian[3 * i : 3 * i + 3]
+        rest = desired[i] - drift[3 * i : 3 * i + 3]
+        rows[:3] += whole * part
+        rows[3:6] += skew(arm) @ part
+        value[:3] += whole * rest
+        value[3:6] += np.cross(arm, rest)

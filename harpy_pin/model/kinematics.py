@@ -99,15 +99,9 @@ def leg_jacobian(leg: LegRecord, angles: Vector, out: Vector) -> None:
     c, s = np.cos(angles[0]), np.sin(angles[0])
     z = -upper * c1 - lower * c12
     dz1, dz2 = upper * s1 + lower * s12, lower * s12
-    out[0, 0] = 0.0
-    out[0, 1] = -upper * c1 - lower * c12
-    out[0, 2] = -lower * c12
-    out[1, 0] = -s * leg.offset - c * z
-    out[1, 1] = -s * dz1
-    out[1, 2] = -s * dz2
-    out[2, 0] = c * leg.offset - s * z
-    out[2, 1] = c * dz1
-    out[2, 2] = c * dz2
+    out[0] = 0.0, z, -lower * c12
+    out[1] = -s * leg.offset - c * z, -s * dz1, -s * dz2
+    out[2] = c * leg.offset - s * z, c * dz1, c * dz2
 
 
 @kernel(foot=(3,), out=(3,))
@@ -124,7 +118,7 @@ def leg_inverse(leg: LegRecord, foot: Vector, out: Vector) -> float:
         workspace: never a silent clip.
     """
     d, upper, lower = leg.offset, leg.upper, leg.lower
-    x, y, z = foot[0] - leg.hip[0], foot[1] - leg.hip[1], foot[2] - leg.hip[2]
+    x, y, z = foot - leg.hip
     # In the half-plane (x, ρ) through the hip frontal axis the workspace is ρ ≥ |d| between two circles about the hip.
     radial = np.hypot(y, z)
     outer, inner = np.sqrt((upper + lower) ** 2 + d * d), np.sqrt((upper - lower) ** 2 + d * d)
@@ -151,9 +145,8 @@ def leg_inverse(leg: LegRecord, foot: Vector, out: Vector) -> float:
         gamma += 2.0 * np.pi
     cosine = (near_x * near_x + drop * drop - upper * upper - lower * lower) / (2.0 * upper * lower)
     knee = np.arccos(min(max(cosine, -1.0), 1.0))
-    out[0] = gamma
-    out[1] = np.arctan2(-near_x, drop) - np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
-    out[2] = knee
+    hip = np.arctan2(-near_x, drop) - np.arctan2(lower * np.sin(knee), upper + lower * np.cos(knee))
+    out[:] = gamma, hip, knee
     return float(excess)
 
 

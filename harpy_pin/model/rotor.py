@@ -76,13 +76,8 @@ def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
         out[3 * k : 3 * k + 3] = force[k]
     changed = 0
     for k in range(rotors):
-        f, axis = force[free + k], d.rotor_axis[k]
-        along = f[0] * axis[0] + f[1] * axis[1] + f[2] * axis[2]
-        u = min(max(along, d.rotor_lower[k]), d.rotor_upper[k])
+        f, axis = force[free + k, :3], d.rotor_axis[k]
+        u = min(max(f @ axis, d.rotor_lower[k]), d.rotor_upper[k])
         out[3 * free + k] = u
-        size, difference = 1.0, 0.0
-        for i in range(3):
-            size = max(size, 1.0 + abs(f[i]))
-            difference = max(difference, abs(f[i] - u * axis[i]))
-        changed += difference > SAME * size
+        changed += np.max(np.abs(f - u * axis)) > SAME * (1.0 + np.max(np.abs(f)))
     return changed

@@ -79,53 +79,41 @@ def _solve_slide_1d(
 
 
 @kernel
-def _slide_velocity(gain: float, a11: float, a12: float, a22: float, u1: float, u2: float) -> tuple[float, float]:
-    """(I + gain A)⁻¹ u: the velocity of a foot under the friction force −gain·velocity."""
-    b11, b12, b22 = 1.0 + gain * a11, gain * a12, 1.0 + gain * a22
-    det = b11 * b22 - b12 * b12
-    return (b22 * u1 - b12 * u2) / det, (b11 * u2 - b12 * u1) / det
+def _solve_two(a: Vector, b: Vector) -> Vector:
+    """A⁻¹ b of a symmetric matrix (2, 2)."""
+    det = a[0, 0] * a[1, 1] - a[0, 1] * a[0, 1]
+    return np.array([(a[1, 1] * b[0] - a[0, 1] * b[1]) / det, (a[0, 0] * b[1] - a[0, 1] * b[0]) / det])
 
 
 @kernel
-def _first_gain(u1: float, u2: float, a11: float, a12: float, a22: float, most: float, f1: float, f2: float) -> float:
+def _first_gain(u: Vector, a: Vector, most: float, guess: Vector) -> float:
     """Where to begin: the gain of the force guessed, or as if the mobility were the same in all directions."""
-    w1, w2 = u1 + a11 * f1 + a12 * f2, u2 + a12 * f1 + a22 * f2
-    against = -(f1 * w1 + f2 * w2)
+    w = u + a @ guess
+    against = -(guess @ w)
     if against > 0.0:
-        return against / (w1 * w1 + w2 * w2 + TINY)
-    start = np.sqrt(u1 * u1 + u2 * u2)
-    return float(max(most / max(start - 0.5 * (a11 + a22) * most, 0.01 * start + TINY), 1e-12))
+        return float(against / (w @ w + TINY))
+    start = np.sqrt(u @ u)
+    return float(max(most / max(start - 0.5 * (a[0, 0] + a[1, 1]) * most, 0.01 * start + TINY), 1e-12))
 
 
 @kernel
 def _solve_slide_2d(
-    u1: float,
-    u2: float,
-    a11: float,
-    a12: float,
-    a22: float,
-    normal: float,
-    mu_s: float,
-    mu_c: float,
-    ground: GroundRecord,
-    f1: float,
-    f2: float,
-) -> tuple[float, float]:
+    u: Vector, a: Vector, normal: float, mu_s: float, mu_c: float, ground: GroundRecord, guess: Vector
+) -> Vector:
     """Friction in the plane, N: zero velocity if Coulomb's disc allows it, else sliding against the motion.
 
     The force is −g w with w the velocity that it leaves, (I + g A)⁻¹ u, and g |w| = F(|w|). In g − F/|w|, nearly a
-    straight line, Newton's steps find the gain g, with a bracket around it; (f1, f2) is a guess of the force.
+    straight line, Newton's steps find the gain g, with a bracket around it and a guess of the force to begin with.
     """
-    det = a11 * a22 - a12 * a12
-    stick1, stick2 = -(a22 * u1 - a12 * u2) / det, -(a11 * u2 - a12 * u1) / det
-    if stick1 * stick1 + stick2 * stick2 <= (mu_s * normal) ** 2:
-        return stick1, stick2
-    gain = _first_gain(u1, u2, a11, a12, a22, mu_c * normal, f1, f2)
+    stick = -_solve_two(a, u)
+    if stick @ stick <= (mu_s * normal) ** 2:
+        return stick
+    gain = _first_gain(u, a, mu_c * normal, guess)
     low, high, last = 0.0, np.inf, np.inf
-    w1, w2 = u1, u2
+    w = np.empty(2)
     for _ in range(100):
-        w1, w2 = _slide_velocity(gain, a11, a12, a22, u1, u2)
-        speed = np.sqrt(w1 * w1 + w2 * w2) + TINY
+        w[:] = _solve_two(np.eye(2) + gain * a, u)
+        speed = float(np.sqrt(w @ w)) + TINY
         ratio = speed / ground.stribeck_velocity
         more = (mu_s - mu_c) * normal * np.exp(-ratio * ratio)
         friction = mu_c * normal + more + ground.mu_v * speed
@@ -137,8 +125,7 @@ def _solve_slide_2d(
         if abs(rest) * speed <= 1e-13 * (1.0 + friction) or high - low <= 1e-15 * gain:
             break
         # How the speed and rest change with the gain.
-        z1, z2 = _slide_velocity(gain, a11, a12, a22, a11 * w1 + a12 * w2, a12 * w1 + a22 * w2)
-        slowing = -(w1 * z1 + w2 * z2) / speed
+        slowing = -float(w @ _solve_two(np.eye(2) + gain * a, a @ w)) / speed
         steeper = ground.mu_v - 2.0 * more * ratio / ground.stribeck_velocity
         slope = 1.0 - (steeper - friction / speed) * slowing / speed
         gain = gain - rest / slope if slope > 0.0 and abs(rest) < 0.5 * last else -1.0
@@ -146,7 +133,7 @@ def _solve_slide_2d(
         if not low < gain < high:  # Newton leaves the bracket or is slow
             gain = 0.5 * (low + high) if high < np.inf else 4.0 * low
             last = np.inf
-    return -gain * w1, -gain * w2
+    return -gain * w
 
 
 @kernel(mobility=("3n", "3n"), free_velocity=("3n",), height=("n",), friction=("n", 3), force=("3n",))
@@ -192,47 +179,32 @@ def contact_step(
         change, largest = 0.0, 0.0
         relax = 1.0 if sweep <= 60 else 0.5  # breaks the rare cycle between sticking and sliding
         for k in range(n):
-            x, y, z = 3 * k, 3 * k + 1, 3 * k + 2
+            own, f = mobility[3 * k : 3 * k + 3, 3 * k : 3 * k + 3], force[3 * k : 3 * k + 3]
+            others = free_velocity[3 * k : 3 * k + 3] + mobility[3 * k : 3 * k + 3] @ force - own @ f
             mu_s, mu_c = friction[k, 0], friction[k, 1]
             stiffness, damping = ground.stiffness * friction[k, 2], ground.damping * np.sqrt(friction[k, 2])
             # Normal and friction of one foot are coupled most: iterate them a few times.
             for _ in range(2):
-                free = free_velocity[z]
-                for j in range(3 * n):
-                    if j != z:
-                        free += mobility[z, j] * force[j]
-                normal = _solve_normal(height[k], free, mobility[z, z], dt, stiffness, damping)
-                change = max(change, abs(normal - force[z]))
-                normal = force[z] + relax * (normal - force[z])
-                force[z] = normal
-                if normal <= 0.0:
-                    change = max(change, abs(force[x]), abs(force[y]))
-                    force[x] = 0.0
-                    force[y] = 0.0
+                free = others[2] + own[2, :2] @ f[:2]
+                normal = _solve_normal(height[k], free, own[2, 2], dt, stiffness, damping)
+                change = max(change, abs(normal - f[2]))
+                f[2] += relax * (normal - f[2])
+                if f[2] <= 0.0:
+                    change = max(change, abs(f[0]), abs(f[1]))
+                    f[:2] = 0.0
                     break
+                u = others[:2] + own[:2, 2] * f[2]
                 if ground.per_axis:
-                    for i in (x, y):
-                        free = free_velocity[i]
-                        for j in range(3 * n):
-                            if j != i:
-                                free += mobility[i, j] * force[j]
-                        along = _solve_slide_1d(free, mobility[i, i], normal, mu_s, mu_c, ground)
-                        change = max(change, abs(along - force[i]))
-                        force[i] += relax * (along - force[i])
+                    for i in range(2):
+                        free = u[i] + own[i, 1 - i] * f[1 - i]
+                        along = _solve_slide_1d(free, own[i, i], f[2], mu_s, mu_c, ground)
+                        change = max(change, abs(along - f[i]))
+                        f[i] += relax * (along - f[i])
                 else:
-                    free_x, free_y = free_velocity[x], free_velocity[y]
-                    for j in range(3 * n):
-                        if j != x and j != y:
-                            free_x += mobility[x, j] * force[j]
-                            free_y += mobility[y, j] * force[j]
-                    a11, a12, a22 = mobility[x, x], mobility[x, y], mobility[y, y]
-                    fx, fy = _solve_slide_2d(
-                        free_x, free_y, a11, a12, a22, normal, mu_s, mu_c, ground, force[x], force[y]
-                    )
-                    change = max(change, abs(fx - force[x]), abs(fy - force[y]))
-                    force[x] += relax * (fx - force[x])
-                    force[y] += relax * (fy - force[y])
-            largest = max(largest, force[z], abs(force[x]), abs(force[y]))
+                    more = _solve_slide_2d(u, own[:2, :2], f[2], mu_s, mu_c, ground, f[:2]) - f[:2]
+                    change = max(change, abs(more[0]), abs(more[1]))
+                    f[:2] += relax * more
+            largest = max(largest, f[2], abs(f[0]), abs(f[1]))
         if change <= tolerance * (1.0 + largest):
             return sweep
     return max_sweeps + 1
@@ -268,37 +240,26 @@ def step_with_friction(s: StepRecord, ground: GroundRecord, v: Vector, tolerance
     the step; tolerance and most sweeps are the contact solver's. Returns the sweeps of the last contact problem,
     ``sweeps + 1`` if it or the rounds did not converge.
     """
-    f, dt = s.joints, s.dt
-    nv, nc, joints = v.shape[0], s.load.shape[0], f.limit.shape[0]
-    columns, own = s.columns, f.columns
-    for i in range(nv):
-        for j in range(joints):
-            own[i, j] = 1.0 if i == 6 + j else 0.0
-    solve_transposed(s.factor, own, joints)
-    for j in range(joints):  # last step's friction is the first guess
-        for i in range(nv):
-            columns[i, nc] += dt * own[i, j] * f.torque[j]
+    f, dt, joints = s.joints, s.dt, s.joints.limit.shape[0]
+    feet, drive = s.columns[:, : s.load.shape[0]], s.columns[:, s.load.shape[0]]
+    f.columns[:] = 0.0
+    for j in range(joints):
+        f.columns[6 + j, j] = 1.0
+    solve_transposed(s.factor, f.columns, joints)
+    drive += dt * (f.columns @ f.torque)  # last step's friction is the first guess
     used = 0
     for _ in range(ROUNDS):
-        for a in range(nc):
-            f.free[a] = s.free[a]
-            for j in range(joints):
-                for i in range(nv):
-                    f.free[a] += dt * columns[i, a] * own[i, j] * f.torque[j]
+        held = f.columns @ f.torque
+        f.free[:] = s.free + dt * (feet.T @ held)
         used = contact_forces(s, ground, f.free, tolerance, sweeps)
+        pushed = dt * (feet @ s.load)
         change = 0.0
         for j in range(joints):
-            speed, mobility = v[6 + j], 0.0
-            for i in range(nv):
-                drive = columns[i, nc]
-                for c in range(nc):
-                    drive += dt * columns[i, c] * s.load[c]
-                speed += own[i, j] * drive
-                mobility += dt * own[i, j] * own[i, j]
+            own = f.columns[:, j]
+            speed, mobility = v[6 + j] + own @ (drive + pushed), dt * (own @ own)
             torque = min(max(f.torque[j] - speed / mobility, -f.limit[j]), f.limit[j])
             more = torque - f.torque[j]
-            for i in range(nv):
-                columns[i, nc] += dt * own[i, j] * more
+            drive += dt * more * own
             f.torque[j] = torque
             if f.limit[j] > 0.0:
                 change = max(change, abs(more) / f.limit[j])

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin.compiled import kernel
-from harpy_pin.ground.contact_frame import to_contact
 from harpy_pin.ground.ground import GroundRecord
 from harpy_pin.model.dynamics import EquationsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.model.vectors import skew
 
 if TYPE_CHECKING:
     from harpy_pin.simulation.step import StepRecord
@@ -52,80 +52,57 @@ class SolesRecord(RecordOf):
 @kernel
 def sole_columns(d: EquationsRecord, s: StepRecord, v: Vector) -> None:
     """Modes of the soles, their columns of the Jacobian and their velocities before any force."""
-    o, nv = s.soles, v.shape[0]
-    soles = o.motion.shape[0] // 6
+    o, soles = s.soles, s.soles.motion.shape[0] // 6
     corners = o.mode.shape[0] // soles
     o.mode[:] = 0.0
+    s.free[:] = 0.0
+    s.columns[:, : 6 * soles] = 0.0
     for n in range(soles):
-        mode, place = o.mode[n * corners : (n + 1) * corners], d.foot_position[n * corners : (n + 1) * corners]
-        rigid_modes(place, mode)
-        for c in range(6 * n, 6 * n + 6):
-            s.free[c] = 0.0
-            for i in range(nv):
-                s.columns[i, c] = 0.0
-        for k in range(corners):
-            row = 3 * (n * corners + k)
-            for a in range(3):
-                free = 0.5 * s.dt * d.foot_drift[row + a]
-                for i in range(nv):
-                    x = d.foot_jacobian[row + a, i]
-                    free += x * v[i]
-                    if x != 0.0:
-                        for c in range(6):
-                            s.columns[i, 6 * n + c] += mode[k, a, c] * x
-                for c in range(6):
-                    s.free[6 * n + c] += mode[k, a, c] * free
+        first, c = n * corners, 6 * n
+        rigid_modes(d.foot_position[first : first + corners], o.mode[first : first + corners])
+        for k in range(first, first + corners):
+            mode, jacobian = o.mode[k], d.foot_jacobian[3 * k : 3 * k + 3]
+            drift = 0.5 * s.dt * d.foot_drift[3 * k : 3 * k + 3]
+            s.free[c : c + 6] += mode.T @ (drift + jacobian @ v)
+            for i in range(v.shape[0]):
+                x = jacobian[:, i]
+                if x @ x != 0.0:
+                    s.columns[i, c : c + 6] += x @ mode
 
 
-@kernel
+@kernel(place=("n", 3), mode=("n", 3, 6))
 def rigid_modes(place: Vector, mode: Vector) -> None:
     """Rigid motions of points at places (n, 3), orthonormal; adds them to ``mode`` (n, 3, 6)."""
-    n = place.shape[0]
-    middle = np.zeros(3)
+    n, middle = place.shape[0], np.zeros(3)
     for k in range(n):
-        for c in range(3):
-            middle[c] += place[k, c] / n
+        middle += place[k] / n
     for k in range(n):
-        for c in range(3):
-            a, b = (c + 1) % 3, (c + 2) % 3
-            mode[k, c, c] += 1.0 / np.sqrt(n)
-            mode[k, b, 3 + c] += place[k, a] - middle[a]
-            mode[k, a, 3 + c] -= place[k, b] - middle[b]
+        mode[k, :, :3] += np.eye(3) / np.sqrt(n)
+        mode[k, :, 3:] -= skew(place[k] - middle)
+    rows = mode.reshape((3 * n, 6))
     for c in range(3, 6):
-        for other in range(3, c + 1):
-            share = 0.0
-            for k in range(n):
-                for a in range(3):
-                    share += mode[k, a, c] * mode[k, a, other]
-            for k in range(n):
-                for a in range(3):
-                    if other < c:
-                        mode[k, a, c] -= share * mode[k, a, other]
-                    else:
-                        mode[k, a, c] /= np.sqrt(share)
+        for other in range(3, c):
+            rows[:, c] -= (rows[:, c] @ rows[:, other]) * rows[:, other]
+        rows[:, c] /= np.sqrt(rows[:, c] @ rows[:, c])
 
 
-@kernel
+@kernel(frame=("n", 3, 3), mode=("n", 3, 6))
 def turn_modes(frame: Vector, mode: Vector) -> None:
     """Modes from world axes into the frames of the contacts."""
-    column = np.zeros(3)
     for k in range(mode.shape[0]):
-        for c in range(6):
-            for a in range(3):
-                column[a] = mode[k, a, c]
-            to_contact(frame[k], column)
-            for a in range(3):
-                mode[k, a, c] = column[a]
+        mode[k] = frame[k].T @ mode[k]
 
 
 @kernel
 def _update_motion(s: StepRecord, free: Vector) -> None:
     """Velocities of the modes under their load."""
-    for i in range(free.shape[0]):
-        motion = free[i]
-        for j in range(free.shape[0]):
-            motion += s.mobility[i, j] * s.load[j]
-        s.soles.motion[i] = motion
+    s.soles.motion[:] = free + s.mobility @ s.load
+
+
+@kernel
+def _squared_speed(ground: GroundRecord, x: Vector) -> Vector:
+    """Squared speed (2,) that friction along each axis knows, of a velocity (2,)."""
+    return np.where(ground.per_axis, x * x, x @ x)
 
 
 @kernel
@@ -135,19 +112,12 @@ def _update_forces(s: StepRecord, ground: GroundRecord, length: float) -> float:
     Returns how fast what is minimised changes along it.
     """
     o, dt = s.soles, s.dt
-    soles = o.motion.shape[0] // 6
-    corners = o.mode.shape[0] // soles
-    rate = 0.0
-    for c in range(6 * soles):
-        o.rest[c] = s.load[c] + length * o.more_load[c]
-    for k in range(soles * corners):
-        first, mode, slope = 6 * (k // corners), o.mode[k], o.slope[k]
-        x, y, z = 0.0, 0.0, 0.0
-        for c in range(6):
-            u = o.motion[first + c] + length * o.more_motion[first + c]
-            x += mode[0, c] * u
-            y += mode[1, c] * u
-            z += mode[2, c] * u
+    corners = o.mode.shape[0] * 6 // o.motion.shape[0]
+    o.rest[:] = s.load + length * o.more_load
+    for k in range(o.mode.shape[0]):
+        c, mode, slope, force = 6 * (k // corners), o.mode[k], o.slope[k], s.force[3 * k : 3 * k + 3]
+        u = mode @ (o.motion[c : c + 6] + length * o.more_motion[c : c + 6])
+        x, z = u[:2], u[2]
         depth, normal, stiff = -(s.height[k] + dt * z), 0.0, 0.0
         if depth > 0.0:
             stiffness, damping = ground.stiffness * s.friction[k, 2], ground.damping * np.sqrt(s.friction[k, 2])
@@ -158,27 +128,14 @@ def _update_forces(s: StepRecord, ground: GroundRecord, length: float) -> float:
                 stiff += damping * engaged
                 if engaged < 1.0:
                     stiff -= damping * z / ENGAGING
-        viscous = o.most[k, 2]
-        if ground.per_axis:
-            sx, sy = np.sqrt(x * x + CREEP * CREEP), np.sqrt(y * y + CREEP * CREEP)
-        else:
-            sx = np.sqrt(x * x + y * y + CREEP * CREEP)
-            sy = sx
-        gx, gy = o.most[k, 0] / sx, o.most[k, 1] / sy
-        slope[0, 0] = viscous + gx - gx * x * x / (sx * sx)
-        slope[1, 1] = viscous + gy - gy * y * y / (sy * sy)
-        slope[0, 1] = 0.0 if ground.per_axis else -gx * x * y / (sx * sx)
-        slope[1, 0] = slope[0, 1]
-        slope[2, 2] = stiff
-        s.force[3 * k] = -(viscous + gx) * x
-        s.force[3 * k + 1] = -(viscous + gy) * y
-        s.force[3 * k + 2] = normal
-        for c in range(6):
-            for a in range(3):
-                o.rest[first + c] -= mode[a, c] * s.force[3 * k + a]
-    for c in range(6 * soles):
-        rate += o.rest[c] * o.more_motion[c]
-    return rate
+        square = _squared_speed(ground, x) + CREEP * CREEP
+        share = o.most[k, :2] / np.sqrt(square)
+        fall, gain = np.outer(share * x / square, x), share + o.most[k, 2]
+        slope[0, 0], slope[1, 1], slope[2, 2] = gain[0] - fall[0, 0], gain[1] - fall[1, 1], stiff
+        slope[0, 1] = slope[1, 0] = 0.0 if ground.per_axis else -fall[0, 1]
+        force[:2], force[2] = -gain * x, normal
+        o.rest[c : c + 6] -= mode.T @ force
+    return float(o.rest @ o.more_motion)
 
 
 @kernel
@@ -187,53 +144,34 @@ def _update_most(s: StepRecord, ground: GroundRecord, share: float) -> float:
 
     It goes the given share of the way there.
     """
-    o = s.soles
+    o, largest = s.soles, 0.0
     corners = o.mode.shape[0] * 6 // o.motion.shape[0]
-    largest = 0.0
     for k in range(o.mode.shape[0]):
-        normal, first = s.force[3 * k + 2], 6 * (k // corners)
-        x, y = 0.0, 0.0
-        for c in range(6):
-            x += o.mode[k, 0, c] * o.motion[first + c]
-            y += o.mode[k, 1, c] * o.motion[first + c]
+        normal, c, most = s.force[3 * k + 2], 6 * (k // corners), o.most[k, :2]
         mu_s, mu_c = s.friction[k, 0], s.friction[k, 1]
+        square = _squared_speed(ground, o.mode[k, :2] @ o.motion[c : c + 6])
+        mu = mu_c + (mu_s - mu_c) * np.exp(-square / ground.stribeck_velocity**2)
+        change = mu * max(normal, 0.0) - most
+        most += share * change
         o.most[k, 2] = ground.mu_v if normal > 0.0 else 0.0
-        for a in range(2):
-            speed = x * x + y * y if not ground.per_axis else x * x if a == 0 else y * y
-            mu = mu_c + (mu_s - mu_c) * np.exp(-speed / ground.stribeck_velocity**2)
-            most = mu * normal if normal > 0.0 else 0.0
-            largest = max(largest, abs(most - o.most[k, a]))
-            o.most[k, a] += share * (most - o.most[k, a])
+        largest = max(largest, np.max(np.abs(change)))
     return largest
 
 
 @kernel
 def _solve_newton(o: SolesRecord, mobility: Vector) -> None:
     """Direction of a step: (1 + gain mobility) more_load = −rest, by elimination with pivots in rows."""
-    n = o.motion.shape[0]
+    n, matrix = o.motion.shape[0], o.matrix
     corners = o.mode.shape[0] * 6 // n
-    matrix = o.matrix
     o.gain[:] = 0.0
     for k in range(o.mode.shape[0]):
-        first = 6 * (k // corners)
-        for a in range(3):
-            for b in range(3):
-                slope = o.slope[k, a, b]
-                if slope != 0.0:
-                    for i in range(6):
-                        x = o.mode[k, a, i] * slope
-                        for j in range(6):
-                            o.gain[first + i, j] += x * o.mode[k, b, j]
+        c = 6 * (k // corners)
+        o.gain[c : c + 6] += o.mode[k].T @ o.slope[k] @ o.mode[k]
+    for c in range(0, n, 6):
+        matrix[c : c + 6, :n] = o.gain[c : c + 6] @ mobility[c : c + 6]
+    matrix[:, n] = -o.rest
     for i in range(n):
-        first = 6 * (i // 6)
-        for j in range(n):
-            matrix[i, j] = 0.0
-        for c in range(6):
-            gain = o.gain[i, c]
-            for j in range(n):
-                matrix[i, j] += gain * mobility[first + c, j]
         matrix[i, i] += 1.0
-        matrix[i, n] = -o.rest[i]
     for k in range(n):
         best = k
         for i in range(k + 1, n):
@@ -242,27 +180,17 @@ def _solve_newton(o: SolesRecord, mobility: Vector) -> None:
         for j in range(k, n + 1):
             matrix[k, j], matrix[best, j] = matrix[best, j], matrix[k, j]
         for i in range(k + 1, n):
-            factor = matrix[i, k] / matrix[k, k]
-            for j in range(k + 1, n + 1):
-                matrix[i, j] -= factor * matrix[k, j]
+            matrix[i] -= matrix[i, k] / matrix[k, k] * matrix[k]
     for i in range(n - 1, -1, -1):
-        x = matrix[i, n]
-        for j in range(i + 1, n):
-            x -= matrix[i, j] * o.more_load[j]
-        o.more_load[i] = x / matrix[i, i]
-    for i in range(n):
-        o.more_motion[i] = 0.0
-        for j in range(n):
-            o.more_motion[i] += mobility[i, j] * o.more_load[j]
+        o.more_load[i] = (matrix[i, n] - matrix[i, i + 1 : n] @ o.more_load[i + 1 :]) / matrix[i, i]
+    o.more_motion[:] = mobility @ o.more_load
 
 
 @kernel
 def _search(s: StepRecord, ground: GroundRecord) -> float:
     """Length of the step: where the rate along its direction has at most half of its size at the beginning."""
-    rest, length, low, high = 0.0, 1.0, 0.0, np.inf
-    for c in range(s.soles.rest.shape[0]):
-        rest += s.soles.rest[c] * s.soles.more_motion[c]
-    at_low, at_high, enough = rest, 0.0, 0.5 * abs(rest)
+    at_low, at_high = float(s.soles.rest @ s.soles.more_motion), 0.0
+    length, low, high, enough = 1.0, 0.0, np.inf, 0.5 * abs(at_low)
     for _ in range(SEARCHES):
         rate = _update_forces(s, ground, length)
         if abs(rate) <= enough:
@@ -289,17 +217,14 @@ def sole_step(s: StepRecord, ground: GroundRecord, free: Vector, tolerance: floa
     forces, m/s, the tolerance is of a load or of the largest friction, relative to 1 N + the largest force. Returns the
     number of Newton's steps done; ``most_steps + 1`` if they did not converge.
     """
-    o, n = s.soles, free.shape[0]
-    corners = o.mode.shape[0] * 6 // n
-    touching = False
+    o, touching = s.soles, False
+    corners = o.mode.shape[0] * 6 // free.shape[0]
     s.load[:] = 0.0
     for k in range(o.mode.shape[0]):
-        first, down = 6 * (k // corners), 0.0
-        for c in range(6):
-            down += o.mode[k, 2, c] * free[first + c]
-            for a in range(3):
-                s.load[first + c] += o.mode[k, a, c] * s.force[3 * k + a]
+        c, mode = 6 * (k // corners), o.mode[k]
+        down = mode[2] @ free[c : c + 6]
         touching = touching or s.height[k] + s.dt * down < 0.0
+        s.load[c : c + 6] += mode.T @ s.force[3 * k : 3 * k + 3]
     if not touching:
         s.force[:] = 0.0
         s.load[:] = 0.0
@@ -310,11 +235,8 @@ def sole_step(s: StepRecord, ground: GroundRecord, free: Vector, tolerance: floa
     while used < most_steps:
         used += 1
         _update_forces(s, ground, 0.0)
-        largest, rest = 1.0, 0.0
-        for a in range(s.force.shape[0]):
-            largest = max(largest, 1.0 + abs(s.force[a]))
-        for c in range(n):
-            rest = max(rest, abs(o.rest[c]) / largest)
+        largest = 1.0 + np.max(np.abs(s.force))
+        rest = np.max(np.abs(o.rest)) / largest
         if rest <= max(tolerance, 0.05 * change):
             share = 1.0 if used <= CALM else 0.5 if used <= 2 * CALM else 0.25
             change = _update_most(s, ground, share) / largest
@@ -323,7 +245,6 @@ def sole_step(s: StepRecord, ground: GroundRecord, free: Vector, tolerance: floa
             continue
         _solve_newton(o, s.mobility)
         length = _search(s, ground)
-        for i in range(n):
-            s.load[i] += length * o.more_load[i]
+        s.load += length * o.more_load
         _update_motion(s, free)
     return most_steps + 1

@@ -149,11 +149,10 @@ def implicit_step(
     columns, mobility, free, force = s.columns, s.mobility, s.free, s.force
     change = s.displacement  # holds the generalised force, then v⁺ − v
     unconstrained_drive(d, v, torque, thrust, change)
+    s.factor[:] = d.mass_matrix
     for i in range(nv):
-        for j in range(i + 1):
-            s.factor[i, j] = d.mass_matrix[i, j]
         s.factor[i, i] += dt * d.damping[i]
-        columns[i, nc] = dt * change[i]
+    columns[:, nc] = dt * change
     flat = ground.terrain.level
     if not flat:
         into_contact_frames(d, ground.terrain, s)
@@ -166,20 +165,17 @@ def implicit_step(
     factorise(s.factor, s.factor)
     solve_transposed(s.factor, columns, nc + 1)
     # Velocity of the feet without contact forces, and its change per force.
-    for a in range(nc):
-        for b in range(a + 1):
-            mobility[a, b] = 0.0
+    mobility[:] = 0.0
     for i in range(nv):
         for a in range(nc):
             x = columns[i, a]
             if x != 0.0:
                 free[a] += x * columns[i, nc]
-                for b in range(a + 1):
-                    mobility[a, b] += x * columns[i, b]
+                mobility[a, : a + 1] += x * columns[i, : a + 1]
     for a in range(nc):
         mobility[a, a] = max(mobility[a, a], MIN_MOBILITY)
-        for b in range(a + 1):
-            mobility[a, b] *= dt
+        mobility[a, : a + 1] *= dt
+        for b in range(a):
             mobility[b, a] = mobility[a, b]
     for k in range(s.height.shape[0]):
         if flat:
@@ -190,17 +186,13 @@ def implicit_step(
         sweeps = step_with_friction(s, ground, v, 1e-10, MAX_SWEEPS)
     else:
         sweeps = contact_forces(s, ground, free, 1e-10, MAX_SWEEPS)
-    for i in range(nv):
-        change[i] = columns[i, nc]
-        for c in range(nc):
-            change[i] += dt * columns[i, c] * s.load[c]
+    change[:] = columns[:, nc] + dt * (columns[:, :nc] @ s.load)
     if not flat:
         for k in range(s.height.shape[0]):
             to_world(s.frame[k], force[3 * k : 3 * k + 3])
     solve_factor(s.factor, change.reshape((nv, 1)), 1)
-    for i in range(nv):
-        v[i] += change[i]
-        s.displacement[i] = dt * v[i]
+    v += change
+    s.displacement[:] = dt * v
     return sweeps
 
 
@@ -219,16 +211,12 @@ def into_contact_frames(d: EquationsRecord, t: TerrainRecord, s: StepRecord) -> 
 def point_columns(d: EquationsRecord, s: StepRecord, v: Vector, flat: bool) -> None:
     """Columns of the feet's Jacobian, and their velocities before any force, in the contact frames."""
     for k in range(s.height.shape[0]):
-        free = s.free[3 * k : 3 * k + 3]
-        for c in range(3):
-            free[c] = 0.5 * s.dt * d.foot_drift[3 * k + c]
-            for i in range(v.shape[0]):
-                free[c] += d.foot_jacobian[3 * k + c, i] * v[i]
-                s.columns[i, 3 * k + c] = d.foot_jacobian[3 * k + c, i]
+        x, jacobian = 3 * k, d.foot_jacobian[3 * k : 3 * k + 3]
+        s.free[x : x + 3] = 0.5 * s.dt * d.foot_drift[x : x + 3] + jacobian @ v
+        s.columns[:, x : x + 3] = jacobian.T
         if not flat:
-            to_contact(s.frame[k], free)
-            for i in range(v.shape[0]):
-                to_contact(s.frame[k], s.columns[i, 3 * k : 3 * k + 3])
+            to_contact(s.frame[k], s.free[x : x + 3])
+            s.columns[:, x : x + 3] = jacobian.T @ s.frame[k]
 
 
 @kernel
@@ -256,9 +244,7 @@ def physics_steps(
     sweeps = 0
     s.counts[2] += read_thrusts(d, thrust, s.thrust)
     for n in range(push.shape[0]):
-        for i in range(3):
-            for c in range(3):
-                d.bias[i] -= d.tree.rotation[c, i] * push[n, c]
+        d.bias[:3] -= d.tree.rotation.T @ push[n]
         hold_at_ends(s.ends, q, v, d.bias)
         drive_motors(s.motors, torque, q, v, s.dt)
         drive_thrusters(s.thrusters, d.tree.rotation, s.thrust)
@@ -280,9 +266,6 @@ def stands(terrain: TerrainRecord, q: Vector, v: Vector, fall_height: float) -> 
 @kernel
 def upright(q: Vector, v: Vector, fall_height: float) -> int:
     """0 for a body that stands, 1 for one that fell, 2 for one whose velocity is not finite or beyond reason."""
-    speed = 0.0
-    for i in range(v.shape[0]):
-        speed += abs(v[i])
-    if not speed <= 1e4:
+    if not np.sum(np.abs(v)) <= 1e4:
         return 2
     return 1 if q[2] < fall_height or 1.0 - 2.0 * (q[3] * q[3] + q[4] * q[4]) < 0.5 else 0

@@ -89,10 +89,7 @@ def drive_actuators(
 def note_step(s: PlantRecord, terrain: TerrainRecord, position: Vector, v: Vector, dt: float) -> bool:
     """Take slip into account; returns whether the speeds are finite and within reason."""
     note_slip(s.slip, terrain.level, s.frame, position, s.force, dt)
-    total = 0.0
-    for i in range(v.shape[0]):
-        total += abs(v[i])
-    return total < RUNAWAY
+    return float(np.sum(np.abs(v))) < RUNAWAY
 
 
 @kernel
@@ -108,5 +105,5 @@ def tangent_planes(s: PlantRecord, terrain: TerrainRecord, position: Vector, bel
         nx, ny, nz = surface_normal(terrain, x, y)
         contact_frame(nx, ny, nz, s.frame[k])
         size = np.sqrt(2.0 * (1.0 + nz))
-        out[k, 0], out[k, 1], out[k, 2] = x - below * nx, y - below * ny, surface_height(terrain, x, y) - below * nz
-        out[k, 3], out[k, 4], out[k, 5], out[k, 6] = 0.5 * size, -ny / size, nx / size, 0.0
+        out[k, :3] = x - below * nx, y - below * ny, surface_height(terrain, x, y) - below * nz
+        out[k, 3:] = 0.5 * size, -ny / size, nx / size, 0.0

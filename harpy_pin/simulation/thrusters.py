@@ -159,49 +159,41 @@ def drive_thrusters(m: ThrustersRecord, rotation: Vector, command: Vector) -> No
     largest = m.largest * m.available
     for k in range(free):
         c = command[3 * k : 3 * k + 3]
-        size = np.sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2])
+        size = np.sqrt(c @ c)
         if size > SMALL:
             turn(m.direction[k], rotation, c, size, m.remaining if m.settled else 0.0)
         level = max(_follow(m, k, min(max(size, m.least), largest)), 0.0)
-        for i in range(3):
-            s = 0.0
-            for j in range(3):
-                s += rotation[i, j] * m.direction[k, j]
-            m.mean_thrust[3 * k + i] = level * s
+        m.mean_thrust[3 * k : 3 * k + 3] = level * (rotation @ m.direction[k])
     for k in range(free, count):
         goal = command[2 * free + k]
         m.mean_thrust[2 * free + k] = _follow(m, k, min(max(goal, -largest), largest))
     m.settled = 1
     m.remaining_steps -= 1.0
     if m.remaining_steps < 0.0:
-        first = 3 * m.failing if m.failing < free else 2 * free + m.failing
-        for i in range(first, first + (3 if m.failing < free else 1)):
-            m.mean_thrust[i] *= m.left
+        if m.failing < free:
+            m.mean_thrust[3 * m.failing : 3 * m.failing + 3] *= m.left
+        else:
+            m.mean_thrust[2 * free + m.failing] *= m.left
 
 
 @kernel
 def _follow(m: ThrustersRecord, k: int, goal: float) -> float:
     """Mean of a step of one thruster's magnitude, which follows a goal."""
     if m.settled == 0:
-        m.goal[k] = m.level[k, 0] = goal
-        m.level[k, 1] = 0.0
+        m.goal[k], m.level[k] = goal, (goal, 0.0)
         return goal
     m.goal[k] += min(max(goal - m.goal[k], -m.slew), m.slew)
-    away, speed, t = m.level[k, 0] - m.goal[k], m.level[k, 1], m.transition
-    m.level[k, 0] = m.goal[k] + t[0, 0] * away + t[0, 1] * speed
-    m.level[k, 1] = t[1, 0] * away + t[1, 1] * speed
-    mean: float = m.goal[k] + m.mean_away[0] * away + m.mean_away[1] * speed
-    return mean
+    state = np.array([m.level[k, 0] - m.goal[k], m.level[k, 1]])
+    m.level[k] = m.transition @ state
+    m.level[k, 0] += m.goal[k]
+    return float(m.goal[k] + m.mean_away @ state)
 
 
 @kernel
 def turn(direction: Vector, rotation: Vector, command: Vector, size: float, remaining: float) -> None:
     """Turn a direction (3,) of body axes towards that of a command in world axes, by a share of their angle."""
-    x = rotation[0, 0] * command[0] + rotation[1, 0] * command[1] + rotation[2, 0] * command[2]
-    y = rotation[0, 1] * command[0] + rotation[1, 1] * command[1] + rotation[2, 1] * command[2]
-    z = rotation[0, 2] * command[0] + rotation[1, 2] * command[1] + rotation[2, 2] * command[2]
-    x, y, z = x / size, y / size, z / size
-    cosine = min(max(x * direction[0] + y * direction[1] + z * direction[2], -1.0), 1.0)
+    goal = rotation[:, :3].T @ command / size
+    cosine = min(max(float(goal @ direction), -1.0), 1.0)
     angle = np.arccos(cosine)
     sine = np.sin(angle)
     old, new = 0.0, 1.0
@@ -209,6 +201,4 @@ def turn(direction: Vector, rotation: Vector, command: Vector, size: float, rema
         old, new = np.sin(remaining * angle) / sine, np.sin((1.0 - remaining) * angle) / sine
     elif remaining > 0.0 and cosine < 0.0:
         return  # straight against it: no great circle leads there
-    direction[0] = old * direction[0] + new * x
-    direction[1] = old * direction[1] + new * y
-    direction[2] = old * direction[2] + new * z
+    direction[:] = old * direction + new * goal

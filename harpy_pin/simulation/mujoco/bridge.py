@@ -296,17 +296,15 @@ def read_state(
     r: BridgeRecord, qpos: Vector, qvel: Vector, q: Vector, v: Vector, position: Vector, velocity: Vector
 ) -> None:
     """The state q, v of MuJoCo's arrays, and places and velocities of the feet (feet, 3)."""
-    c, first, length = r.conventions, r.conventions.base_position + 3, 0.0
-    c.qpos[:] = qpos  # with a unit quaternion
-    for i in range(4):
-        length += qpos[first + i] * qpos[first + i]
-    for i in range(4):
-        c.qpos[first + i] /= np.sqrt(length)
+    c, first = r.conventions, r.conventions.base_position + 3
+    c.qpos[:] = qpos
+    quaternion = c.qpos[first : first + 4]
+    quaternion /= np.sqrt(quaternion @ quaternion)
     from_mujoco(c, c.qpos, qvel, q, v)
     place_bodies(r.dynamics.tree, q, v)
     point_terms(r.dynamics, q)
-    for k in range(position.shape[0]):
-        position[k], velocity[k] = r.dynamics.foot_position[k], r.dynamics.foot_velocity[k]
+    position[:] = r.dynamics.foot_position
+    velocity[:] = r.dynamics.foot_velocity
 
 
 @kernel
@@ -326,16 +324,13 @@ def read_contacts(
             nearest, least = -1, np.inf
             if geoms[n, side] >= 0:
                 for k in range(position.shape[0]):
-                    apart = 0.0
-                    for i in range(3):
-                        apart += (position[k, i] - places[n, i]) ** 2
+                    away = position[k, :3] - places[n, :3]
+                    apart = float(away @ away)
                     if r.link[geoms[n, side], k] != 0 and apart < least and apart <= r.reach[k] * r.reach[k]:
                         nearest, least = k, apart
             if nearest >= 0:
-                for i in range(3):
-                    for axis in range(3):
-                        part = frames[n, 3 * axis + i] * wrench[n, axis]
-                        force[nearest, i] += part if side == 1 else -part
+                sign = 1.0 if side == 1 else -1.0
+                force[nearest, :3] += sign * (frames[n].reshape((3, 3)).T @ wrench[n, :3])
 
 
 @kernel(

@@ -30,7 +30,7 @@ from harpy_pin.model.mjcf import import_mujoco as import_mujoco
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import State, Vector
-from harpy_pin.model.terms import body_rotation
+from harpy_pin.model.vectors import rotation_matrix
 from harpy_pin.simulation.mujoco.differences import ROOT, AtZero
 
 OF_BODIES = ("body_parentid", "jnt_type", "jnt_bodyid", "geom_bodyid", "site_bodyid", "sensor_adr")
@@ -156,26 +156,13 @@ def _arrays_of(model: Any) -> list[bytes]:
     return [model.names, *(getattr(model, name).tobytes() for name in (*OF_BODIES, *OF_ACTUATORS))]
 
 
-@kernel
-def _turn(q: Vector, given: Vector, out: Vector, back: bool) -> None:
-    """R times a given vector (3,), or Rᵀ times it where it is turned back, with R of the quaternion in q."""
-    r = np.empty((3, 3))
-    body_rotation(q, r)
-    for i in range(3):
-        out[i] = 0.0
-        for j in range(3):
-            out[i] += (r[j, i] if back else r[i, j]) * given[j]
-
-
 @kernel(q="r.q", v="r.v", qpos="r.qpos", qvel="r.qvel")
 def to_mujoco(r: ConventionsRecord, q: Vector, v: Vector, qpos: Vector, qvel: Vector) -> None:
     """Write a state q (nq,), v (nv,) into MuJoCo's arrays."""
     base, moving = qpos[r.base_position : r.base_position + 7], qvel[r.base_velocity : r.base_velocity + 6]
     base[:3] = q[:3]
-    base[3] = q[6]
-    base[4:7] = q[3:6]
-    _turn(q, v, moving, False)
-    moving[3:6] = v[3:6]
+    base[3], base[4:] = q[6], q[3:6]
+    moving[:3], moving[3:] = rotation_matrix(q[3:7]) @ v[:3], v[3:6]
     for k in range(r.place.shape[0]):
         i = r.place[k]
         qpos[r.position[k]] = np.arctan2(q[i + 1], q[i]) if r.unbounded[k] else q[i]
@@ -187,10 +174,8 @@ def from_mujoco(r: ConventionsRecord, qpos: Vector, qvel: Vector, q: Vector, v: 
     """Read a state q (nq,), v (nv,) from MuJoCo's arrays."""
     base, moving = qpos[r.base_position : r.base_position + 7], qvel[r.base_velocity : r.base_velocity + 6]
     q[:3] = base[:3]
-    q[6] = base[3]
-    q[3:6] = base[4:7]
-    _turn(q, moving, v, True)
-    v[3:6] = moving[3:6]
+    q[3:6], q[6] = base[4:], base[3]
+    v[:3], v[3:6] = rotation_matrix(q[3:7]).T @ moving[:3], moving[3:]
     for k in range(r.place.shape[0]):
         i = r.place[k]
         angle = qpos[r.position[k]]
