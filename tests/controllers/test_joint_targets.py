@@ -69,7 +69,7 @@ def test_the_leak_is_a_low_pass(a, leak, n):
 
 
 def test_without_a_solution_targets_are_what_is_measured():
-    weak = {"name": "condensed", "limits": {"torque_scale": 0.03}, **MOTORS}
+    weak = {"name": "condensed", "limits": {"torque_scale": 0.005}, **MOTORS}
     run = hp.walk(hp.Scenario(controller=weak, duration=0.5))
     none = run["condensed_status"].astype(int) & CondensedStatus.TORQUE_CLIPPED != 0
     assert none.any()
