@@ -172,7 +172,7 @@ def _body_acceleration(p: WalkingRecord) -> Vector:
     a = (1 − Σ R_k)⁻¹ (demand − Σ R_k f_k), in the axes of the heading. On two feet the body does not give way.
     """
     axes = rotation_in_plane(p.path[2])
-    rest, whole = axes.T @ p.demand, 1.0 * np.eye(2)
+    rest, whole = axes.T @ p.demand, np.eye(2)
     for k in range(p.group.shape[0]):
         if p.in_air[k] != 0.0:
             rest -= p.reaction[k, :2] @ np.array([*(axes.T @ p.held[k, :2]), p.held[k, 3]])
