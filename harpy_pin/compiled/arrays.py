@@ -226,7 +226,7 @@ class Arrays(Expressions):
             raise Refused("rows of different lengths")
         shape = (len(rows), len(rows[0])) if rows[0] else (len(rows),)
         made = self.space("array", shape)
-        numbers = [number for row in rows for number in row] or list(items.items)
+        numbers = [number for row in rows for number in row] or list(self.items_of(items))
         for n, number in enumerate(numbers):
             self.emit(f"{made.code}[{n}] = {self.real(number).code};")
         return made
