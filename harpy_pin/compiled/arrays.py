@@ -74,10 +74,10 @@ class Arrays(Expressions):
         arrays = [value for value in values if isinstance(value.type, Array)]
         if not arrays:
             return operation(*values)
-        parts = [self.operand(value) for value in values]
         shape = as_array(arrays[0]).shape
         for array in arrays[1:]:
             shape = self.common_shape(shape, as_array(array).shape)
+        parts = list(values) if 0 in shape else [self.operand(value) for value in values]
 
         def rule(indices: Sequence[Value]) -> Value:
             return operation(*(self.element(part, indices) if part in arrays else part for part in parts))
@@ -226,7 +226,7 @@ class Arrays(Expressions):
             raise Refused("rows of different lengths")
         shape = (len(rows), len(rows[0])) if rows[0] else (len(rows),)
         made = self.space("array", shape)
-        numbers = [number for row in rows for number in row] or list(items.items)
+        numbers = [number for row in rows for number in row] or list(self.items_of(items))
         for n, number in enumerate(numbers):
             self.emit(f"{made.code}[{n}] = {self.real(number).code};")
         return made

@@ -182,7 +182,7 @@ def _follow(p: CommandedRecord, k: int) -> None:
 def _plan(p: CommandedRecord, k: int, left: float) -> None:
     """Foothold of foot k, which lands after the time left: beside the path at the middle of its next stance."""
     step = (left + 0.5 * p.step_duration * (1.0 + p.double_support)) / AHEAD
-    path, velocity = 1.0 * p.path, 1.0 * p.velocity
+    path, velocity = np.array(p.path), np.array(p.velocity)
     for _ in range(AHEAD):
         new = _steer(p, velocity, step)
         _move(path, 0.5 * (velocity + new), step)

@@ -54,6 +54,18 @@ def test_vectors_and_matrices_of_three(r, a, b, out, s):
     same(three, r, a, b, out, s)
 
 
+@kernel(a=(3,))
+def copied(a):
+    before = np.array(a)
+    a *= 2.0
+    return before[0], before[2], np.array((a[1], before[1]))[1]
+
+
+@given(reals(3))
+def test_an_array_of_an_array_is_a_copy(a):
+    same(copied, a)
+
+
 @kernel(a=(3,), rows=(4, 3), columns=(3, 4), out=(4, 3))
 def rows_of_three(a, rows, columns, out):
     out[:] = np.cross(a, rows) - np.cross(rows, columns.T)

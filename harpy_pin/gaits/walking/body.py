@@ -173,7 +173,7 @@ def _body_acceleration(p: WalkingRecord) -> Vector:
     a = (1 − Σ R_k)⁻¹ (demand − Σ R_k f_k), in the axes of the heading. A robot with two feet does not give way.
     """
     axes = rotation_in_plane(p.path[2])
-    rest, whole, line = axes.T @ p.demand, 1.0 * np.eye(2), axes.T @ p.measured.line
+    rest, whole, line = axes.T @ p.demand, np.eye(2), axes.T @ p.measured.line
     for k in range(p.group.shape[0]):
         if p.in_air[k] != 0.0:
             reaction = p.reaction[k, :2] - np.outer(line, line @ p.turning[k, :2])
