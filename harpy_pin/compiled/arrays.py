@@ -74,8 +74,8 @@ class Arrays(Expressions):
         arrays = [value for value in values if isinstance(value.type, Array)]
         if not arrays:
             return operation(*values)
-        parts = [self.operand(value) for value in values]
         shape = as_array(arrays[0]).shape
+        parts = list(values) if 0 in shape else [self.operand(value) for value in values]
         for array in arrays[1:]:
             shape = self.common_shape(shape, as_array(array).shape)
 
