@@ -277,7 +277,7 @@ def limit_push(gravity: Vector, body: Vector) -> None:
     along = weight - body @ down
     across = body + (along - weight) * down
     along = max(along, 0.5 * weight)
-    share = min(1.0, _SLOPE * along / max(np.sqrt(across @ across), 1e-12))
+    share = np.minimum(1.0, _SLOPE * along / np.maximum(np.sqrt(across @ across), 1e-12))
     body[:] = share * across - (along - weight) * down
 
 

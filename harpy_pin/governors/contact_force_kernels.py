@@ -198,7 +198,7 @@ def _missing(d: DynamicsRecord, w: ContactMapRecord, g: ContactForceFilterRecord
         g.h_r[2 * k : 2 * k + 2] = cone_rows(force, g.friction[k])
         # The faster a foot slides, the less its force is corrected.
         speed = np.sqrt(d.foot_velocity[k, :2] @ d.foot_velocity[k, :2])
-        desired[:] = min(max(2.0 - speed / g.sliding_speed, 0.0), 1.0) * (desired - force)
+        desired[:] = np.clip(2.0 - speed / g.sliding_speed, 0.0, 1.0) * (desired - force)
     return float(np.sum(abs(g.desired[:count])))
 
 

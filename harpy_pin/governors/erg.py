@@ -226,7 +226,7 @@ def explicit_update(x_r: Vector, x_w: Vector, dt: float, p: ErgRecord) -> bool:
     for k in range(1, p.h_w.shape[0]):
         if p.h_w[k] < p.h_w[worst]:
             worst = k
-    min_r, min_w = np.min(p.h_r), p.h_w[worst]
+    min_r, min_w = float(np.min(p.h_r)), p.h_w[worst]
     p.rate[:] = 0.0
     # v_r: straight to the target.
     if min_w >= 0.0 or min_r >= 0.0:
@@ -285,7 +285,8 @@ def _add_tangential(x_r: Vector, x_w: Vector, p: ErgRecord) -> None:
 def _add_normal(x_r: Vector, x_w: Vector, p: ErgRecord, worst: int, towards: bool) -> bool:
     """v_n along the worst row, towards the target or away from it; returns whether that is a direction at all."""
     row = p.jacobian_r[worst]
-    squared, dot = row @ row, row @ (x_r - x_w)
+    squared = row @ row
+    dot: float = row @ (x_r - x_w)
     scale = p.alpha_n * dot if towards else -p.alpha_n * dot
     if not p.literal:
         scale = scale / squared if squared > 0.0 else 0.0

@@ -56,7 +56,7 @@ def axial_force(r: Vector, c: Vector, c_dot: Vector, model: PointMassRecord, jac
     Projected law: N = m (g r̂_z + k_pr r̂ᵀe + k_dr r̂ᵀė). Full law: N = m g r̂_z − r̂ᵀ(K_pt e + K_dt ė).
     J goes into ``jacobian``, N/m and N·s/m; d, N, is returned.
     """
-    direction = r / max(np.sqrt(r @ r), 1e-12)  # a body on the foot has none
+    direction = r / np.maximum(np.sqrt(r @ r), 1e-12)  # a body on the foot has none
     if model.law == 0:
         jacobian[:3] = model.mass * model.k_pr * direction
         jacobian[3:] = model.mass * model.k_dr * direction

@@ -199,7 +199,7 @@ def force_rows_measured(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jac
     """Force rows at the measured state: exactly affine in w, all parallel to ∂N/∂w (equations.md R1)."""
     r, slope = x[:3] - x[6:], np.empty(6)
     offset = axial_force(r, x[:3], x[3:6], p, slope)
-    rows = _pyramid(p.mu) @ (r / max(np.sqrt(r @ r), 1e-12))  # a body on the foot has no direction
+    rows = _pyramid(p.mu) @ (r / np.maximum(np.sqrt(r @ r), 1e-12))  # a body on the foot has no direction
     h[:] = rows * (slope @ w[:6] + offset)
     h[4] -= p.min_normal_force
     jacobian[:, :6] = np.outer(rows, slope)
@@ -209,7 +209,7 @@ def force_rows_measured(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jac
 def force_rows_tracked(x: Vector, w: Vector, p: ForceRowsRecord, h: Vector, jacobian: Vector) -> None:
     """Force rows where the state equals the reference: u_g = m g r̂_z r̂ with r = c_w − u (equations.md R2)."""
     r, upward = w[:3] - x[6:], np.array([0.0, 0.0, 1.0])
-    squared = max(r @ r, 1e-12)  # a reference on the foot has no direction
+    squared = np.maximum(r @ r, 1e-12)  # a reference on the foot has no direction
     scale = p.mass * p.g / squared
     slope = r[2] * np.eye(3) + np.outer(r, upward) - 2.0 * r[2] / squared * np.outer(r, r)
     h[:] = _pyramid(p.mu) @ (scale * r[2] * r)

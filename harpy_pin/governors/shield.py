@@ -324,7 +324,7 @@ def _mark(most: LimitsRecord, torque: Vector, thrust: Vector, beyond: NDArray[np
 @kernel
 def within_limits(most: LimitsRecord, torque: Vector, thrust: Vector) -> bool:
     """Bring a command within ``torque_limit`` and ``thrust_limit``, in place; returns whether it was beyond them."""
-    over: bool = np.any(abs(torque) > most.torque_limit)
+    over = float(np.max(abs(torque) - most.torque_limit)) > 0.0
     torque[:] = np.clip(torque, -most.torque_limit, most.torque_limit)
     return limit_thrust(thrust, most.thrust_limit) or over
 

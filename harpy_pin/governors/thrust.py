@@ -77,7 +77,7 @@ def centre_feedback(
     e, e_dot = reference[:3] - c, reference[3:] - c_dot
     out[:] = gains.k_pt * e + gains.k_dt * e_dot
     if law == 0:
-        out -= r * (r @ out) / max(r @ r, 1e-24)  # a body on the foot has no direction
+        out -= r * (r @ out) / np.maximum(r @ r, 1e-24)  # a body on the foot has no direction
     return float(r @ (gains.k_pr * e + gains.k_dr * e_dot))
 
 

@@ -273,7 +273,8 @@ def _reward(d: DynamicsRecord, p: SettingsRecord, v: Vector, a: Vector) -> float
     """The reward; zero where the velocity is not finite."""
     error, thrusts = d.tree.rotation[:2] @ v[:3], a[p.posture.shape[0] :]
     error[0] -= p.speed
-    reward = np.exp(-(error @ error) / (TOLERANCE * TOLERANCE)) - EFFORT * THRUST * THRUST * (thrusts @ thrusts)
+    cost = EFFORT * THRUST * THRUST * (thrusts @ thrusts)
+    reward = float(np.exp(-(error @ error) / (TOLERANCE * TOLERANCE)) - cost)
     return reward if np.isfinite(reward) else 0.0
 
 
