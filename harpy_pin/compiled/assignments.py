@@ -394,6 +394,8 @@ class Assignments(Arrays):
     def _do_augassign(self, statement: ast.AugAssign) -> None:
         target, operator = statement.target, statement.op
         place = self.expression(target)
+        if isinstance(place.type, Array) and (place.type.empty or place.code == "NULL"):
+            return
         if isinstance(target, ast.Name) and isinstance(place.type, Scalar):
             self._change(target, operator, self.scalar(statement.value))
             return

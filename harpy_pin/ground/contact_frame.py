@@ -67,7 +67,7 @@ def in_contact_frames(normal: Vector, vectors: Vector) -> Vector:
     return turned
 
 
-@kernel
+@kernel(frame=("n", 3, 3))
 def turn_feet(d: DynamicsRecord, frame: Vector) -> None:
     """Feet's positions, velocities, drifts and Jacobians, of world axes, in those of the contacts' frames."""
     for k in range(frame.shape[0]):

@@ -148,7 +148,7 @@ def point_terms(d: DynamicsRecord, q: Vector) -> None:
     for k in range(d.body.shape[0]):
         i = d.body[k]
         p = t.position[i] + t.axes[i] @ d.offset[k]
-        if k < feet:
+        if feet > 0 and k < feet:  # of no feet there is no kernel
             _motion(d, q, k, i, p)
             _jacobian(t, i, p, d.foot_jacobian[3 * k : 3 * k + 3])
         elif k < feet + free:
