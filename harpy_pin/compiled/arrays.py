@@ -62,8 +62,8 @@ class Arrays(Expressions):
             return self.element(whole, [*at[:before], n, *at[before + 1 :]])
 
         shape = (*kind.shape[:before], *as_array(indices).shape, *kind.shape[before + 1 :])
-        found = Value(Array.packed(_number(whole), shape), rule=rule, roots=owner.roots, reads=_elsewhere(whole, indices))
-        return replace(found, fields=frozenset(f"{path.partition('+')[0]}+" for path in owner.fields))
+        packed, fields = Array.packed(_number(whole), shape), (f"{path.partition('+')[0]}+" for path in owner.fields)
+        return Value(packed, rule=rule, roots=owner.roots, fields=frozenset(fields), reads=_elsewhere(whole, indices))
 
     def _of_part(self, part: ast.expr) -> Value:
         """An index that may be an array; of a slice anything else."""
@@ -85,7 +85,8 @@ class Arrays(Expressions):
 
         kind = operation(*(Value(_number(part), "x", volatile=True) for part in parts)).type
         assert isinstance(kind, Scalar)
-        return Value(Array.packed(kind, shape), rule=rule, reads=tuple(read for part in arrays for read in read_by(part)))
+        reads = tuple(read for part in arrays for read in read_by(part))
+        return Value(Array.packed(kind, shape), rule=rule, reads=reads)
 
     def operand(self, value: Value) -> Value:
         """An array, or a number that is computed once."""
@@ -257,6 +258,10 @@ class Arrays(Expressions):
             raise Refused(f"np.{function.__name__} of {len(arguments)} arguments")
         return make(self, *arguments)
 
+    def extreme(self, name: str, array: Value) -> Value:
+        """``np.max`` or ``np.min``."""
+        return self._through(lambda a, b: self.extreme_of_two(name, a, b), array, "0")
+
     def extreme_of_two(self, name: str, a: Value, b: Value) -> Value:
         """``np.maximum`` or ``np.minimum``, which pass on what is no number."""
         return self.elementwise(
@@ -287,8 +292,8 @@ FUNCTIONS: dict[Any, tuple[int, Callable[..., Value]]] = {
     np.any: (1, lambda translator, a: translator.question(ast.BitOr(), a, "false")),
     np.all: (1, lambda translator, a: translator.question(ast.BitAnd(), a, "true")),
     np.sum: (1, lambda translator, a: translator._through(translator._plus, a, "0")),
-    np.max: (1, lambda translator, a: translator._through(lambda x, y: translator.extreme_of_two("maximum", x, y), a, "0")),
-    np.min: (1, lambda translator, a: translator._through(lambda x, y: translator.extreme_of_two("minimum", x, y), a, "0")),
+    np.max: (1, lambda translator, a: translator.extreme("maximum", a)),
+    np.min: (1, lambda translator, a: translator.extreme("minimum", a)),
 }
 """Functions of NumPy for arrays: how many arguments they have, and what they become."""
 

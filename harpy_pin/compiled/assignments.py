@@ -375,7 +375,8 @@ class Assignments(Arrays):
         kind = as_array(view).element
         assert isinstance(kind, Scalar)
         number = self.element(value, indices) if isinstance(value.type, Array) else value
-        place = view.rule(indices).code if view.rule else self.at(self.dereferenced(view), offset(as_array(view), indices))
+        plain = self.at(self.dereferenced(view), offset(as_array(view), indices)) if view.rule is None else ""
+        place = plain if view.rule is None else view.rule(indices).code
         self.emit(f"{place} = {self.cast(number, kind).code};")
 
     def _apart(self, view: Value, value: Value) -> Value:

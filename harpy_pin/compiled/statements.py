@@ -431,7 +431,8 @@ class _Translator(Assignments):
 def _ways(way: str, given: dict[str, Value]) -> frozenset[str]:
     """Ways to memory as the caller knows them; nothing for memory of the function's own."""
     name, dot, rest = way.partition("+")[0].partition(".")
-    return frozenset(f"{path}{dot}{rest}" for path in given[name].fields or given[name].roots) if name in given else frozenset()
+    paths = given[name].fields or given[name].roots if name in given else frozenset[str]()
+    return frozenset(f"{path}{dot}{rest}" for path in paths)
 
 
 def _as_tuples(node: ast.expr) -> ast.expr:

@@ -156,8 +156,8 @@ class Value:
     constant: int | float | bool | None = None  # the number, where it is known when compiling
     items: tuple[Value, ...] = ()  # of a tuple
     roots: frozenset[str] = frozenset()  # names of the arguments whose memory it is
-    # the same with the ways through records, p.tree.axes; a + where it may be a part of that only, such as some rows, and
-    # the first index of the part if it is known; nothing where no way is known
+    # the same with the ways through records, p.tree.axes; a + where it may be a part of that only, such as some rows,
+    # and the first index of the part if it is known; nothing where no way is known
     fields: frozenset[str] = frozenset()
     volatile: bool = False  # whether the code reads memory, so that its value depends on when it is evaluated
     # of an array that is computed (:mod:`harpy_pin.compiled.arrays`): the element with some indices

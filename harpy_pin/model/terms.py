@@ -16,6 +16,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import (
+    SMALL_ANGLE,
     force_cross,
     motion_cross,
     quaternion_product,
@@ -32,8 +33,6 @@ GOOD, BAD, MISFIT = 0, 1, 2
 """What a kernel says of its arguments: fine, a bad sample, of the wrong size."""
 MAX_SAMPLE = 1e6
 """Largest number of a good sample, in m, rad, m/s, rad/s, N or N·m: far beyond what any robot can be or do."""
-SMALL_ANGLE = 1e-4
-"""Below it the series of sine and cosine are exact to rounding after the terms used, rad."""
 
 
 @kernel
