@@ -55,10 +55,10 @@ def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]
 
 
 def entry_code(
-    kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False, lines: bool = True
+    kernel: Any, types: tuple[Type, ...], *, single: bool = False, debug: bool = False, traced: bool = True
 ) -> str:
     """A whole file with the function that Python calls."""
-    unit = Unit(single=single, debug=debug, lines=lines)
+    unit = Unit(single=single, debug=debug, lines=traced)
     function = unit.function_for(kernel, types)
     slots = iter(range(1000))
     arguments = [code for _, kind in function.parameters for code in _unpack(unit, kind, function, slots)]

@@ -212,8 +212,8 @@ class Expressions(Operators):
         return {ast.unparse(node): 1}
 
     def _reshape(self, owner: Value, arguments: list[ast.expr]) -> Value:
-        assert isinstance(owner.type, Array)
         owner = self.in_memory(owner)
+        assert isinstance(owner.type, Array)
         if not owner.type.is_packed:
             raise Refused("reshape of a view with gaps")
         parts = list(arguments[0].elts) if isinstance(arguments[0], ast.Tuple) else arguments

@@ -225,7 +225,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
     def c_source(self, *arguments: Any, debug: bool = False) -> str:
         """The C that arguments like these make."""
         values = self._bind(tuple(_plain(value) for value in arguments), {})
-        return entry_code(self, argument_types(self, values), debug=debug, lines=False)
+        return entry_code(self, argument_types(self, values), debug=debug, traced=False)
 
     def _elements_of(self, values: Iterable[Any]) -> list[Any]:
         """Arguments as the function in Python takes them: a record instead of the array that holds it."""

@@ -78,10 +78,10 @@ def weigh(e: EstimatorRecord) -> None:
 def compare(e: EstimatorRecord) -> None:
     """What these means are of gravity and of the weight, and whether they are upright."""
     felt, g = e.felt[:3], e.filter.gravity
-    square = felt @ felt
-    e.gravity = np.sqrt(square / (g @ g))
-    e.borne = felt @ e.felt[3:] / max(square, SMALL)
-    e.up = felt @ e.filter.rotation[2] / np.sqrt(max(square, SMALL))
+    square = float(felt @ felt)
+    e.gravity = np.sqrt(square / float(g @ g))
+    e.borne = float(felt @ e.felt[3:]) / max(square, SMALL)
+    e.up = float(felt @ e.filter.rotation[2]) / np.sqrt(max(square, SMALL))
 
 
 @kernel

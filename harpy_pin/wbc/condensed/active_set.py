@@ -189,7 +189,8 @@ def _solve_active(qp: ProgramRecord, w: ActiveSetRecord, count: int, z: Vector) 
     solve_vector(system, multiplier)
     z[:] = columns[:, :m] @ multiplier + columns[:, m]
     solve_factor(w.factor, z.reshape((n, 1)), 1)
-    return np.isfinite(np.sum(abs(z)))
+    size: float = np.sum(abs(z))
+    return size < np.inf
 
 
 @kernel
