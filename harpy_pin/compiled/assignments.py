@@ -16,6 +16,7 @@ import numpy as np
 from harpy_pin.compiled.arrays import SHORT, Arrays, as_array, offset, read_by
 from harpy_pin.compiled.blocks import Assignment, Block, CFunction, Learnt, Variable, Wider, mentions
 from harpy_pin.compiled.operators import ATOM, Refused, refused
+from harpy_pin.compiled.overlaps import may_meet, may_overlap
 from harpy_pin.compiled.source import Source
 from harpy_pin.compiled.types import INTEGER, REAL, Array, Function, Scalar, Struct, Tuple, Value
 
@@ -383,7 +384,7 @@ class Assignments(Arrays):
         """The array where writing the view does not change what is still to be read."""
         reads = read_by(value)
         shared = [(array, here) for array, here in reads if view.roots & array.roots]
-        if any(_may_overlap(view, array) if here else _may_meet(view, array) for array, here in shared):
+        if any(may_overlap(view, array) if here else may_meet(view, array) for array, here in shared):
             if value.rule is None:
                 raise Refused("a part of an array becomes another part of it, and both may overlap")
             return self.in_memory(value)
@@ -432,28 +433,3 @@ class Assignments(Arrays):
             return
         assert isinstance(before.type, Scalar)
         self._write(before.code, self.cast(value, before.type).code, SIGNS[type(operator)])
-
-
-def _may_meet(view: Value, value: Value) -> bool:
-    """Whether two views of the same memory may share some elements."""
-    return not (view.fields and value.fields) or bool(_stems(view) & _stems(value))
-
-
-def _may_overlap(view: Value, value: Value) -> bool:
-    """Whether two views of the same memory may share some elements, but not each with itself.
-
-    Rows, their parts from the same index on, and equal fields of records are the same or have nothing in common.
-    """
-    alike = as_array(view).strides == as_array(value).strides
-    if alike and view.code == value.code:
-        return False
-    if not (alike and view.fields and value.fields):
-        return _may_meet(view, value)
-    common = _stems(view) & _stems(value)
-    paths = {path for path in view.fields | value.fields if path.partition("+")[0] in common}
-    return len(paths) > len(common) or any(path.endswith("+") for path in paths)
-
-
-def _stems(value: Value) -> set[str]:
-    """Ways to memory, without which part of it."""
-    return {path.partition("+")[0] for path in value.fields}

@@ -33,8 +33,8 @@ from harpy_pin.errors import HarpyError, InputError, KernelError
 
 BACKENDS = ("c", "python")
 TRANSLATOR = (
-    *("types", "operators", "expressions", "arrays", "blocks", "assignments", "statements", "source", "unit"),
-    "entry_points",
+    *("types", "operators", "expressions", "arrays", "overlaps", "blocks", "assignments", "statements"),
+    *("source", "unit", "entry_points"),
 )
 """Modules that decide the C of a kernel."""
 _LOCK = RLock()

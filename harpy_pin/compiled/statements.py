@@ -13,6 +13,7 @@ from harpy_pin.compiled.assignments import Assignments, stored
 from harpy_pin.compiled.blocks import Block, CFunction, Learnt, Line, Wider, drop_unused, mentions, place, render
 from harpy_pin.compiled.expressions import LIBRARY, OF_TWO, kernel_of
 from harpy_pin.compiled.operators import SUM, Refused, refused, wider, wrap
+from harpy_pin.compiled.overlaps import stems, ways
 from harpy_pin.compiled.source import Source, source_of
 from harpy_pin.compiled.types import (
     BOOLEAN,
@@ -413,8 +414,8 @@ class _Translator(Assignments):
     def _keep_apart(self, called: CFunction, given: dict[str, Value]) -> None:
         """Refuse a call that writes what it reads afterwards; of own parameters callers have to see to it."""
         for pair in called.apart:
-            written, read = (_ways(way, given) for way in pair)
-            if {way.partition("+")[0] for way in written} & {way.partition("+")[0] for way in read}:
+            written, read = (ways(way, given) for way in pair)
+            if stems(written) & stems(read):
                 raise Refused(f"a call of {called.name} that writes to '{pair[0]}' what it reads as '{pair[1]}'")
             self.function.apart |= set(product(written, read))
 
@@ -426,13 +427,6 @@ class _Translator(Assignments):
         if isinstance(value.type, Tuple):
             return Tuple(tuple(_Translator._passed(item) for item in value.items))
         return value.type.signature if isinstance(value.type, Array) else value.type
-
-
-def _ways(way: str, given: dict[str, Value]) -> frozenset[str]:
-    """Ways to memory as the caller knows them; nothing for memory of the function's own."""
-    name, dot, rest = way.partition("+")[0].partition(".")
-    paths = given[name].fields or given[name].roots if name in given else frozenset[str]()
-    return frozenset(f"{path}{dot}{rest}" for path in paths)
 
 
 def _as_tuples(node: ast.expr) -> ast.expr:

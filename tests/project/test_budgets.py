@@ -17,12 +17,12 @@ import harpy_pin
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
-STATEMENTS = {"harpy_pin": 26_400, CONTRIB: 1_900, "reproduction": 2_100, "comparison": 7_400, "tests": 25_500}
+STATEMENTS = {"harpy_pin": 26_000, CONTRIB: 1_900, "reproduction": 2_100, "comparison": 7_450, "tests": 26_000}
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without contrib."""
-LONGEST_FILE = 375
+LONGEST_FILE = 380
 """Most statements of a file."""
 MOST_PUBLIC_NAMES = 71
-MOST_WORDS = 18_400
+MOST_WORDS = 19_100
 """Of prose in README, docs and notebooks, without tables, code, formulas and comments."""
 
 
