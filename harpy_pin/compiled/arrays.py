@@ -96,11 +96,15 @@ class Arrays(Expressions):
             raise Refused("a calculation with what is neither a number nor an array")
         return self.keep("factor", value)
 
-    def common_shape(self, a: Shape, b: Shape) -> Shape:
-        """The shape of two arrays that must have the same; one row for many is Python's alone."""
+    def common_shape(self, a: Shape, b: Shape, *, written: bool = False) -> Shape:
+        """The shape of two arrays that must have the same; one row for many is Python's alone.
+
+        Where the first one is ``written``, an axis of one element tells that the other has one, too.
+        """
         pairs = list(zip(a, b, strict=False))
-        known = [(x, y) for x, y in pairs if (isinstance(x, int) and isinstance(y, int)) or 1 in (x, y)]
-        if len(a) != len(b) or any(x != y for x, y in known):
+        known = [(x, y) for x, y in pairs if isinstance(x, int) and isinstance(y, int)]
+        stretched = any(x != y and (y == 1 or (x == 1 and not written)) for x, y in pairs)
+        if len(a) != len(b) or stretched or any(x != y for x, y in known):
             raise Refused(f"an array of shape {b} where {a} is needed")
         for x, y in pairs:
             if self.unit.debug and x != y:

@@ -357,7 +357,7 @@ class Assignments(Arrays):
         if isinstance(value.type, Tuple):
             value = self.array_of(value)
         if isinstance(value.type, Array):
-            self.common_shape(kind.shape, value.type.shape)
+            self.common_shape(kind.shape, value.type.shape, written=True)
             value = self._apart(view, value)
         value = self.operand(value)
         sizes = [range(size) for size in kind.shape if isinstance(size, int)]

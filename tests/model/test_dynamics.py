@@ -132,7 +132,7 @@ def test_simulated_flight_converges_with_order_one(robot, undamped, draw_state, 
     """Against an integrator of order eight; with and without the joint damping, which the step takes implicitly."""
     flyer = robot if damped else undamped
     q, v = draw_state(np.random.default_rng(seed))
-    v *= 0.3
+    v *= 0.1  # no joint comes to its end
     true_q, true_v = (path[-1] for path in fly(flyer, q, v, np.array([0.0, 0.2])))
     errors = []
     for dt in (1e-3, 5e-4, 2.5e-4):
