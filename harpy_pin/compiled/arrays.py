@@ -75,7 +75,6 @@ class Arrays(Expressions):
         if not arrays:
             return operation(*values)
         shape = as_array(arrays[0]).shape
-        parts = list(values) if 0 in shape else [self.operand(value) for value in values]
         for array in arrays[1:]:
             shape = self.common_shape(shape, as_array(array).shape)
         parts = list(values) if 0 in shape else [self.operand(value) for value in values]

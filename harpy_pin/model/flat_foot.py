@@ -138,9 +138,7 @@ def add_flat_feet(
     return tuple(points), tuple(counts)
 
 
-@kernel(
-    position=("n", 3), desired=("n", 3), jacobian=("3n", "m"), drift=("3n",), rows=("6+", "m"), value=("6+",)
-)
+@kernel(position=("n", 3), desired=("n", 3), jacobian=("3n", "m"), drift=("3n",), rows=("6+", "m"), value=("6+",))
 def flat_foot_rows(
     jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector
 ) -> None:
