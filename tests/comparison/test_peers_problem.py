@@ -44,7 +44,7 @@ def test_what_peers_are_given_is_what_our_controllers_solve(made: Make, name: st
         force[program.points] = x[model.nv : model.nv + 3 * len(program.points)].reshape(-1, 3)
         np.testing.assert_allclose(e.force[i], force, atol=1e-5)
         # the search leaves multipliers of the wrong sign up to PULL, which forces of small weight feel
-        np.testing.assert_allclose(commands["whole-body QP, own search"][i], torque, atol=5e-5)
+        np.testing.assert_allclose(commands["whole-body QP, own search"][i], torque, atol=2e-4)
         if case.condensed:
             np.testing.assert_allclose(commands["condensed WBC"][i], torque, atol=2e-4)
     assert joints == len(problem.settings["joint_weights"])
