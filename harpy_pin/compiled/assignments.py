@@ -306,10 +306,10 @@ class Assignments(Arrays):
         if len(value.args) != 1 or value.keywords:
             raise refused(value, ": work space has a shape, and its elements are real numbers")
         parts = list(value.args[0].elts) if isinstance(value.args[0], ast.Tuple) else [value.args[0]]
-        sizes = [self.integer(part).constant for part in parts]
-        if not isinstance(target, ast.Name) or not all(isinstance(size, int) for size in sizes):
+        sizes = tuple(size for part in parts if isinstance(size := self.integer(part).constant, int))
+        if not isinstance(target, ast.Name) or len(sizes) < len(parts):
             raise refused(value, ": the size of work space must be known when compiling")
-        made = self.environment[target.id] = self.space(target.id, tuple(int(size) for size in sizes))  # type: ignore[arg-type]
+        made = self.environment[target.id] = self.space(target.id, sizes)
         if function.type == Function(np.zeros):
             self._fill(made, self.constant(0.0))
         return True

@@ -7,7 +7,6 @@ otherwise.
 
 from __future__ import annotations
 
-import copy
 import re
 import warnings
 from collections.abc import Mapping, Sequence
@@ -22,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.errors import InputError, install_line, shown
 from harpy_pin.model.flat_foot import SOLE_DEPTH, FlatFoot, find_sole
+from harpy_pin.model.mjcf_options import enabled_actuators, in_effect
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import tree_record
 from harpy_pin.model.urdf import check_bodies, robot_errors
@@ -29,26 +29,8 @@ from harpy_pin.model.urdf import check_bodies, robot_errors
 FREE, BALL, SLIDE, HINGE = range(4)  # ``mujoco.mjtJoint``
 JOINT_IN_PARENT, TENDON = 1, 3  # ``mujoco.mjtTrn``; a joint's own is 0
 FIXED_GAIN, NO_BIAS, NO_DYNAMICS = 0, 0, 0  # ``mujoco.mjtGain``, ``mjtBias``, ``mjtDyn``
-MAX_GROUP = 30  # last group of actuators that the option can disable
 UNNAMED = "MuJoCo Model"
 """Name of a model whose file gives none."""
-SWITCHED = {
-    "equality": ("eq_active0",),
-    "frictionloss": ("dof_frictionloss", "tendon_frictionloss"),
-    "limit": ("jnt_limited", "tendon_limited"),
-    "contact": ("geom_margin", "pair_margin"),
-    "spring": ("jnt_stiffness", "jnt_stiffnesspoly", "tendon_stiffness", "tendon_stiffnesspoly"),
-    "damper": (
-        *("dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_dampingpoly"),
-        *("tendon_damping", "tendon_dampingpoly"),
-    ),
-    "gravity": ("body_gravcomp",),
-    "clampctrl": ("actuator_ctrllimited",),
-    "sensor": ("sensor_type",),
-}
-"""Arrays without effect where a ``<flag>`` of the option disables them."""
-CONSTRAINTS = {"equality", "frictionloss", "limit", "contact"}
-"""Flags that ``constraint`` disables together."""
 WRAPPED = {1: "jnt_bodyid", 3: "site_bodyid", 4: "geom_bodyid", 5: "geom_bodyid"}
 """Bodies of what a tendon passes, by ``mujoco.mjtWrap``."""
 
@@ -188,34 +170,6 @@ def _sole(model: Any, kind: str, body: int, number: int, upright: Vector) -> Fla
                 lowest = ends[height < height.min() + SOLE_DEPTH]
                 found += [(pin.SE3(np.eye(3), end), np.zeros(3), 0.0) for end in lowest.astype(float)]
     return find_sole(found, upright)
-
-
-def disabled(model: Any) -> set[str]:
-    """Flags of the option that are disabled, such as ``gravity``; with those that they disable in turn."""
-    bits = import_mujoco().mjtDisableBit.__members__
-    off = {name.removeprefix("mjDSBL_").lower() for name, bit in bits.items() if model.opt.disableflags & int(bit)}
-    return off | CONSTRAINTS if "constraint" in off else off
-
-
-def in_effect(model: Any) -> Any:
-    """A copy of a model in which what its options disable is zero; for actuators see :func:`enabled_actuators`.
-
-    Without springs and dampers MuJoCo has no passive forces at all, so neither air nor compensated weights.
-    """
-    off, model = disabled(model), copy.copy(model)
-    for name in (array for flag in off for array in SWITCHED.get(flag, ())):
-        getattr(model, name)[:] = 0
-    if "gravity" in off:
-        model.opt.gravity[:] = 0.0
-    if {"spring", "damper"} <= off:
-        model.body_gravcomp[:] = model.opt.density = model.opt.viscosity = 0.0
-    return model
-
-
-def enabled_actuators(model: Any) -> NDArray[np.bool_]:
-    """(actuators,) whether they act. The armature and damping of one that does not still count."""
-    off = [1 << group & model.opt.disableactuator if 0 <= group <= MAX_GROUP else 0 for group in model.actuator_group]
-    return ~np.array(off, bool) & ("actuation" not in disabled(model))
 
 
 def _robot_bodies(model: Any, frames: Sequence[str]) -> NDArray[np.int64]:

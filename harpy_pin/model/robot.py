@@ -25,13 +25,13 @@ from harpy_pin.model.mjcf import (
     compile_mjcf,
     find_joints,
     free_joint,
-    in_effect,
     is_model,
     known_joints,
     named,
     peak_torques,
     read_mujoco,
 )
+from harpy_pin.model.mjcf_options import in_effect
 from harpy_pin.model.rotor import Rotor
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import feet_moved

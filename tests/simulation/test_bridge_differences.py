@@ -8,7 +8,7 @@ from own_models import described
 
 import harpy_pin as hp
 from harpy_pin import InputError, MujocoBridge
-from harpy_pin.model.mjcf import enabled_actuators
+from harpy_pin.model.mjcf_options import enabled_actuators
 from harpy_pin.simulation.mujoco.differences import WRONG_IF_SPARSE
 
 pytestmark = needs_robots

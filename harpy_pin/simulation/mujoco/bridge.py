@@ -17,7 +17,8 @@ from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
-from harpy_pin.model.mjcf import driven_joints, enabled_actuators, plain_name, refuse_loops, sphere_radius
+from harpy_pin.model.mjcf import driven_joints, plain_name, refuse_loops, sphere_radius
+from harpy_pin.model.mjcf_options import enabled_actuators
 from harpy_pin.model.record import RecordOf, make_record
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State, Vector

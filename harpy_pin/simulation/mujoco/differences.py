@@ -10,7 +10,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin.errors import InputError
-from harpy_pin.model.mjcf import build_tree, disabled, in_effect, joint_name, left_out, named, placement
+from harpy_pin.model.mjcf import build_tree, joint_name, left_out, named, placement
+from harpy_pin.model.mjcf_options import disabled, in_effect
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, tree_record
