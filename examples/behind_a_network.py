@@ -5,13 +5,13 @@ from time import perf_counter
 import numpy as np
 
 import harpy_pin as hp
+from harpy_pin.contrib.shield import Shield
 from harpy_pin.contrib.shield_batch import ShieldBatch
 
 MU, HEIGHT, N = 0.2, 0.6, 1000
 robot, random = hp.load_harpy(), np.random.default_rng(0)
 legs = [hp.model.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
-feet = ((0.0, 0.125, -HEIGHT), (0.0, -0.125, -HEIGHT))
-posture = map(hp.model.leg_inverse_kinematics, legs, feet)
+posture = map(hp.model.leg_inverse_kinematics, legs, ((0.0, 0.125, -HEIGHT), (0.0, -0.125, -HEIGHT)))
 REST = np.concatenate(([0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0], *posture, np.zeros(12)))
 
 
@@ -30,7 +30,7 @@ class Network:
     """The policy; ``mu`` puts a shield behind it."""
 
     def __init__(self, mu: float | None) -> None:
-        self.shield, self.changed = None if mu is None else hp.Shield(robot, mu=mu), 0
+        self.shield, self.changed = None if mu is None else Shield(robot, mu=mu), 0
 
     def of(self, gait: hp.Gait) -> "Network":
         return self

@@ -3,6 +3,7 @@
 import numpy as np
 
 import harpy_pin as hp
+from harpy_pin.contrib.shield import Shield
 
 MU = 0.15
 
@@ -30,7 +31,7 @@ class Shielded(Loop):
 
     def __init__(self, gait: hp.Gait) -> None:
         super().__init__(gait)
-        self.shield = hp.Shield(gait.robot, mu=MU)
+        self.shield = Shield(gait.robot, mu=MU)
 
     def step(self, state: hp.State) -> hp.Command:
         command, _ = self.shield(state, super().step(state))

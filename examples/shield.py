@@ -5,6 +5,7 @@ from collections import Counter
 import numpy as np
 
 import harpy_pin as hp
+from harpy_pin.contrib.shield import Shield
 
 MU = 0.2
 reasons: Counter[str] = Counter()
@@ -27,7 +28,7 @@ class Shielded:
     """The same policy behind the shield."""
 
     def __init__(self, gait: hp.Gait) -> None:
-        self.policy, self.shield = Policy(gait), hp.Shield(gait.robot, mu=MU)
+        self.policy, self.shield = Policy(gait), Shield(gait.robot, mu=MU)
 
     def step(self, state: hp.State) -> hp.Command:
         command, report = self.shield(state, self.policy.step(state))

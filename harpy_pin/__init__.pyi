@@ -5,7 +5,7 @@ from .controllers import CondensedController, WholeBodyController, make_controll
 from .errors import ControlError, HarpyError, InputError, Interrupted, RobotError, RunFileError
 from .estimation import Estimator, Imu, Readings
 from .gaits import Gait, GaitTarget, Hovering, OnTerrain, Standing, WalkingGait, make_commanded_gait, make_gait
-from .governors import ContactForceFilter, ContactForceFilterParameters, ExplicitReferenceGovernor, Shield
+from .governors import ContactForceFilter, ContactForceFilterParameters, ExplicitReferenceGovernor
 from .ground.ground import Ground
 from .log.measures import measure
 from .log.run import Run
@@ -82,7 +82,6 @@ __all__ = [
     "Run",
     "RunFileError",
     "Scenario",
-    "Shield",
     "Simulator",
     "Standing",
     "State",

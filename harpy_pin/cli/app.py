@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib.metadata import entry_points
 from typing import Annotated
 
 import typer
@@ -11,7 +12,6 @@ from harpy_pin import __version__
 from harpy_pin.cli.compile import compile_ahead, export
 from harpy_pin.cli.ending import one_line_errors, stopping
 from harpy_pin.cli.lists import info, robots, settings
-from harpy_pin.cli.live import live
 from harpy_pin.cli.output import BAD_INPUT
 from harpy_pin.cli.view import film, view
 from harpy_pin.cli.walk import demo, walk
@@ -36,9 +36,11 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-for command in (demo, walk, view, film, live, info, robots, settings, export):
+for command in (demo, walk, view, film, info, robots, settings, export):
     app.command()(stopping(command))
 app.command("compile")(stopping(compile_ahead))
+for extension in entry_points(group="harpy_pin.commands"):
+    app.command(extension.name)(stopping(extension.load()))
 
 
 def _print_version(desired: bool) -> None:

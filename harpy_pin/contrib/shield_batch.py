@@ -1,4 +1,4 @@
-"""Shields for many environments in one compiled loop; :class:`~harpy_pin.governors.Shield` is the loop for one."""
+"""Shields for many environments in one compiled loop; :class:`~harpy_pin.contrib.shield.Shield` is the loop for one."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
+from harpy_pin.contrib.shield import ShieldAnswer, ShieldLoop
 from harpy_pin.contrib.threads import selection
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
-from harpy_pin.governors.shield import ShieldAnswer, ShieldLoop
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
@@ -23,7 +23,7 @@ __all__ = ["ShieldBatch"]
 class ShieldBatch(KeepsViews):
     """A shield for each of n environments with the same robot, in one call.
 
-    Every environment has a memory of its own, as if it had a :class:`~harpy_pin.governors.shield.Shield` of its own.
+    Every environment has a memory of its own, as if it had a :class:`~harpy_pin.contrib.shield.Shield` of its own.
     The time of a call grows linearly with n.
 
     Args:

@@ -5,7 +5,6 @@ from harpy_pin.governors.contact_force_parameters import ContactForceFilterParam
 from harpy_pin.governors.erg import ExplicitReferenceGovernor, PaperGovernorParameters
 from harpy_pin.governors.governor import Governor, GovernorStatus
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, StackedRows
-from harpy_pin.governors.shield import Shield, ShieldAnswer, ShieldReport
 from harpy_pin.governors.thrust import AttitudeGains, CentreGains
 
 __all__ = [
@@ -19,8 +18,5 @@ __all__ = [
     "Governor",
     "GovernorStatus",
     "PaperGovernorParameters",
-    "Shield",
-    "ShieldAnswer",
-    "ShieldReport",
     "StackedRows",
 ]

@@ -112,7 +112,7 @@ def test_bad_input_is_one_clear_line(command, files, line, says):
 
 
 def test_without_viser_it_says_how_to_install(command, monkeypatch):
-    monkeypatch.setattr("harpy_pin.cli.live.find_spec", lambda name: None)
+    monkeypatch.setattr("harpy_pin.contrib.live.command.find_spec", lambda name: None)
     says = f"harpy: driving needs viser, which is not installed: {install_line('live')}\n"
     assert command("live")[2] == says
 

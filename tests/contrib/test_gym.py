@@ -16,6 +16,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv  # noqa: E402
 
 import harpy_pin as hp  # noqa: E402
 from harpy_pin.contrib.gym import HarpyEnv, HarpyVectorEnv  # noqa: E402
+from harpy_pin.contrib.shield import Shield  # noqa: E402
 
 SHORT = hp.Scenario(gait=hp.Straight(speed=0.3), duration=0.4, period=5e-3, dt=1e-3, ground=hp.Ground(mu_s=0.4))
 
@@ -73,7 +74,7 @@ class Springs:
 
     def __init__(self, robot, posture, mu=None):
         self.robot, self.posture, self.action = robot, posture, np.zeros(12)
-        self.shield = None if mu is None else hp.Shield(robot, mu=mu)
+        self.shield = None if mu is None else Shield(robot, mu=mu)
 
     def step(self, state):
         rotation = pin.Quaternion(state.q[3:7]).matrix()

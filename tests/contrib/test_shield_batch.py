@@ -7,6 +7,7 @@ import pytest
 from shield_cases import AT_ONCE, ROBOT, draw
 
 import harpy_pin as hp
+from harpy_pin.contrib.shield import Shield
 from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.model.entry import HOLD_TICKS
 
@@ -51,7 +52,7 @@ def test_every_environment_has_a_shield_of_its_own(parameters):
     rng, n = np.random.default_rng(0), 6
     mu = rng.uniform(0.15, 0.6, n)
     batch = ShieldBatch(ROBOT, n, mu=mu, parameters=parameters)
-    shields = [hp.Shield(ROBOT, mu=value, parameters=parameters) for value in mu]
+    shields = [Shield(ROBOT, mu=value, parameters=parameters) for value in mu]
     seen: set[str] = set()
     for tick in range(40):
         pairs = [draw(rng, size=10.0 ** rng.uniform(-1.0, 1.7)) for _ in range(n)]
@@ -70,7 +71,7 @@ def test_every_environment_has_a_shield_of_its_own(parameters):
 
 def test_bad_samples_are_bridged_as_by_a_single_shield():
     rng = np.random.default_rng(1)
-    batch, shields = ShieldBatch(ROBOT, 2, mu=0.3), [hp.Shield(ROBOT, mu=0.3) for _ in range(2)]
+    batch, shields = ShieldBatch(ROBOT, 2, mu=0.3), [Shield(ROBOT, mu=0.3) for _ in range(2)]
     good = [draw(rng, size=3.0) for _ in range(2)]
     compare(batch, shields, good)
     good[0][0].v[3] = np.nan

@@ -17,6 +17,7 @@ from walks import walked
 import harpy_pin as hp
 from harpy_pin import InputError
 from harpy_pin.contrib.batch import CondensedBatch
+from harpy_pin.contrib.shield import Shield
 from harpy_pin.controllers import CondensedController, WholeBodyController, WholeBodyParameters
 from harpy_pin.gaits.fitting import fitting_parameters, leg_length
 from harpy_pin.model.catalogue import CATALOGUE
@@ -161,7 +162,7 @@ def test_parameters_without_a_robot_are_not_made() -> None:
 def test_a_filter_knows_forces_in_weights_and_torques_by_the_legs() -> None:
     own = hp.governors.ContactForceFilter(ROBOT).parameters
     assert own == hp.ContactForceFilterParameters()
-    large = hp.Shield(scaled(ROBOT, mass=10.0, length=2.0), mu=0.4).governor.parameters
+    large = Shield(scaled(ROBOT, mass=10.0, length=2.0), mu=0.4).governor.parameters
     assert large.mu == 0.4
     for force in ("margin", "min_normal_force", "contact_threshold", "thrust_authority"):
         assert getattr(large, force) == pytest.approx(10.0 * getattr(own, force))

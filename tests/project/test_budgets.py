@@ -17,7 +17,7 @@ import harpy_pin
 
 ROOT = Path(__file__).resolve().parents[2]
 CONTRIB = "harpy_pin/contrib/"
-STATEMENTS = {"harpy_pin": 26_000, CONTRIB: 1_900, "reproduction": 2_100, "comparison": 7_450, "tests": 26_000}
+STATEMENTS = {"harpy_pin": 24_250, CONTRIB: 3_700, "reproduction": 2_100, "comparison": 7_450, "tests": 26_000}
 """Most statements of the Python files that Git tracks in a folder; ``harpy_pin`` is without contrib."""
 LONGEST_FILE = 380
 """Most statements of a file."""

@@ -16,6 +16,7 @@ from walks import started
 import harpy_pin as hp
 from harpy_pin.compiled import compiler, kernel
 from harpy_pin.contrib.batch import CondensedBatch
+from harpy_pin.contrib.shield import Shield
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.gaits.gait import CompletedGait
 from harpy_pin.model.catalogue import installed_data
@@ -180,7 +181,7 @@ def test_states_that_no_robot_can_have_are_bad_samples(robot, state, name):
 
 def test_terms_and_filters_say_that_a_state_is_impossible(robot, state):
     dynamics, force_filter = hp.Dynamics(robot), hp.ContactForceFilter(robot)
-    shield, count = hp.Shield(robot, mu=0.3), 0
+    shield, count = Shield(robot, mu=0.3), 0
     for what, bad in impossible(state):
         if what.startswith("t "):
             continue

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import harpy_pin as hp
+from harpy_pin.contrib.shield import Shield, ShieldReport
 
 Vector = NDArray[np.float64]
 
@@ -54,9 +55,9 @@ command = controller.step(state)
 assert_type(command, hp.Command)
 behind = hp.ContactForceFilter(robot, hp.ContactForceFilterParameters(mu=0.25), period=1e-3)
 assert_type(behind.update(state, command), hp.Command)
-safe, report = hp.Shield(robot, mu=0.25)(state, command)
+safe, report = Shield(robot, mu=0.25)(state, command)
 assert_type(safe, hp.Command)
-assert_type(report, hp.governors.ShieldReport)
+assert_type(report, ShieldReport)
 
 problem = hp.wbc.make_problem("input_space", robot)
 assert_type(problem, hp.wbc.WholeBodyProblem)

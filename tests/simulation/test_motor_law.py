@@ -13,7 +13,8 @@ from needs import needs_robots
 from walks import started
 
 import harpy_pin as hp
-from harpy_pin.governors import ContactForceFilter, Shield
+from harpy_pin.contrib.shield import Shield
+from harpy_pin.governors import ContactForceFilter
 from harpy_pin.simulation.actuators import Actuators, drive_motors, motors_record
 from harpy_pin.simulation.mujoco import MujocoPlant
 

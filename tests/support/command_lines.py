@@ -24,7 +24,7 @@ WORK = (
     "reproduction.gait.planar_walk.PlanarWalk.run",
     "harpy_pin.view.page.film.Film.__enter__",
     "harpy_pin.view.page.replay.show",
-    "harpy_pin.view.live.drive.listen",
+    "harpy_pin.contrib.live.drive.listen",
     "harpy_pin.compiled.compiler.clear",
     "harpy_pin.cli.compile._scenarios",
     "harpy_pin.export.export",

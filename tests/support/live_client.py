@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from harpy_pin.view.live.live_page import EYE, MIDDLE
+from harpy_pin.contrib.live.live_page import EYE, MIDDLE
 
 CAMERA: dict[str, Any] = {
     "type": "ViewerCameraMessage",

@@ -188,9 +188,9 @@ def objects() -> dict[str, Any]:
 
 
 MADE_BY_THE_LIBRARY = (
-    *("log.Measures", "governors.ShieldReport", "scenario.Setting", "contrib.batch.BatchTargets"),
+    *("log.Measures", "contrib.shield.ShieldReport", "scenario.Setting", "contrib.batch.BatchTargets"),
     *("export.Exportable", "export.Exported", "contrib.power.Power"),
-    *("governors.GovernorStatus", "governors.ShieldAnswer", "model.IKResult", "Robot"),
+    *("governors.GovernorStatus", "contrib.shield.ShieldAnswer", "model.IKResult", "Robot"),
     *("wbc.QPSolution", "scenario.Walk", "Interrupted"),
     *("model.CatalogueRobot", "model.KnownRobot", "wbc.AddedTask", "simulation.mujoco.Conventions", "wbc.BuiltInTask"),
     "MujocoBridge",

@@ -12,6 +12,7 @@ import harpy_pin as hp
 from harpy_pin import controllers
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.gym.batched_env import BatchedEnv
+from harpy_pin.contrib.shield import Shield
 from harpy_pin.contrib.shield_batch import ShieldBatch
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.governors import ForceRows
@@ -157,7 +158,7 @@ def _with_task() -> Any:
 
 CASES |= {
     "wbc, own task": (_with_task, _control),
-    "Shield": (lambda: hp.Shield(ROBOT, mu=0.3), _shield),
+    "Shield": (lambda: Shield(ROBOT, mu=0.3), _shield),
     "ShieldBatch": (lambda: ShieldBatch(ROBOT, 3, mu=[0.2, 0.3, 0.4]), _shield_batch),
     "CondensedBatch": (lambda: CondensedBatch(ROBOT, 300, threads=2), _batch),
     "FrictionEstimator": (lambda: FrictionEstimator(assumed=0.6), _estimate),

@@ -7,7 +7,7 @@
 - 6 thrusts (two thrusters, each x, y, z in the body's axes), in units of half the robot's weight, within the thrusters'
   limit.
 
-With a shield, torques and thrusts pass :class:`harpy_pin.governors.Shield` at every physics step.
+With a shield, torques and thrusts pass :class:`harpy_pin.contrib.shield.Shield` at every physics step.
 
 **Observation** (39,), each entry clipped to ±10:
 
@@ -42,13 +42,13 @@ from numpy.typing import ArrayLike, NDArray
 from harpy_pin import checks
 from harpy_pin.arguments import checked
 from harpy_pin.compiled import kernel
+from harpy_pin.contrib.shield import LimitsRecord, within_limits
 from harpy_pin.contrib.threads import Threads
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.straight import make_gait
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
-from harpy_pin.governors.shield import LimitsRecord, within_limits
 from harpy_pin.ground.ground import Ground, GroundRecord
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.contact_map import ContactMapRecord

@@ -2,7 +2,7 @@
 
 Nodes are named by paths; what moves moves all below it, and what is hidden hides it. A backend translates nodes and
 motions, and knows nothing of robots: :mod:`harpy_pin.view.scene.meshcat_backend` for replays, and
-:mod:`harpy_pin.view.live.live_scene` for the live page.
+:mod:`harpy_pin.contrib.live.live_scene` for the live page.
 """
 
 from __future__ import annotations

@@ -9,13 +9,13 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
+from harpy_pin.contrib.live.drive import LiveLog
+from harpy_pin.contrib.live.live_session import PERIOD, LiveSession
+from harpy_pin.contrib.live.panel import WholeFeet
+from harpy_pin.contrib.live.settings import DriveRanges, usual_settings
 from harpy_pin.errors import InputError
 from harpy_pin.log.run import Run
 from harpy_pin.view.identity import robot_of
-from harpy_pin.view.live.drive import LiveLog
-from harpy_pin.view.live.live_session import PERIOD, LiveSession
-from harpy_pin.view.live.panel import WholeFeet
-from harpy_pin.view.live.settings import DriveRanges, usual_settings
 
 pytestmark = needs_robots
 

@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.compiled import BACKEND
+from harpy_pin.contrib.live.settings import DrivenGait, DriveRanges, LiveSettings, make_driven_gait, usual_settings
+from harpy_pin.contrib.live.times import RealTimePacer, TickTimes
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.named_controllers import make_controller
 from harpy_pin.errors import InputError, reason
@@ -31,8 +33,6 @@ from harpy_pin.simulation.sensing import ESTIMATED, EstimatedState, estimated_st
 from harpy_pin.simulation.sensors import Noise, Sensors
 from harpy_pin.simulation.simulator import Simulator
 from harpy_pin.view.identity import CONTROLLERS
-from harpy_pin.view.live.settings import DrivenGait, DriveRanges, LiveSettings, make_driven_gait, usual_settings
-from harpy_pin.view.live.times import RealTimePacer, TickTimes
 
 PERIOD, STEPS = 1e-3, 2
 """Time between control ticks, s, and physics steps in each."""

@@ -6,6 +6,7 @@ from forward_dynamics import constrained_dynamics
 from shield_cases import AT_ONCE, ROBOT, draw
 
 import harpy_pin as hp
+from harpy_pin.contrib.shield import Shield
 from harpy_pin.model.entry import FADE, HOLD_TICKS
 
 MU = 0.3
@@ -21,7 +22,7 @@ def margins(state, command):
 
 def test_report_is_true_and_what_it_calls_safe_is_safe():
     """Against forces from Pinocchio, for commands from small to far beyond the motors."""
-    rng, shield = np.random.default_rng(0), hp.Shield(ROBOT, mu=MU, parameters=AT_ONCE)
+    rng, shield = np.random.default_rng(0), Shield(ROBOT, mu=MU, parameters=AT_ONCE)
     unsafe_before = saved = let_through = limited = 0
     for _ in range(400):
         state, command = draw(rng, size=10.0 ** rng.uniform(-1.0, 1.7))
@@ -53,7 +54,7 @@ def test_report_is_true_and_what_it_calls_safe_is_safe():
 
 def test_it_is_the_governor_for_commands_within_the_limits():
     rng = np.random.default_rng(1)
-    shield = hp.Shield(ROBOT, mu=MU)
+    shield = Shield(ROBOT, mu=MU)
     governor = hp.ContactForceFilter(ROBOT, hp.ContactForceFilterParameters(mu=MU))
     compared = 0
     for _ in range(200):
@@ -73,7 +74,7 @@ def test_it_is_the_governor_for_commands_within_the_limits():
 
 
 def test_reasons_name_what_was_beyond():
-    shield = hp.Shield(ROBOT, mu=MU, parameters=AT_ONCE)
+    shield = Shield(ROBOT, mu=MU, parameters=AT_ONCE)
     state, _ = draw(np.random.default_rng(2), size=1.0)
     state.foot_force[:] = 0.0  # in the air there is no friction to keep
     still = hp.Command(np.zeros(6), np.zeros((2, 3)))
@@ -96,7 +97,7 @@ def test_reasons_name_what_was_beyond():
 
 
 def test_change_fades_where_it_is_needed_no_more():
-    shield = hp.Shield(ROBOT, mu=MU)
+    shield = Shield(ROBOT, mu=MU)
     rng = np.random.default_rng(3)
     state, _ = draw(rng, size=1.0)
     pulled = hp.Command(np.zeros(6), np.tile((20.0, 0.0, 20.0), (2, 1)))
@@ -110,7 +111,7 @@ def test_change_fades_where_it_is_needed_no_more():
 
 
 def test_bad_commands_are_answered_by_the_last_good_one():
-    shield = hp.Shield(ROBOT, mu=MU)
+    shield = Shield(ROBOT, mu=MU)
     state, command = draw(np.random.default_rng(4), size=1.0)
     good, _ = shield(state, command)
     bad = hp.Command(np.full(6, np.nan), command.thrust)
@@ -124,7 +125,7 @@ def test_bad_commands_are_answered_by_the_last_good_one():
 
 
 def test_bad_states_are_told():
-    shield = hp.Shield(ROBOT, mu=MU)
+    shield = Shield(ROBOT, mu=MU)
     state, command = draw(np.random.default_rng(5), size=1.0)
     state.q[9] = np.nan
     result, report = shield(state, command)
@@ -134,7 +135,7 @@ def test_bad_states_are_told():
 
 
 def test_bad_states_are_answered_like_the_filter():
-    shield = hp.Shield(ROBOT, mu=MU)
+    shield = Shield(ROBOT, mu=MU)
     governor = hp.ContactForceFilter(ROBOT, hp.ContactForceFilterParameters(mu=MU))
     rng = np.random.default_rng(7)
     state, _ = draw(rng, size=1.0)
@@ -150,14 +151,14 @@ def test_bad_states_are_answered_like_the_filter():
 
 
 def test_wrong_shapes_are_refused_and_lists_are_taken():
-    shield = hp.Shield(ROBOT, mu=MU)
+    shield = Shield(ROBOT, mu=MU)
     state, command = draw(np.random.default_rng(6), size=1.0)
     with pytest.raises(hp.InputError, match=r"command.torque must have shape \(6,\)"):
         shield(state, hp.Command(np.zeros(5), np.zeros((2, 3))))
     with pytest.raises(hp.InputError, match="mu must be"):
-        hp.Shield(ROBOT, mu=-1.0)
+        Shield(ROBOT, mu=-1.0)
     as_lists = hp.Command(command.torque.tolist(), command.thrust.tolist())
-    expected, _ = hp.Shield(ROBOT, mu=MU)(state, command)
+    expected, _ = Shield(ROBOT, mu=MU)(state, command)
     result, _ = shield(state, as_lists)
     np.testing.assert_array_equal(result.torque, expected.torque)
 
@@ -167,7 +168,7 @@ class Shielded:
 
     def __init__(self, gait):
         self.inner = hp.make_controller("governed", gait, mu=0.2, governor="none")
-        self.shield, self.reports = hp.Shield(gait.robot, mu=0.2), []
+        self.shield, self.reports = Shield(gait.robot, mu=0.2), []
 
     def step(self, state):
         command, report = self.shield(state, self.inner.step(state))

@@ -13,10 +13,10 @@ import pytest
 from live_client import CAMERA, connected
 
 import harpy_pin as hp
-from harpy_pin.view.live.drive import listen
-from harpy_pin.view.live.live_page import EYE, MIDDLE, followed
-from harpy_pin.view.live.live_session import LiveSession
-from harpy_pin.view.live.shared_snapshots import SharedSnapshots
+from harpy_pin.contrib.live.drive import listen
+from harpy_pin.contrib.live.live_page import EYE, MIDDLE, followed
+from harpy_pin.contrib.live.live_session import LiveSession
+from harpy_pin.contrib.live.shared_snapshots import SharedSnapshots
 
 pytest.importorskip("viser", reason="viser is an extra")
 msgspec = pytest.importorskip("msgspec", reason="viser brings it")
@@ -26,7 +26,7 @@ class Page:
     """The page of a process that has no session: what it says is kept."""
 
     def __init__(self, robot: hp.Robot) -> None:
-        from harpy_pin.view.live.live_page import _Page
+        from harpy_pin.contrib.live.live_page import _Page
 
         context = multiprocessing.get_context("spawn")
         listener = listen("127.0.0.1", 0)

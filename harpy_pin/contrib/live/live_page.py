@@ -20,14 +20,14 @@ import numpy as np
 import viser
 
 from harpy_pin import checks
+from harpy_pin.contrib.live.guard import guarded_server
+from harpy_pin.contrib.live.live_scene import LiveScene
+from harpy_pin.contrib.live.panel import Panel
+from harpy_pin.contrib.live.settings import DriveRanges
+from harpy_pin.contrib.live.shared_snapshots import SharedSnapshots
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.guard import guarded_server
-from harpy_pin.view.live.live_scene import LiveScene
-from harpy_pin.view.live.panel import Panel
-from harpy_pin.view.live.settings import DriveRanges
-from harpy_pin.view.live.shared_snapshots import SharedSnapshots
 
 FRAME, NUMBERS, CHARTS = 0.025, 0.25, 0.2
 """Time between frames of the scene, and between updates of numbers and charts, s."""

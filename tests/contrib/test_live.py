@@ -21,10 +21,10 @@ from needs import needs_robots
 from PIL import Image
 
 import harpy_pin as hp
+from harpy_pin.contrib.live.drive import Drive, listen
+from harpy_pin.contrib.live.settings import LiveSettings
 from harpy_pin.files import journal_path
 from harpy_pin.log.run import Run
-from harpy_pin.view.live.drive import Drive, listen
-from harpy_pin.view.live.settings import LiveSettings
 
 viser = pytest.importorskip("viser", reason="viser is an extra")
 msgspec = pytest.importorskip("msgspec", reason="viser brings it")
@@ -107,7 +107,7 @@ def test_only_this_machine_and_its_own_page(drive: Drive) -> None:
 
 def test_rules_of_an_open_address() -> None:
     """With ``--host`` other machines may come by address, but not by a name that somebody else has chosen."""
-    from harpy_pin.view.live.guard import allowed
+    from harpy_pin.contrib.live.guard import allowed
 
     def ask(host: str, *, bound: str, port: int = 80) -> bool:
         return allowed([host], [f"http://{host}"], bound=bound, port=port)

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from harpy_pin.contrib.live.live_session import LiveSession, Tick
 from harpy_pin.log.power import PRESETS
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.live_session import LiveSession, Tick
 from harpy_pin.view.scene.frames import about_normals
 
 PLACES = 256

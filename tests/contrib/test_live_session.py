@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 
 import harpy_pin as hp
+from harpy_pin.contrib.live.drive import Drive, LiveLog
+from harpy_pin.contrib.live.live_session import PERIOD, LiveSession
+from harpy_pin.contrib.live.settings import LiveSettings, usual_settings
+from harpy_pin.contrib.live.shared_snapshots import PLACES, SharedSnapshots
+from harpy_pin.contrib.live.times import RealTimePacer, TickTimes
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import InputError, RunFileError
 from harpy_pin.log.run import Run
 from harpy_pin.view import replay_html
 from harpy_pin.view.identity import CONTROLLERS
-from harpy_pin.view.live.drive import Drive, LiveLog
-from harpy_pin.view.live.live_session import PERIOD, LiveSession
-from harpy_pin.view.live.settings import LiveSettings, usual_settings
-from harpy_pin.view.live.shared_snapshots import PLACES, SharedSnapshots
-from harpy_pin.view.live.times import RealTimePacer, TickTimes
 from harpy_pin.view.scene.frames import Frames
 
 

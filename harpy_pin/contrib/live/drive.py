@@ -17,6 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from harpy_pin import checks
+from harpy_pin.contrib.live.live_session import PERIOD, LiveSession, Tick
+from harpy_pin.contrib.live.settings import LiveSettings
+from harpy_pin.contrib.live.shared_snapshots import SharedSnapshots
+from harpy_pin.contrib.live.times import TickTimes
 from harpy_pin.errors import HarpyError, InputError, RunFileError
 from harpy_pin.files import Shield, check_writable, replaceable, without_interrupts
 from harpy_pin.log.journal import Journal
@@ -26,10 +30,6 @@ from harpy_pin.log.run_file import FORMAT
 from harpy_pin.model.robot import Robot
 from harpy_pin.simulation.loop import keep_run, run_metadata
 from harpy_pin.view.identity import CONTROLLERS
-from harpy_pin.view.live.live_session import PERIOD, LiveSession, Tick
-from harpy_pin.view.live.settings import LiveSettings
-from harpy_pin.view.live.shared_snapshots import SharedSnapshots
-from harpy_pin.view.live.times import TickTimes
 
 SNAPSHOT_PERIOD = 0.02
 """Time between snapshots, s."""
@@ -156,7 +156,7 @@ class Drive:
         self._board = SharedSnapshots(context, session)
         if self._listener is None:
             return
-        from harpy_pin.view.live.live_page import serve
+        from harpy_pin.contrib.live.live_page import serve
 
         self._pipe, other = context.Pipe()
         arguments = (other, self._listener, self._board, session.robot, asdict(session.settings))

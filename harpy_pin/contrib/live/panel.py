@@ -17,11 +17,11 @@ import numpy as np
 import viser
 from viser import uplot
 
+from harpy_pin.contrib.live.settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION, DriveRanges
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
 from harpy_pin.simulation.sensing import ESTIMATED, TRUE
 from harpy_pin.view.identity import CONTROLLERS
-from harpy_pin.view.live.settings import MAX_FRICTION, MAX_SLOPE, MIN_FRICTION, DriveRanges
 from harpy_pin.view.palette import FEET
 
 PACES = {"real time": 1.0, "1/2": 0.5, "1/5": 0.2, "1/20": 0.05}

@@ -48,8 +48,9 @@ def live(
 ) -> None:
     """Drive a robot in the browser, in real time.
 
-    --set takes what the page has by the names of harpy_pin.view.live.settings.LiveSettings. The page is this machine's
-    alone. Ctrl-C ends it (exit code 130; 143 on SIGTERM). If the process dies, harpy view reads FILE.npz.part.
+    --set takes what the page has by the names of harpy_pin.contrib.live.settings.LiveSettings. The page is this
+    machine's alone. Ctrl-C ends it (exit code 130; 143 on SIGTERM). If the process dies, harpy view reads
+    FILE.npz.part.
 
     \b
     harpy live --set controller=paper --friction 0.25 --speed 0.3
@@ -67,10 +68,10 @@ def live(
     )
     if find_spec("viser") is None:
         raise HarpyError(f"driving needs viser, which is not installed: {install_line('live')}")
+    from harpy_pin.contrib.live.drive import Drive, listen
+    from harpy_pin.contrib.live.settings import DriveRanges, usual_settings
     from harpy_pin.model.robot import load_harpy
     from harpy_pin.model.source import loaded_robot
-    from harpy_pin.view.live.drive import Drive, listen
-    from harpy_pin.view.live.settings import DriveRanges, usual_settings
 
     driven_robot = load_harpy(urdf) if walker == "harpy" else loaded_robot(walker)
     ranges = DriveRanges.of(driven_robot)

@@ -8,9 +8,9 @@ import pytest
 from needs import needs_robots
 
 import harpy_pin as hp
+from harpy_pin.contrib.live.live_session import PERIOD, LiveSession
+from harpy_pin.contrib.live.settings import LiveSettings
 from harpy_pin.simulation.sensing import EstimatedState
-from harpy_pin.view.live.live_session import PERIOD, LiveSession
-from harpy_pin.view.live.settings import LiveSettings
 
 
 def walk(session: LiveSession, duration: float) -> LiveSession:

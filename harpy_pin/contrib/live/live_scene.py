@@ -12,10 +12,10 @@ import numpy as np
 import pinocchio as pin
 import viser
 
+from harpy_pin.contrib.live.settings import is_harpy
 from harpy_pin.gaits.standing import Standing
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector
-from harpy_pin.view.live.settings import is_harpy
 from harpy_pin.view.palette import APPLIED, ESTIMATE, TARGET, as_rgb, ground_colour
 from harpy_pin.view.scene.forces import Arrow, Forces, Scales
 from harpy_pin.view.scene.frames import PLACES, Contacts
