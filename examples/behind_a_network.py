@@ -10,8 +10,8 @@ from harpy_pin.contrib.shield_batch import ShieldBatch
 
 MU, HEIGHT, N = 0.2, 0.6, 1000
 robot, random = hp.load_harpy(), np.random.default_rng(0)
-legs = [hp.model.LegGeometry.from_robot(robot, foot) for foot in robot.feet]
-posture = map(hp.model.leg_inverse_kinematics, legs, ((0.0, 0.125, -HEIGHT), (0.0, -0.125, -HEIGHT)))
+legs = (hp.model.LegGeometry.from_robot(robot, foot) for foot in robot.feet)
+posture = map(hp.model.leg_inverse_kinematics, legs, [(0, 0.125, -HEIGHT), (0, -0.125, -HEIGHT)])
 REST = np.concatenate(([0.0, 0.0, HEIGHT, 0.0, 0.0, 0.0], *posture, np.zeros(12)))
 
 
