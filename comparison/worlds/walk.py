@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -186,6 +187,7 @@ class Watch:
         self._foot = np.where(link.any(axis=1), link.argmax(axis=1), -1).tolist()
         self.body = int(model.jnt_bodyid[bridge.free])
         self._height = float(data.xpos[self.body, 2])
+        self._velocity = np.zeros(6)  # of the body, rotation first, axes of the body
         self.slip = self.landing = self.lifting = self.energy = self.path = self.time = self.error = 0.0
         self._slips: dict[int, list[float]] = {}  # of each foot's present contact, step by step, m/s
         self._away = dict[int, int]()  # steps since its last touch
@@ -193,19 +195,18 @@ class Watch:
 
     def look(self, command: Vector) -> None:
         """Take up the state at which the last step began, its forces, and what is commanded."""
-        data, dt = self._data, float(self._model.opt.timestep)
+        mujoco, data, dt = import_mujoco(), self._data, float(self._model.opt.timestep)
         speed = sliding(self._model, data, self._foot)
         self.slip += dt * sum(speed.values())
         self._note_contacts(speed, dt)
         torque = data.qfrc_actuator[self._joints] + data.qfrc_applied[self._joints]
-        self.energy += dt * float(np.maximum(torque * data.qvel[self._joints], 0.0).sum())
-        turned, velocity = data.xmat[self.body].tolist(), np.zeros(6)
-        mujoco = import_mujoco()
-        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_XBODY, self.body, velocity, 0)
-        length, (x, y) = float(np.hypot(turned[0], turned[3])), velocity[3:5].tolist()
+        self.energy += dt * sum(power for power in (torque * data.qvel[self._joints]).tolist() if power > 0.0)
+        turned, (forward, leftward) = data.xmat[self.body].tolist(), command[:2].tolist()
+        mujoco.mj_objectVelocity(self._model, data, mujoco.mjtObj.mjOBJ_XBODY, self.body, self._velocity, 0)
+        length, (x, y) = hypot(turned[0], turned[3]), self._velocity[3:5].tolist()
         ahead, aside = (x * turned[0] + y * turned[3]) / length, (y * turned[0] - x * turned[3]) / length
-        self.path += dt * float(np.hypot(x, y))
-        self.error += dt * float((ahead - command[0]) ** 2 + (aside - command[1]) ** 2)
+        self.path += dt * hypot(x, y)
+        self.error += dt * ((ahead - forward) ** 2 + (aside - leftward) ** 2)
         self.time += dt
         began_anew = data.time < self.time - 0.5 * dt  # MuJoCo does so where numbers are no longer finite
         self.fell = bool(began_anew or data.xpos[self.body, 2] < LOWEST * self._height or turned[8] < UPRIGHT)
@@ -251,15 +252,19 @@ def sliding(model: Any, data: Any, foot: Sequence[int]) -> dict[int, float]:
     """
     mujoco, speed = import_mujoco(), dict[int, float]()
     force, velocity = np.zeros(6), np.zeros(6)
-    for k, pair in enumerate(data.contact.geom.tolist() if data.ncon else ()):
+    if data.ncon == 0:
+        return speed
+    for k, (pair, point) in enumerate(zip(data.contact.geom.tolist(), data.contact.pos.tolist(), strict=True)):
         geom = pair[0] if foot[pair[0]] >= 0 else pair[1]
+        if foot[geom] < 0:
+            continue
         mujoco.mj_contactForce(model, data, k, force)
-        if foot[geom] < 0 or force[0] <= 0.0:
+        if force.item(0) <= 0.0:
             continue
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, geom, velocity, 0)
         p, q, r, vx, vy, _ = velocity.tolist()
-        x, y, z = (data.contact.pos[k] - data.geom_xpos[geom]).tolist()
-        here = float(np.hypot(vx + q * z - r * y, vy + r * x - p * z))
+        x, y, z = (at - middle for at, middle in zip(point, data.geom_xpos[geom].tolist(), strict=True))
+        here = hypot(vx + q * z - r * y, vy + r * x - p * z)
         speed[foot[geom]] = max(here, speed.get(foot[geom], 0.0))
     return speed
 
