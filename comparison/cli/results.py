@@ -57,6 +57,7 @@ _COMPARED: Mapping[str, str] = {
     **SEARCHES,
     **CLONED,
     **{name: f"{name} --figure docs/images/{DRAWN[name]}.png" if name in DRAWN else name for name in STUDIES},
+    "worlds": f"worlds --clones out/clones --figure docs/images/{DRAWN['worlds']}.png",
 }
 SOURCES: Mapping[str, str] = {
     **{name: f"comparison {words}" for name, words in _COMPARED.items()},
@@ -100,8 +101,8 @@ def results(
 
     Above each table a comment says from which command it comes, and which rows and columns it shows. A source that is
     named is measured, and its tables are recorded in docs/results. Without one, pages are filled from what is recorded.
-    All together take some hours; "embedded", "peers" and "worlds" need what their own help says, "public" and
-    "recorded" clones in out/clones.
+    All together take some hours; "embedded", "peers" and "worlds" need what their own help says, "public", "recorded"
+    and "worlds" clones in out/clones.
     """
     for source in sources or ():
         checks.one_of("source", source, SOURCES)
