@@ -113,7 +113,10 @@ def _worlds(s: Any) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def _jobs(s: Any) -> Iterator[Job]:
-    """Every walk, the same for all in all worlds; and how far a robot creeps that stands."""
+    """Every walk, the same for all in all worlds; and how far a robot creeps that stands.
+
+    On soles nobody knows the joints.
+    """
     for name, feet in _worlds(s):
         robot = world(name, feet)[1]  # what is missing is said now
         able = {"policy": name == PLAYGROUND, "joint_pd": joint_pd_is_for(robot)}
@@ -121,7 +124,7 @@ def _jobs(s: Any) -> Iterator[Job]:
         for friction in SPEED if s.creep else ():
             yield here | random_walk(s.seed, 0, friction, s.creep) | {"commands": [], "who": STANDS}
         for who in s.contenders:
-            if who == STANDS or not able.get(WALKERS[who].controller, True):
+            if who == STANDS or not able.get(WALKERS[who].controller, True) or (here["soles"] and WALKERS[who].known):
                 continue
             yield from (here | walk | {"who": who} for walk in _walks(s, who, robot))
             for friction in SPEED if name == PLAYGROUND and s.course else ():
