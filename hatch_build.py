@@ -36,7 +36,7 @@ class WheelWithKernels(BuildHookInterface[Any]):
         robots = os.environ.get("HARPY_PIN_WHEEL_ROBOTS", "").split()
         subprocess.run([sys.executable, "-c", COMPILE, *robots], env={**os.environ, **known}, check=True)
         made = sorted(Path(self.work.name).glob("*.so"))
-        build_data["force_include"] |= {str(path): f"harpy_pin/compiled/libraries/{path.name}" for path in made}
+        build_data["force_include"] |= {str(path): f"harpy_pin/kernels/libraries/{path.name}" for path in made}
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from comparison.measure.replay import TickReplay
-from harpy_pin.compiled import compiler
-from harpy_pin.compiled.calls import linked
 from harpy_pin.errors import HarpyError
+from harpy_pin.kernels import compiler
+from harpy_pin.kernels.calls import linked
 from harpy_pin.model.state import State, Vector
 from harpy_pin.simulation import ticks
 

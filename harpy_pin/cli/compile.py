@@ -45,8 +45,8 @@ def compile_ahead(
     harpy compile --clear
     """
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
-    from harpy_pin.compiled import BACKEND, compiler
-    from harpy_pin.compiled.kernels import wait_for_all
+    from harpy_pin.kernels import BACKEND, compiler
+    from harpy_pin.kernels.kernels import wait_for_all
     from harpy_pin.scenario import walk
 
     walkers = [options.read_robot_options(name, feet, posture, flat_feet) for name in dict.fromkeys(robots or [HARPY])]

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
-from harpy_pin.compiled.record_view import read_only
 from harpy_pin.errors import InputError, shown
+from harpy_pin.kernels import kernel
+from harpy_pin.kernels.record_view import read_only
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, sized
 from harpy_pin.model.state import Vector

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, StatusRecord, check_update
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import field, make_record, sized

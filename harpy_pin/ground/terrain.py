@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.ground.surface import (
     MAX_CELLS,
@@ -24,6 +23,7 @@ from harpy_pin.ground.surface import (
     surface_height,
     surface_normal,
 )
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.compiled import BACKEND
-from harpy_pin.compiled.compiler import version as compiler_version
 from harpy_pin.errors import InputError, RunFileError, RunFileWarning, install_line, shown
 from harpy_pin.files import check_writable, journal_path, replacing
+from harpy_pin.kernels import BACKEND
+from harpy_pin.kernels.compiler import version as compiler_version
 from harpy_pin.log.journal import is_journal, read_journal
 from harpy_pin.log.run_file import check_log, read_run, write_run
 

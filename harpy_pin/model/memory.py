@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.compiled.record_view import RecordView, plain
 from harpy_pin.errors import InputError
+from harpy_pin.kernels.record_view import RecordView, plain
 
 _T = TypeVar("_T")
 _Kind = TypeVar("_Kind", bound=type)

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import BACKEND
-from harpy_pin.compiled.calls import Call
-from harpy_pin.compiled.record_view import read_only
 from harpy_pin.ground.ground import Ground
+from harpy_pin.kernels import BACKEND
+from harpy_pin.kernels.calls import Call
+from harpy_pin.kernels.record_view import read_only
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State

@@ -19,10 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.compiled import kernel
 from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world
 from harpy_pin.ground.ground import GroundRecord, local_friction, local_stiffness
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
+from harpy_pin.kernels import kernel
 from harpy_pin.log.slip import SlipRecord, note_slip
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.ground.contact_frame import contact_frame
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
+from harpy_pin.kernels import kernel
 from harpy_pin.log.slip import note_slip
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.rotor import read_thrusts

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import compiler
-from harpy_pin.compiled.bridge import Bound
-from harpy_pin.compiled.calls import Call, Link, linked
+from harpy_pin.kernels import compiler
+from harpy_pin.kernels.bridge import Bound
+from harpy_pin.kernels.calls import Call, Link, linked
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import MISFIT_COMMAND, physics_steps, stands

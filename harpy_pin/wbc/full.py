@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.flat_foot import flat_foot_rows
 from harpy_pin.model.record import Record, RecordOf, make_record, sized

@@ -58,6 +58,6 @@ def test_kernels_in_the_wheel_walk_without_a_compiler(tmp_path: Path) -> None:
     assert "is not in the wheel, and there is no C compiler" in refused.stderr
     (bridge,) = (tmp_path / "environment").rglob("bridge-*.so")
     bridge.write_bytes(bridge.read_bytes()[:-1])
-    damaged = wheel_alone.run(python, "-c", "from harpy_pin.compiled import BACKEND; print(BACKEND)")
+    damaged = wheel_alone.run(python, "-c", "from harpy_pin.kernels import BACKEND; print(BACKEND)")
     assert damaged.stdout.split() == ["python"]
     assert "no C compiler found" in damaged.stderr

@@ -17,8 +17,8 @@ from importlib.util import find_spec
 
 import pytest
 
-from harpy_pin.compiled import BACKEND, compiler
 from harpy_pin.errors import HarpyError
+from harpy_pin.kernels import BACKEND, compiler
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.simulation.mujoco import installed_version
 from harpy_pin.view.page.film import find_chromium

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from harpy_pin.compiled import Kernel
-from harpy_pin.compiled.expressions import MATHEMATICS, OF_TWO
-from harpy_pin.compiled.source import _globals
+from harpy_pin.kernels import Kernel
+from harpy_pin.kernels.expressions import MATHEMATICS, OF_TWO
+from harpy_pin.kernels.source import _globals
 
 REALS = st.floats(-1e6, 1e6) | st.sampled_from([0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e-300, 1e300])
 """Numbers of all kinds."""

@@ -24,7 +24,7 @@ from time import perf_counter, perf_counter_ns, process_time
 begin = perf_counter()
 import copy, json, statistics, sys
 import harpy_pin as hp
-from harpy_pin.compiled import BACKEND, compiler
+from harpy_pin.kernels import BACKEND, compiler
 scenario = dict(robot=sys.argv[1], controller="wbc" if sys.argv[1] == "solo8" else "condensed")
 hp.walk(hp.Scenario(**scenario, duration=0.001))
 told = {"wall": perf_counter() - begin, "cpu": process_time(), "file": hp.__file__}

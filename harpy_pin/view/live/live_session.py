@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import BACKEND
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.controllers.named_controllers import make_controller
 from harpy_pin.errors import InputError, reason
@@ -24,6 +23,7 @@ from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.terrain import Plane
+from harpy_pin.kernels import BACKEND
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.push import Push

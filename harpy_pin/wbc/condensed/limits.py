@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.state import Vector

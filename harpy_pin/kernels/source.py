@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.expressions import kernel_of
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels.expressions import kernel_of
 
 
 class Source:

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harpy_pin.compiled.blocks import CFunction
-from harpy_pin.compiled.shapes import constant_shape
-from harpy_pin.compiled.source import source_of
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, Array, Scalar, Struct, Tuple, Type, element_of
-from harpy_pin.compiled.unit import Unit, in_part
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels.blocks import CFunction
+from harpy_pin.kernels.shapes import constant_shape
+from harpy_pin.kernels.source import source_of
+from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, Array, Scalar, Struct, Tuple, Type, element_of
+from harpy_pin.kernels.unit import Unit, in_part
 
 if TYPE_CHECKING:
-    from harpy_pin.compiled.kernels import Kernel
+    from harpy_pin.kernels.kernels import Kernel
 
 SLOT = "typedef union { void *pointer; double number; int64_t whole; } slot;"
 UPPER_HALVES = """#if defined(__AVX__) && (defined(__clang__) || __GNUC__ >= 12)

@@ -8,14 +8,15 @@ from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
 
-from harpy_pin.compiled.arrays import FUNCTIONS
-from harpy_pin.compiled.assignments import Assignments, stored
-from harpy_pin.compiled.blocks import Block, CFunction, Learnt, Line, Wider, drop_unused, mentions, place, render
-from harpy_pin.compiled.expressions import LIBRARY, OF_TWO, kernel_of
-from harpy_pin.compiled.operators import SUM, Refused, refused, wider, wrap
-from harpy_pin.compiled.overlaps import stems, ways
-from harpy_pin.compiled.source import Source, source_of
-from harpy_pin.compiled.types import (
+from harpy_pin.errors import KernelError
+from harpy_pin.kernels.arrays import FUNCTIONS
+from harpy_pin.kernels.assignments import Assignments, stored
+from harpy_pin.kernels.blocks import Block, CFunction, Learnt, Line, Wider, drop_unused, mentions, place, render
+from harpy_pin.kernels.expressions import LIBRARY, OF_TWO, kernel_of
+from harpy_pin.kernels.operators import SUM, Refused, refused, wider, wrap
+from harpy_pin.kernels.overlaps import stems, ways
+from harpy_pin.kernels.source import Source, source_of
+from harpy_pin.kernels.types import (
     BOOLEAN,
     INTEGER,
     NOTHING,
@@ -29,10 +30,9 @@ from harpy_pin.compiled.types import (
     Type,
     Value,
 )
-from harpy_pin.errors import KernelError
 
 if TYPE_CHECKING:
-    from harpy_pin.compiled.unit import Unit
+    from harpy_pin.kernels.unit import Unit
 
 RESULT = "result_"
 """The name of the memory that an array is returned in; no other name of C ends so."""

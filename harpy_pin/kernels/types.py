@@ -152,7 +152,7 @@ class Value:
 
     type: Type  # what it is
     code: str = ""  # in C. Of an array the address of its first element; of a record the address of it.
-    binding: int = 100  # how tightly the outermost operator of the code binds, see :mod:`harpy_pin.compiled.operators`
+    binding: int = 100  # how tightly the outermost operator of the code binds, see :mod:`harpy_pin.kernels.operators`
     constant: int | float | bool | None = None  # the number, where it is known when compiling
     items: tuple[Value, ...] = ()  # of a tuple
     roots: frozenset[str] = frozenset()  # names of the arguments whose memory it is
@@ -160,7 +160,7 @@ class Value:
     # and the first index of the part if it is known; nothing where no way is known
     fields: frozenset[str] = frozenset()
     volatile: bool = False  # whether the code reads memory, so that its value depends on when it is evaluated
-    # of an array that is computed (:mod:`harpy_pin.compiled.arrays`): the element with some indices
+    # of an array that is computed (:mod:`harpy_pin.kernels.arrays`): the element with some indices
     rule: Callable[[Sequence[Value]], Value] | None = None
     # and the arrays in memory that it reads, with whether only the element with the same indices is read
     reads: tuple[tuple[Value, bool], ...] = ()

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.blocks import CFunction
-from harpy_pin.compiled.source import source_of
-from harpy_pin.compiled.statements import translate
-from harpy_pin.compiled.types import Array, Nothing, Struct, Tuple, Type
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels.blocks import CFunction
+from harpy_pin.kernels.source import source_of
+from harpy_pin.kernels.statements import translate
+from harpy_pin.kernels.types import Array, Nothing, Struct, Tuple, Type
 
 KEYWORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
 register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true

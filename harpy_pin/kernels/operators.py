@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Tuple, Value
+from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Tuple, Value
 
 if TYPE_CHECKING:
-    from harpy_pin.compiled.unit import Unit
+    from harpy_pin.kernels.unit import Unit
 
 ATOM, UNARY, PRODUCT, SUM, RELATION, EQUALITY, AND, OR, TERNARY = 100, 90, 80, 70, 60, 55, 40, 30, 20
 """How tightly operators bind."""

@@ -93,7 +93,7 @@ def test_programs_that_nobody_wrote(seed, fuzz, tmp_path, monkeypatch):
     rng, count = np.random.default_rng(seed), 15 * fuzz
     texts = [Writer(rng).program(f"program_{n}") for n in range(count)]
     name = f"programs_{seed}"
-    (tmp_path / f"{name}.py").write_text("from harpy_pin.compiled import kernel\n\n\n" + "\n\n".join(texts))
+    (tmp_path / f"{name}.py").write_text("from harpy_pin.kernels import kernel\n\n\n" + "\n\n".join(texts))
     monkeypatch.syspath_prepend(tmp_path)
     made = __import__(name)
     programs = [getattr(made, f"program_{n}") for n in range(count)]

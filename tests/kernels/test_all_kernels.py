@@ -12,9 +12,9 @@ from needs import needs_compiler, needs_robots
 from oracle import Comparison, compared
 from scenes import SCENES, library_kernels
 
-from harpy_pin.compiled import compiler
-from harpy_pin.compiled.entry_points import entry_code
-from harpy_pin.compiled.unit import Unit
+from harpy_pin.kernels import compiler
+from harpy_pin.kernels.entry_points import entry_code
+from harpy_pin.kernels.unit import Unit
 from harpy_pin.model.catalogue import installed_data
 
 pytestmark = needs_compiler

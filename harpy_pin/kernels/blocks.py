@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from harpy_pin.compiled.types import NOTHING, Scalar, Type
+from harpy_pin.kernels.types import NOTHING, Scalar, Type
 
 
 class Wider(Exception):

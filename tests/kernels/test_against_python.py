@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from needs import needs_compiler
 from oracle import REALS, same
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 
 pytestmark = needs_compiler
 wholes = st.integers(-50, 50)

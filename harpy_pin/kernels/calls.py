@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.bridge import Bound, bridge
-from harpy_pin.compiled.kernels import BACKEND, Kernel
+from harpy_pin.kernels.bridge import Bound, bridge
+from harpy_pin.kernels.kernels import BACKEND, Kernel
 
 
 class Call:
@@ -29,7 +29,7 @@ class Call:
         return next(iter(self.kernel._names), "") == "t"
 
     def bind(self) -> Bound:
-        """The call for C; see :meth:`harpy_pin.compiled.kernels.Kernel.bind`."""
+        """The call for C; see :meth:`harpy_pin.kernels.kernels.Kernel.bind`."""
         return self.kernel.bind(*self.arguments)
 
 

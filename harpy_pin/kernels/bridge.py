@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled import compiler
-from harpy_pin.compiled.shapes import ANY, Shape, encode
-from harpy_pin.compiled.types import Array, Struct, Tuple, Type
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels import compiler
+from harpy_pin.kernels.shapes import ANY, Shape, encode
+from harpy_pin.kernels.types import Array, Struct, Tuple, Type
 
 ARRAY, NUMBER, WHOLE, TRUTH, TUPLE = range(5)  # kinds of arguments
 MAX_AXES, MAX_SLOTS, MAX_RESULTS, MAX_SYMBOLS = 4, 128, 16, 8  # limits, as in bridge.c

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import RecordOf, field, fields, make_record
 
 

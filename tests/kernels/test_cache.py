@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from needs import needs_compiler
 
-from harpy_pin.compiled import compiler, kernel, unit
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels import compiler, kernel, unit
 
 pytestmark = needs_compiler
 MODULE = """
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from constants import OFFSET
 
 @kernel
@@ -190,7 +190,7 @@ def test_a_library_in_parts(monkeypatch, tmp_path):
 @pytest.mark.parametrize("kind", ["c", "python"])
 def test_the_kind_of_kernels_can_be_chosen(tmp_path, kind):
     write(tmp_path)
-    script = f"{SCRIPT}; import harpy_pin.compiled as c; print(c.BACKEND)"
+    script = f"{SCRIPT}; import harpy_pin.kernels as c; print(c.BACKEND)"
     assert run(script, tmp_path, HARPY_PIN_KERNELS=kind)[0].split() == ["6.5", kind]
 
 
@@ -228,7 +228,7 @@ def test_old_libraries_go(tmp_path):
 def test_results_do_not_depend_on_where_they_come_from(tmp_path):
     """A kernel of arrays: compiled, loaded from the disk, and in Python."""
     (tmp_path / "edited.py").write_text(
-        "import numpy as np\nfrom harpy_pin.compiled import kernel\n\n@kernel\ndef outer(x, out):\n"
+        "import numpy as np\nfrom harpy_pin.kernels import kernel\n\n@kernel\ndef outer(x, out):\n"
         "    for i in range(x.shape[0]):\n        out[i] = np.sin(x[i]) / (1.0 + x[i] * x[i]) - 0.1\n"
     )
     script = (

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from needs import needs_compiler
 
-from harpy_pin.compiled import kernel
-from harpy_pin.compiled.types import Array
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels import kernel
+from harpy_pin.kernels.types import Array
 
 pytestmark = needs_compiler
 

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.compiled.arrays import SHORT, Arrays, as_array, offset, read_by
-from harpy_pin.compiled.blocks import Assignment, Block, CFunction, Learnt, Variable, Wider, mentions
-from harpy_pin.compiled.operators import ATOM, Refused, refused
-from harpy_pin.compiled.overlaps import may_meet, may_overlap
-from harpy_pin.compiled.source import Source
-from harpy_pin.compiled.types import INTEGER, REAL, Array, Function, Scalar, Struct, Tuple, Value
+from harpy_pin.kernels.arrays import SHORT, Arrays, as_array, offset, read_by
+from harpy_pin.kernels.blocks import Assignment, Block, CFunction, Learnt, Variable, Wider, mentions
+from harpy_pin.kernels.operators import ATOM, Refused, refused
+from harpy_pin.kernels.overlaps import may_meet, may_overlap
+from harpy_pin.kernels.source import Source
+from harpy_pin.kernels.types import INTEGER, REAL, Array, Function, Scalar, Struct, Tuple, Value
 
 if TYPE_CHECKING:
-    from harpy_pin.compiled.unit import Unit
+    from harpy_pin.kernels.unit import Unit
 
 
 def stored(nodes: Iterable[ast.AST]) -> Iterator[str]:

@@ -21,15 +21,15 @@ from weakref import WeakSet
 
 import numpy as np
 
-from harpy_pin.compiled import compiler
-from harpy_pin.compiled.bridge import DTYPES, Bound, Version, bridge
-from harpy_pin.compiled.entry_points import argument_types, entry_code
-from harpy_pin.compiled.plain import run_plain
-from harpy_pin.compiled.record_view import RecordView, plain
-from harpy_pin.compiled.shapes import Shape, check_shapes
-from harpy_pin.compiled.source import fingerprint, remember
-from harpy_pin.compiled.types import Array, Struct, Type
 from harpy_pin.errors import HarpyError, InputError, KernelError
+from harpy_pin.kernels import compiler
+from harpy_pin.kernels.bridge import DTYPES, Bound, Version, bridge
+from harpy_pin.kernels.entry_points import argument_types, entry_code
+from harpy_pin.kernels.plain import run_plain
+from harpy_pin.kernels.record_view import RecordView, plain
+from harpy_pin.kernels.shapes import Shape, check_shapes
+from harpy_pin.kernels.source import fingerprint, remember
+from harpy_pin.kernels.types import Array, Struct, Type
 
 BACKENDS = ("c", "python")
 TRANSLATOR = (

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.operators import ATOM, EQUALITY, PRODUCT, SUM, UNARY, Operators, Refused, refused, wider, wrap
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Function, Scalar, Struct, Tuple, Value
+from harpy_pin.kernels.operators import ATOM, EQUALITY, PRODUCT, SUM, UNARY, Operators, Refused, refused, wider, wrap
+from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Function, Scalar, Struct, Tuple, Value
 
 
 def _is_sum_from(end: ast.BinOp, begin: ast.expr | None) -> bool:

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from needs import needs_compiler
 
-from harpy_pin.compiled import compiler, kernel
-from harpy_pin.compiled.bridge import MAX_RESULTS
-from harpy_pin.compiled.calls import Call, Chain
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels import compiler, kernel
+from harpy_pin.kernels.bridge import MAX_RESULTS
+from harpy_pin.kernels.calls import Call, Chain
 
 pytestmark = needs_compiler
 RECORD = np.dtype([("mass", np.float64), ("force", np.float64, (2,)), ("count", np.int64)], align=True)

@@ -15,10 +15,10 @@ FLAGS = "-g -fsanitize=address,undefined,float-cast-overflow -fno-sanitize-recov
 PROGRAM = """
 import sys
 from functools import partial
-import harpy_pin.compiled
-from harpy_pin.compiled import compiler
+import harpy_pin.kernels
+from harpy_pin.kernels import compiler
 compiler.FLAGS = (*compiler.FLAGS, "-O0")  # instrumented before it is optimised; a tenth of the time to compile
-module = sys.modules["harpy_pin.compiled.kernels"]
+module = sys.modules["harpy_pin.kernels.kernels"]
 module.entry_code = partial(module.entry_code, debug=True)
 sys.path.insert(0, sys.argv[1])
 from scenes import SCENES
@@ -28,13 +28,13 @@ print("reached the end")
 """
 OUTSIDE = """
 import numpy as np
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from outside import {name}
 {name}(np.zeros(3), 3)
 print("reached the end")
 """
 KERNELS = """
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 @kernel
 def beyond(a, n):
     a[n] = 1.0

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from needs import needs_compiler
 from oracle import REALS, same
 
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import KernelError
+from harpy_pin.kernels import kernel
 
 pytestmark = needs_compiler
 

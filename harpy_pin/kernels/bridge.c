@@ -241,7 +241,7 @@ static object *call(object *self, object *arguments, object *named)
 object *make_type(void *ndarray, void *record)
 {
     static type_slot slots[] = {{TP_CALL, NULL}, {0, NULL}};
-    static type_spec spec = {"harpy_pin.compiled.Caller", sizeof(caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
+    static type_spec spec = {"harpy_pin.kernels.Caller", sizeof(caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
     object *(*function)(object *, object *, object *) = call;
     memcpy(&slots[0].function, &function, sizeof function);
     array_type = ndarray;
@@ -357,7 +357,7 @@ python:
 object *make_chain_type(void)
 {
     static type_slot slots[] = {{TP_CALL, NULL}, {0, NULL}};
-    static type_spec spec = {"harpy_pin.compiled.Chain", sizeof(chain_caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
+    static type_spec spec = {"harpy_pin.kernels.Chain", sizeof(chain_caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
     object *(*function)(object *, object *, object *) = call_chain;
     memcpy(&slots[0].function, &function, sizeof function);
     return PyType_FromSpec(&spec);

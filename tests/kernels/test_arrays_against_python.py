@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from needs import needs_compiler
 from oracle import four, same
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 
 pytestmark = needs_compiler
 SCALE = 2.5

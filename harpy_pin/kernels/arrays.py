@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from harpy_pin.compiled.expressions import Expressions
-from harpy_pin.compiled.operators import PRODUCT, SUM, UNARY, Refused, wrap
-from harpy_pin.compiled.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Struct, Value
+from harpy_pin.kernels.expressions import Expressions
+from harpy_pin.kernels.operators import PRODUCT, SUM, UNARY, Refused, wrap
+from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scalar, Struct, Value
 
 SHORT = 9
 """Elements that are written one by one, without a loop."""

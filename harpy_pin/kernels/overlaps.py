@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from harpy_pin.compiled.arrays import as_array
-from harpy_pin.compiled.types import Value
+from harpy_pin.kernels.arrays import as_array
+from harpy_pin.kernels.types import Value
 
 
 def may_meet(view: Value, value: Value) -> bool:

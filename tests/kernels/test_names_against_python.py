@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from needs import needs_compiler
 from oracle import REALS, four, same
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 
 pytestmark = needs_compiler
 N = 3
