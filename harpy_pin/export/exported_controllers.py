@@ -38,8 +38,8 @@ from harpy_pin.ground.surface import flat_terrain
 from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import State, Vector
+from harpy_pin.model.terms import read_thrusts
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
 

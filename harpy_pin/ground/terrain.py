@@ -316,12 +316,12 @@ def _places(x: ArrayLike, y: ArrayLike) -> tuple[Vector, Vector]:
 
 
 @kernel
-def _heights(terrain: Records[TerrainRecord], x: Vector, y: Vector, out: Vector) -> None:
+def _heights(terrain: TerrainRecord, x: Vector, y: Vector, out: Vector) -> None:
     for i in range(x.shape[0]):
-        out[i] = surface_height(terrain[0], x[i], y[i])
+        out[i] = surface_height(terrain, x[i], y[i])
 
 
 @kernel
-def _normals(terrain: Records[TerrainRecord], x: Vector, y: Vector, out: Vector) -> None:
+def _normals(terrain: TerrainRecord, x: Vector, y: Vector, out: Vector) -> None:
     for i in range(x.shape[0]):
-        out[i] = surface_normal(terrain[0], x[i], y[i])
+        out[i] = surface_normal(terrain, x[i], y[i])

@@ -1,5 +1,5 @@
 """Kernels: functions in a small language that become portable C (docs/kernels.md)."""
 
-from harpy_pin.kernels.kernels import BACKEND, Kernel, kernel
+from harpy_pin.kernels.kernels import Kernel, kernel
 
-__all__ = ["BACKEND", "Kernel", "kernel"]
+__all__ = ["Kernel", "kernel"]

@@ -1,12 +1,8 @@
-/* Calls of compiled kernels from Python: arguments are checked and unpacked in one crossing.
+/* Calls of compiled kernels from Python: arguments are checked and unpacked in one crossing. It stands behind calls.h.
 
    What is used of Python is its stable ABI, and of NumPy the beginning of an array object, which it promises to keep.
-   Both are declared here, so that a compiler is all that is needed: no headers of Python's. */
-
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
+   Both are declared here, so that a compiler is all that is needed: no headers of Python's. Where objects lie otherwise
+   than declared, as in a Python without its global lock, lies_as_declared says so before anything is read. */
 
 /* --- Python's stable ABI --- */
 typedef struct object { intptr_t count; void *type; } object;
@@ -15,7 +11,7 @@ typedef struct { const char *name; int size; int item; unsigned flags; type_slot
 
 extern char PyFloat_Type, PyLong_Type, PyBool_Type;
 extern object _Py_NoneStruct, _Py_TrueStruct;
-object *PyType_FromSpec(type_spec *);
+object *PyType_FromSpecWithBases(type_spec *, object *);
 int PyType_IsSubtype(void *, void *);
 intptr_t PyTuple_Size(object *);
 object *PyTuple_GetItem(object *, intptr_t);
@@ -25,6 +21,7 @@ intptr_t PyDict_Size(object *);
 double PyFloat_AsDouble(object *);
 object *PyFloat_FromDouble(double);
 long long PyLong_AsLongLong(object *);
+void *PyLong_AsVoidPtr(object *);
 object *PyLong_FromLongLong(long long);
 object *PyBool_FromLong(long);
 object *PyErr_Occurred(void);
@@ -59,7 +56,7 @@ enum { VOID = 20 };
 enum { CONTIGUOUS = 0x1, ALIGNED = 0x100, WRITEABLE = 0x400 };
 
 /* --- a kernel compiled for one set of types --- */
-enum { MOST_AXES = 4, MOST_SLOTS = 128, MOST_RESULTS = 16, MOST_SYMBOLS = 8 };
+enum { MOST_AXES = 4, MOST_SYMBOLS = 8 };
 enum { ANY = -1, LEAST = 1000, SYMBOL = 1000000, FACTORS = 1000 };
 enum { ARRAY, NUMBER, WHOLE, TRUTH, TUPLE };
 
@@ -72,8 +69,6 @@ typedef struct {
     int64_t shape[MOST_AXES];  /* a size; ANY; a least one; or a multiple of a size that has a name */
 } argument;
 
-typedef union { void *pointer; double number; int64_t whole; } slot;
-
 typedef struct version {
     void (*entry)(const slot *, slot *);
     struct version *next;
@@ -83,9 +78,30 @@ typedef struct version {
     argument arguments[];
 } version;
 
-typedef struct { object head; version *first; } caller;
+/* A kernel, or a chain: what Python derives from it has one slot of its own, the address of what is called. */
+typedef struct { object head; object *address; } caller;
+
+static void *called_by(object *self)
+{
+    object *address = ((caller *)self)->address;
+    return address ? PyLong_AsVoidPtr(address) : NULL;
+}
 
 static void *array_type, *record_type;
+
+/* Whether objects lie in memory as declared above: a caller with this address, and an array (2, 3) of float64. Its type,
+   and that of others that are taken for arrays of records, are kept. */
+bool lies_as_declared(object *self, object *address, object *given, void *type, void *data, void *elements, void *record)
+{
+    const array *x = (const array *)given;
+    const dtype *d = elements;
+    array_type = type;
+    record_type = record;
+    return ((caller *)self)->address == address && given->type == type && x->data == data && x->axes == 2
+        && x->shape[0] == 2 && x->shape[1] == 3 && x->strides[1] == 8 && x->descr == elements
+        && (x->flags & (CONTIGUOUS | ALIGNED | WRITEABLE)) == (CONTIGUOUS | ALIGNED | WRITEABLE)
+        && d->kind == 'f' && d->letter == 'd' && d->order == '=' && d->number == 12;
+}
 
 /* --- vector registers --- */
 #if defined(__x86_64__) && !defined(__AVX__)
@@ -196,10 +212,10 @@ static object *pack(const char *letters, const slot *results)
 }
 
 /* The version that was compiled for such arguments, which are unpacked; NULL without an error where there is none. */
-static version *find(caller *self, object *arguments, slot *slots)
+static version *find(object *self, object *arguments, slot *slots)
 {
     const intptr_t given = PyTuple_Size(arguments);
-    for (version *v = self->first; v; v = v->next) {
+    for (version *v = called_by(self); v; v = v->next) {
         if (v->count != given) continue;
         const argument *wanted = v->arguments;
         int64_t symbols[MOST_SYMBOLS] = {-1, -1, -1, -1, -1, -1, -1, -1};
@@ -212,7 +228,7 @@ static version *find(caller *self, object *arguments, slot *slots)
 }
 
 /* Call it; NULL without an error where there is none. */
-static object *attempt(caller *self, object *arguments)
+static object *attempt(object *self, object *arguments)
 {
     slot slots[MOST_SLOTS], results[MOST_RESULTS];
     version *v = find(self, arguments, slots);
@@ -227,7 +243,7 @@ static object *attempt(caller *self, object *arguments)
 static object *call(object *self, object *arguments, object *named)
 {
     if (!named || PyDict_Size(named) == 0) {
-        object *result = attempt((caller *)self, arguments);
+        object *result = attempt(self, arguments);
         if (result || PyErr_Occurred()) return result;
     }
     object *slowly = PyObject_GetAttrString(self, "slowly");
@@ -237,52 +253,23 @@ static object *call(object *self, object *arguments, object *named)
     return result;
 }
 
-/* The type of kernels, to be derived from. */
-object *make_type(void *ndarray, void *record)
-{
-    static type_slot slots[] = {{TP_CALL, NULL}, {0, NULL}};
-    static type_spec spec = {"harpy_pin.kernels.Caller", sizeof(caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
-    object *(*function)(object *, object *, object *) = call;
-    memcpy(&slots[0].function, &function, sizeof function);
-    array_type = ndarray;
-    record_type = record;
-    return PyType_FromSpec(&spec);
-}
-
-/* Add a version to a kernel; its memory is Python's, and stays. */
-void add_version(object *self, version *v)
-{
-    v->next = ((caller *)self)->first;
-    ((caller *)self)->first = v;
-}
-
 /* The result of a call, or None in a tuple of its own where no version fits. */
 object *try_call(object *self, object *arguments)
 {
-    object *result = attempt((caller *)self, arguments);
+    object *result = attempt(self, arguments);
     if (result || PyErr_Occurred()) return result;
     return PyTuple_New(0);
 }
 
-/* A kernel with its arguments, for compiled code that calls it (ticks.c). */
-typedef struct { void (*entry)(const slot *, slot *); slot slots[MOST_SLOTS]; } bound;
-
 /* Bind a kernel to arguments, which the caller keeps; false where no version fits. */
 bool bind_call(object *self, object *arguments, bound *out)
 {
-    const version *v = find((caller *)self, arguments, out->slots);
+    const version *v = find(self, arguments, out->slots);
     if (v) out->entry = v->entry;
     return v != NULL;
 }
 
 /* --- several kernels in one crossing from Python --- */
-typedef struct {
-    bound *bound;
-    int64_t takes_time;  /* whether its first argument is the time */
-    int64_t answers;     /* whether it must return what is expected; otherwise the rest is Python's */
-    int64_t expected;
-} link;
-
 typedef struct {
     object *name;               /* attribute of a state */
     double *memory;             /* where calls find it */
@@ -299,8 +286,6 @@ typedef struct {
     link *first;
     sample sample[MOST_SAMPLES];
 } chain;
-
-typedef struct { object head; const chain *chain; } chain_caller;
 
 /* Copy an attribute of a state to where calls find it; false where it is not what they take. */
 static bool take(const sample *s, const object *type, object *state)
@@ -325,7 +310,7 @@ static bool take(const sample *s, const object *type, object *state)
 /* Take a state and make all calls; returns what the last one does, or None where Python has to go on. */
 static object *call_chain(object *self, object *arguments, object *named)
 {
-    const chain *c = ((chain_caller *)self)->chain;
+    const chain *c = called_by(self);
     object *state, *time;
     double t;
     int64_t answer = 0;
@@ -339,31 +324,19 @@ static object *call_chain(object *self, object *arguments, object *named)
     for (int64_t k = 0; k < c->samples; k++)
         if (!take(c->sample + k, c->type, state)) goto python;
     clear_upper_halves();
-    for (const link *l = c->first; l < c->first + c->links; l++) {
-        slot results[MOST_RESULTS];
-        results[0].whole = 0;
-        if (l->takes_time) l->bound->slots[0].number = t;
-        l->bound->entry(l->bound->slots, results);
-        answer = results[0].whole;
-        if (l->answers && answer != l->expected) goto python;
-    }
+    if (!run_links(c->first, c->first + c->links, t, &answer)) goto python;
     return PyLong_FromLongLong(answer);
 python:
     Py_IncRef(&_Py_NoneStruct);
     return &_Py_NoneStruct;
 }
 
-/* The type of chains, to be derived from; set_chain says what one calls, whose memory is Python's, and stays. */
-object *make_chain_type(void)
+/* The type of kernels or of chains, by this name: that of Python, with a call in C. */
+object *make_type(object *base, const char *name, bool chains)
 {
-    static type_slot slots[] = {{TP_CALL, NULL}, {0, NULL}};
-    static type_spec spec = {"harpy_pin.kernels.Chain", sizeof(chain_caller), 0, DEFAULT_FLAGS | BASE_TYPE, slots};
-    object *(*function)(object *, object *, object *) = call_chain;
+    type_slot slots[] = {{TP_CALL, NULL}, {0, NULL}};
+    type_spec spec = {name, 0, 0, DEFAULT_FLAGS | BASE_TYPE, slots};
+    object *(*function)(object *, object *, object *) = chains ? call_chain : call;
     memcpy(&slots[0].function, &function, sizeof function);
-    return PyType_FromSpec(&spec);
-}
-
-void set_chain(object *self, const chain *c)
-{
-    ((chain_caller *)self)->chain = c;
+    return PyType_FromSpecWithBases(&spec, base);
 }

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import ctypes
+import platform
 import struct
-from collections.abc import Iterator, Mapping, Sequence
+import sysconfig
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from harpy_pin.errors import KernelError
+from harpy_pin.errors import HarpyError, KernelError
 from harpy_pin.kernels import compiler
+from harpy_pin.kernels.record_view import RecordView
 from harpy_pin.kernels.shapes import ANY, Shape, encode
 from harpy_pin.kernels.types import Array, Struct, Tuple, Type
 
@@ -27,21 +30,55 @@ DTYPES = {
 }
 
 
+class Caller:
+    """Base of what C calls, by the address that it keeps; until then :meth:`__call__` is Python's (:func:`join`)."""
+
+    __slots__ = ("_address",)
+    _address: int
+    slowly: Callable[..., Any]
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """Run it."""
+        return self.slowly(*arguments, **named)
+
+
+def join(kind: type[Caller], *, chains: bool) -> None:
+    """Let C make the calls of all objects of a class, which is derived from :class:`Caller` first."""
+    name = f"{kind.__module__}.{kind.__name__}"
+    kind.__bases__ = (bridge().make_type(Caller, name.encode(), chains), *kind.__bases__[1:])
+
+
+def calling_library(*files: Path) -> ctypes.PyDLL:
+    """Files of C behind calls.h, as one library with the name of the last."""
+    text = "\n".join(file.read_text(encoding="utf-8") for file in (Path(__file__).with_name("calls.h"), *files))
+    return compiler.library(files[-1].stem, compiler.key_of(text), lambda: text)
+
+
 @cache
 def bridge() -> ctypes.PyDLL:
-    """The library, compiled where it is not there yet."""
-    text = Path(__file__).with_name("bridge.c").read_text(encoding="utf-8")
-    lib = compiler.library("bridge", compiler.key_of(text), lambda: text)
-    lib.make_type.restype = ctypes.py_object
-    lib.make_type.argtypes = [ctypes.py_object, ctypes.py_object]
-    lib.add_version.argtypes = [ctypes.py_object, ctypes.c_void_p]
-    lib.try_call.restype = ctypes.py_object
-    lib.try_call.argtypes = [ctypes.py_object, ctypes.py_object]
-    lib.make_chain_type.restype = ctypes.py_object
-    lib.set_chain.argtypes = [ctypes.py_object, ctypes.c_void_p]
-    lib.bind_call.restype = ctypes.c_bool
-    lib.bind_call.argtypes = [ctypes.py_object, ctypes.py_object, ctypes.POINTER(Bound)]
-    return lib
+    """The library, compiled where it is not there yet.
+
+    Raises:
+        HarpyError: there is no compiler, and the wheel does not have it; or objects of this Python lie in memory
+            otherwise than bridge.c declares them, such as those of one without a global lock.
+    """
+    free, python, number = sysconfig.get_config_var("Py_GIL_DISABLED"), ctypes.py_object, ctypes.c_void_p
+    if not free:
+        lib = calling_library(Path(__file__).with_suffix(".c"))
+        caller, x = Caller(), np.zeros((2, 3))
+        caller._address = id(caller)
+        known = (id(np.ndarray), x.ctypes.data, id(x.dtype), id(RecordView))
+        lib.lies_as_declared.restype = ctypes.c_bool
+        if lib.lies_as_declared(*map(python, (caller, caller._address, x)), *map(number, known)):
+            lib.make_type.restype = lib.try_call.restype = python
+            lib.make_type.argtypes = [python, ctypes.c_char_p, ctypes.c_bool]
+            lib.try_call.argtypes = [python, python]
+            lib.bind_call.restype = ctypes.c_bool
+            lib.bind_call.argtypes = [python, python, ctypes.POINTER(Bound)]
+            return lib
+    kind = " without its global lock" if free else ""
+    found = f"Python {platform.python_version()}{kind} with NumPy {np.__version__}"
+    raise HarpyError(f"kernels cannot be called from {found}: take CPython from 3.11 on as it is usually built")
 
 
 class Bound(ctypes.Structure):
@@ -79,6 +116,11 @@ class Version:
             raise KernelError(f"calls from Python have at most {most}")
         head = struct.pack("PPPii", entry, 0, ctypes.addressof(letters), len(types), release)
         self.memory = ctypes.create_string_buffer(head + b"".join(parts))
+
+    def before(self, address: int) -> int:
+        """Its own address, after which C goes on with the version at another one."""
+        struct.pack_into("P", self.memory, struct.calcsize("P"), address)
+        return ctypes.addressof(self.memory)
 
     def _argument(self, name: str, kind: Type) -> Iterator[bytes]:
         """The memory of an ``argument``, and of those inside a tuple."""

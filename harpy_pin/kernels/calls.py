@@ -5,12 +5,13 @@ from __future__ import annotations
 import ctypes
 import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 
-from harpy_pin.kernels.bridge import Bound, bridge
-from harpy_pin.kernels.kernels import BACKEND, Kernel
+from harpy_pin.kernels.bridge import Bound, Caller, join
+from harpy_pin.kernels.kernels import Kernel
 
 
 class Call:
@@ -73,10 +74,12 @@ class _Chain(ctypes.Structure):
     )
 
 
-_Base: Any = bridge().make_chain_type() if BACKEND == "c" else object
+@cache
+def _join_bridge() -> None:
+    join(Chain, chains=True)
 
 
-class Chain(_Base):  # type: ignore[misc]  # made by C
+class Chain(Caller):
     """Calls one after the other for a state, ``chain(state)``.
 
     It copies what was measured to the ``samples``, arrays of up to two axes by the attribute of the state that they
@@ -95,4 +98,5 @@ class Chain(_Base):  # type: ignore[misc]  # made by C
         self._kept = (bound, first, samples, names, number)  # C has their addresses
         parts = (_Sample * MAX_SAMPLES)(*given)
         self._chain = _Chain(len(first), len(given), id(number), id(names["t"]), longest, first, parts)
-        bridge().set_chain(self, ctypes.byref(self._chain))
+        self._address = ctypes.addressof(self._chain)
+        _join_bridge()

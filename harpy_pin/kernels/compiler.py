@@ -79,6 +79,18 @@ def compiler() -> tuple[str, ...] | None:
     return None
 
 
+def command() -> tuple[str, ...]:
+    """The same, where one is needed; a :class:`HarpyError` says that there is none."""
+    found = compiler()
+    if found is None:
+        raise HarpyError(f"there is no C compiler: {_install()}")
+    return found
+
+
+def _install() -> str:
+    return f"install gcc or clang, or {install_line('cc')}"
+
+
 @cache
 def version() -> str:
     """The compiler's name and version, in a line."""
@@ -190,7 +202,7 @@ def _brought(name: str) -> ctypes.PyDLL:
     if not _whole(BROUGHT / name, ours=False):
         kernel = name.partition("-")[0]
         why = f"the kernel '{kernel}' for this robot or setting is not in the wheel, and there is no C compiler"
-        raise HarpyError(f"{why}: install gcc or clang, or {install_line('cc')}")
+        raise HarpyError(f"{why}: {_install()}")
     try:
         return ctypes.PyDLL(str(BROUGHT / name))
     except OSError as error:
@@ -339,17 +351,15 @@ def run_program(command: list[str], *, temporary: str | None = None, timeout: fl
 
 
 def run_compiler(arguments: list[str], *, temporary: str | None = None) -> None:
-    """Run the C compiler; a :class:`KernelError` says that there is none, or what it says.
+    """Run the C compiler; a :class:`HarpyError` says that there is none, or what it says.
 
     ``temporary`` is a folder for its temporary files, which an end by :func:`ending` leaves behind.
     """
-    command = compiler()
-    if command is None:
-        raise KernelError(f"there is no C compiler: install gcc or clang, or {install_line('cc')}")
-    said, code = run_program([*command, *arguments], temporary=temporary)
+    words = command()
+    said, code = run_program([*words, *arguments], temporary=temporary)
     if code != 0:
         why = "was ended" if code < 0 else f"failed:\n{said[:4000]}"
-        raise KernelError(f"{' '.join(command)} {why}")
+        raise KernelError(f"{' '.join(words)} {why}")
 
 
 def _end(process: subprocess.Popen[str]) -> None:

@@ -35,10 +35,11 @@ def argument_types(kernel: Kernel[Any], given: Mapping[str, Any]) -> tuple[Type,
     return tuple(_type(kernel, name, value, records) for name, value in given.items())
 
 
-def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]) -> Type:
+def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any], *, whole: bool = True) -> Type:
+    """The type of an argument, or of a part of one that is a tuple."""
     if isinstance(value, np.ndarray):
         element = element_of(value.dtype, name)
-        if isinstance(element, Struct) and (value.ndim == 0 or (value.shape == (1,) and name in kernel.elements)):
+        if isinstance(element, Struct) and (value.ndim == 0 or (value.shape == (1,) and whole)):
             return element
         stated = kernel._shapes.get(name)
         return Array.packed(element, constant_shape(stated, records, value.ndim))
@@ -46,10 +47,10 @@ def _type(kernel: Kernel[Any], name: str, value: Any, records: Mapping[str, Any]
         return BOOLEAN
     if isinstance(value, int | float):
         stated_type = str(kernel.py_func.__annotations__.get(name, ""))
-        whole = stated_type == "int" or (isinstance(value, int) and stated_type != "float")
-        return INTEGER if whole else REAL
+        integer = stated_type == "int" or (isinstance(value, int) and stated_type != "float")
+        return INTEGER if integer else REAL
     if isinstance(value, tuple):
-        return Tuple(tuple(_type(kernel, name, item, records) for item in value))
+        return Tuple(tuple(_type(kernel, name, item, records, whole=False) for item in value))
     message = f"must be a number or an array, got {type(value).__name__}"
     raise KernelError(f"{name} of {kernel.py_func.__name__} {message}")
 

@@ -1,7 +1,7 @@
-"""``@kernel``: a function of numbers and arrays that runs as C, or as the Python it is.
+"""``@kernel``: a function of numbers and arrays that runs as C.
 
 The first call with arguments of new types translates and compiles it; the library is kept, so that the next process
-only loads it. ``$HARPY_PIN_KERNELS`` chooses ``c`` or ``python``; by default it is C where there is a compiler.
+only loads it.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache, update_wrapper
 from inspect import signature
@@ -21,17 +21,14 @@ from weakref import WeakSet
 
 import numpy as np
 
-from harpy_pin.errors import HarpyError, InputError, KernelError
+from harpy_pin.errors import KernelError
 from harpy_pin.kernels import compiler
-from harpy_pin.kernels.bridge import DTYPES, Bound, Version, bridge
+from harpy_pin.kernels.bridge import DTYPES, Bound, Caller, Version, bridge, join
 from harpy_pin.kernels.entry_points import argument_types, entry_code
-from harpy_pin.kernels.plain import run_plain
-from harpy_pin.kernels.record_view import RecordView, plain
 from harpy_pin.kernels.shapes import Shape, check_shapes
 from harpy_pin.kernels.source import fingerprint, remember
 from harpy_pin.kernels.types import Array, Struct, Type
 
-BACKENDS = ("c", "python")
 TRANSLATOR = (
     *("types", "operators", "expressions", "arrays", "overlaps", "blocks", "assignments", "statements"),
     *("source", "unit", "entry_points"),
@@ -42,46 +39,15 @@ _TRANSLATING = RLock()  # Python's parser is for one thread at a time
 _KERNELS: WeakSet[Kernel[Any]] = WeakSet()
 
 
-def _choose() -> str:
-    """Which kind of kernels this process has."""
-    desired = os.environ.get("HARPY_PIN_KERNELS", "")
-    if desired and desired not in BACKENDS:
-        raise InputError.unknown("kind of kernels in $HARPY_PIN_KERNELS", desired, BACKENDS)
-    if desired:
-        return desired
-    try:
-        bridge()
-    except HarpyError as error:
-        slow = "kernels run as plain Python, a thousand times slower; install gcc, or the extra 'cc'"
-        known = compiler.compiler() is not None
-        compiler.say(f"the C compiler does not work: {slow}\n{error}" if known else f"no C compiler found: {slow}")
-        return "python"
-    return "c"
-
-
-BACKEND = _choose()  # how kernels of this process run
-
-
-class _Slow:
-    """What a kernel is derived from where no C is called."""
-
-    slowly: Callable[..., Any]
-
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        return self.slowly(*arguments, **named)
-
-
-_Base: Any = bridge().make_type(np.ndarray, RecordView) if BACKEND == "c" else _Slow
 Result = TypeVar("Result")
 Result_co = TypeVar("Result_co", covariant=True)
 
 
-class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
+class Kernel(Caller, Generic[Result_co]):
     """A function in the language of kernels, see docs/kernels.md; ``Kernel[float]`` returns a number.
 
     Attributes:
         py_func: the function in Python.
-        elements: arguments that are a record. From Python they are given as the array that holds it.
     """
 
     def __init__(self, function: FunctionType, shapes: Mapping[str, Shape], *, release: bool = False) -> None:
@@ -92,7 +58,6 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         self._shapes = shapes
         self._release = release
         self._names = list(self._signature.parameters)
-        self.elements = {name for name in self._names if _is_record(function.__annotations__.get(name))}
         self._versions: dict[tuple[Type, ...], Future[None]] = {}
         self._kept: list[object] = []
         _KERNELS.add(self)
@@ -112,8 +77,6 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         """
         given = self._bind(arguments, named)
         check_shapes(self.py_func.__name__, self._shapes, given)
-        if BACKEND == "python":
-            return self.python(*given.values())
         values = tuple(_plain(value) for value in given.values())
         self._finish(self._begin(values))
         result = bridge().try_call(self, values)
@@ -133,11 +96,7 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         The future is done once it can be called. A :class:`KernelError` says that the kernel does not take such
         arguments.
         """
-        if BACKEND == "c":
-            return self._versions[self._begin(tuple(map(_plain, self._bind(arguments, {}).values())))]
-        done: Future[None] = Future()
-        done.set_result(None)
-        return done
+        return self._versions[self._begin(tuple(map(_plain, self._bind(arguments, {}).values())))]
 
     def bind(self, *arguments: Any) -> Bound:
         """The kernel with arguments that stay where they are, for C that calls it; it is compiled if need be.
@@ -219,22 +178,14 @@ class Kernel(_Base, Generic[Result_co]):  # type: ignore[misc]  # made by C
         named = dict(zip(self._names, types, strict=True))
         version = Version(entry, told, named, self._shapes, release=self._release)
         with _LOCK:
-            bridge().add_version(self, version.memory)
+            _join_bridge()
+            self._address = version.before(getattr(self, "_address", 0))
             self._kept += [lib, version]
 
     def c_source(self, *arguments: Any, debug: bool = False) -> str:
         """The C that arguments like these make."""
         values = self._bind(tuple(_plain(value) for value in arguments), {})
         return entry_code(self, argument_types(self, values), debug=debug, traced=False)
-
-    def _elements_of(self, values: Iterable[Any]) -> list[Any]:
-        """Arguments as the function in Python takes them: a record instead of the array that holds it."""
-        pairs = zip(self._names, values, strict=True)
-        return [plain(value)[0] if name in self.elements and np.ndim(value) else value for name, value in pairs]
-
-    def python(self, *arguments: Any) -> Any:
-        """Run it as Python, with the kernels that it calls: slowly, for tests."""
-        return run_plain(self.py_func, tuple(self._elements_of(arguments)))
 
     def __reduce__(self) -> str:
         return self.py_func.__qualname__
@@ -268,12 +219,6 @@ _DTYPES = {dtype: dtype for dtype in DTYPES.values()}
 """The one of equal types of records that calls compare with; those that were pickled have others."""
 
 
-def _is_record(annotation: Any) -> bool:
-    """Whether an argument is the element of a record: the name of its class ends so."""
-    name = getattr(annotation, "__name__", str(annotation))
-    return name.endswith("Record") and name != "Record"
-
-
 def _plain(value: Any) -> Any:
     """An argument as C can take it: a record as an array without axes."""
     if isinstance(value, np.ma.MaskedArray):
@@ -302,6 +247,11 @@ def _described(given: Mapping[str, Any]) -> str:
         return f"{value.dtype.kind}{value.shape}" if isinstance(value, np.ndarray) else type(value).__name__
 
     return ", ".join(f"{name}: {kind(value)}" for name, value in given.items())
+
+
+@cache
+def _join_bridge() -> None:
+    join(Kernel, chains=False)
 
 
 @cache

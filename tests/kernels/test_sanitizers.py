@@ -54,7 +54,6 @@ def run(program: str, folder: Path, *arguments: str) -> subprocess.CompletedProc
         "ASAN_OPTIONS": "detect_leaks=0",
         "UBSAN_OPTIONS": "print_stacktrace=1",
         "HARPY_PIN_CACHE": str(folder / "cache"),
-        "HARPY_PIN_KERNELS": "c",
         "PYTHONMALLOC": "malloc",  # or it would not see the ends of short arrays
         "PYTHONPATH": os.pathsep.join([str(HERE.parents[1]), str(folder)]),
     }

@@ -137,7 +137,13 @@ def as_given(value: Any) -> Any:
 def run_plain(kernel: Kernel, *arguments: Any) -> Any:
     """Call a kernel as plain Python."""
     with np.errstate(all="ignore"):
-        return plain(kernel)(*map(as_given, kernel._elements_of(arguments)))
+        return plain(kernel)(*map(as_given, map(_element, arguments)))
+
+
+def _element(value: Any) -> Any:
+    """A record instead of the array that holds it."""
+    held = isinstance(value, np.ndarray) and value.dtype.names and value.shape == (1,)
+    return np.asarray(value)[0] if held else value
 
 
 def bits(value: Any) -> Any:

@@ -23,7 +23,6 @@ from harpy_pin.gaits.on_terrain import OnTerrain
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.ground import Ground
 from harpy_pin.ground.terrain import Plane
-from harpy_pin.kernels import BACKEND
 from harpy_pin.model.robot import Robot, load_harpy
 from harpy_pin.model.state import Command, State, Vector
 from harpy_pin.simulation.push import Push
@@ -119,7 +118,7 @@ class LiveSession:
         self._warm: set[str] = set()
         self._stand()
         on_standing(self)
-        self._warm_up(self.ranges.controllers if BACKEND == "c" else [])
+        self._warm_up(self.ranges.controllers)
         self._take_over(self._make_controller(s))
 
     @property
