@@ -46,15 +46,6 @@ def test_functions(x, y):
     same(functions, np.array([x, y]), np.zeros(12))
 
 
-@given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
-def test_functions_are_numpys_of_single_numbers(x, y):
-    a, ours, numpys = np.array([x, y]), np.zeros(12), np.zeros(12)
-    functions(a, ours)
-    with np.errstate(all="ignore"):
-        functions.py_func(a, numpys)
-    np.testing.assert_array_equal(ours, numpys)
-
-
 @kernel
 def extremes(a, n, m):
     x, y, z = a[0], a[1], a[2]

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 import tracemalloc
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,9 +17,10 @@ import pytest
 from needs import needs_compiler
 
 from harpy_pin.errors import KernelError
-from harpy_pin.kernels import compiler, kernel
+from harpy_pin.kernels import bridge, compiler, kernel
 from harpy_pin.kernels.bridge import MAX_RESULTS
 from harpy_pin.kernels.calls import Call, Chain
+from harpy_pin.simulation import ticks
 
 pytestmark = needs_compiler
 RECORD = np.dtype([("mass", np.float64), ("force", np.float64, (2,)), ("count", np.int64)], align=True)
@@ -305,10 +307,11 @@ def test_many_threads_compile_and_call():
     assert results == [1.5] * 8
 
 
-def test_the_bridge_compiles_without_a_warning(tmp_path):
+@pytest.mark.parametrize("file", [bridge.__file__, ticks.__file__])
+def test_what_calls_kernels_compiles_without_a_warning(file, tmp_path):
     command = compiler.compiler()
     assert command is not None
-    source = compiler.__file__.replace("compiler.py", "bridge.c")
-    warnings = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-c", "-o", str(tmp_path / "bridge.o"))
-    done = subprocess.run([*command, *warnings, source], capture_output=True, text=True, check=False)
+    head, source = Path(bridge.__file__).with_name("calls.h"), Path(file).with_suffix(".c")
+    warnings = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-c", "-o", str(tmp_path / "made.o"))
+    done = subprocess.run([*command, *warnings, "-include", head, source], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""The language of kernels on its own feet: nothing of robots in it, and nothing of it where a robot is only described."""
+"""The language of kernels on its own feet: it knows no robots, and whoever describes one does without it."""
 
 import ast
 import subprocess

@@ -66,9 +66,8 @@ def test_a_larger_record_holds_the_fields_of_a_smaller_one():
 
 
 @kernel
-def turn(record):
+def turn(p):
     """Write each kind of field from another, by the record's own numbers."""
-    p = record[0]
     for k in range(3):
         p.rows[k] = p.rows[k] + p.index
     scale(p)
