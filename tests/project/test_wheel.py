@@ -53,6 +53,9 @@ def test_kernels_in_the_wheel_walk_without_a_compiler(tmp_path: Path) -> None:
         assert told["cpu"] < 1.5  # s, with Python's start and all imports
         assert told["ending"] == "completed"
         assert told["q"] == compiled["q"]
+        parts = wheel_alone.run(python, str(wheel_alone.EVERY_PART), robot)
+        assert parts.returncode == 0, parts.stdout + parts.stderr
+        assert "bridge: done" in parts.stdout or robot == "harpy"
     refused = wheel_alone.run(python, "-m", "harpy_pin", "walk", "--robot", "iris", "--duration", "0.1")
     assert refused.stderr.count("\n") == 1
     assert "is not in the wheel, and there is no C compiler" in refused.stderr

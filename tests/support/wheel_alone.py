@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
+EVERY_PART = Path(__file__).with_name("every_part.py")
 WALK = """
 from time import perf_counter, perf_counter_ns, process_time
 begin = perf_counter()
@@ -54,7 +55,7 @@ def install(wheel: Path, environment: Path, *, shared: bool, ziglang: bool = Fal
     venv.create(environment)
     python = environment / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", str(wheel)]
-    pip += ["--no-deps"] if shared else ["-c", str(ROOT / "constraints.txt"), "example-robot-data"]
+    pip += ["--no-deps"] if shared else ["-c", str(ROOT / "constraints.txt"), "example-robot-data", "mujoco", "gymnasium"]
     subprocess.run(pip, check=True)
     if shared:
         (packages,) = environment.glob("lib/python*/site-packages")
@@ -99,3 +100,4 @@ if __name__ == "__main__":
             compiled = min(theirs["tick"] for _, theirs in pairs)
             print(f"{robot}: first tick after {wall:.2f} s, {cpu:.2f} s of the processor", end="; ")
             print(f"a tick {tick:.2f} µs, compiled for this processor {compiled:.2f} µs")
+            print(run(python, str(EVERY_PART), robot).stdout, end="")
