@@ -11,7 +11,19 @@ from typing import Any
 import numpy as np
 
 from harpy_pin.kernels.operators import ATOM, EQUALITY, PRODUCT, SUM, UNARY, Operators, Refused, refused, wider, wrap
-from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Function, Scalar, Struct, Tuple, Value
+from harpy_pin.kernels.types import (
+    BOOLEAN,
+    INTEGER,
+    REAL,
+    SINGLE,
+    Array,
+    ByPrecision,
+    Function,
+    Scalar,
+    Struct,
+    Tuple,
+    Value,
+)
 
 
 def _is_sum_from(end: ast.BinOp, begin: ast.expr | None) -> bool:
@@ -270,7 +282,8 @@ class Expressions(Operators):
     def known(self, found: Any, name: str) -> Value:
         """A value of Python that a kernel's source names: a number, a kernel, a module, a function."""
         if isinstance(found, int | float | tuple | np.integer | np.bool_):
-            value = self.constant(found)
+            single = self.unit.single and isinstance(found, ByPrecision)
+            value = self.constant(found.single if single else found)
             if isinstance(value.type, Scalar) and value.type is not BOOLEAN and name.isupper():
                 return replace(value, code=self.unit.define(name, value.code), binding=ATOM)
             return value

@@ -44,15 +44,9 @@ class Source:
         }
         self.docstring = (inspect.getdoc(function) or "").split("\n\n")[0]
 
-    def lookup(self, name: str, *, single: bool = False) -> Any:
-        """What a name of the kernel's module, or of Python, stands for.
-
-        In ``single`` precision the module's ``SINGLE`` counts, numbers by name that stand for others.
-        """
-        known = _globals(self._function)
-        found = known.get(name, getattr(builtins, name, None))
-        if single and name in known.get("SINGLE", ()):
-            found = known["SINGLE"][name]
+    def lookup(self, name: str) -> Any:
+        """What a name of the kernel's module, or of Python, stands for."""
+        found = _globals(self._function).get(name, getattr(builtins, name, None))
         if found is None:
             raise self.error(self.tree, f"there is no '{name}'")
         return found

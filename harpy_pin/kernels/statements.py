@@ -337,7 +337,7 @@ class _Translator(Assignments):
             return value
         if node.id in self.local:
             raise Refused(f"'{node.id}' before it has a value")
-        return self.known(self.source.lookup(node.id, single=self.unit.single), node.id)
+        return self.known(self.source.lookup(node.id), node.id)
 
     def _call(self, node: ast.Call) -> Value:
         if isinstance(node.func, ast.Attribute) and node.func.attr == "reshape":

@@ -34,6 +34,18 @@ KINDS = {"?": BOOLEAN, "l": INTEGER, "q": INTEGER, "d": REAL, "f": SINGLE}
 """Types of numbers by NumPy's letter."""
 
 
+class ByPrecision(float):
+    """A constant of a kernel's module that is another number where kernels compute in ``single`` precision."""
+
+    def __new__(cls, double: float, *, single: float) -> ByPrecision:
+        """The number itself is that in double precision."""
+        made = super().__new__(cls, double)
+        made.single = single
+        return made
+
+    single: float
+
+
 AXES = ("rows", "columns", "layers", "blocks")
 """What sizes are called that are known at run time only."""
 

@@ -19,7 +19,6 @@ import numpy as np
 import harpy_pin as hp
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.gym import HarpyEnv, HarpyVectorEnv, RobotEnv
-from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.errors import HarpyError, InputError, reason
 from harpy_pin.model.catalogue import CATALOGUE
 from harpy_pin.model.source import loaded_robot
@@ -56,22 +55,20 @@ def parts(name: str) -> Iterator[tuple[str, Callable[[], object]]]:
 
 def cross_bridge(name: str) -> None:
     """A step of a controller in a simulation of one's own, of the model that the MuJoCo plant has."""
-    model = hp.build(hp.Scenario(robot=name, plant="mujoco")).simulator.model
-    robot = loaded_robot(name)
-    gait, bridge, data = hp.make_gait(robot), hp.MujocoBridge(model, robot), mujoco.MjData(model)
-    controller = hp.make_controller("condensed", gait, mu=0.6, **TARGETS)
-    bridge.place(gait.initial_state(), data)
+    walk = hp.build(hp.Scenario(robot=name, plant="mujoco"))
+    model, controller = walk.simulator.model, walk.controller
+    state, bridge = controller.gait.initial_state(), hp.MujocoBridge(model, loaded_robot(name))
+    data = mujoco.MjData(model)
+    bridge.place(state, data)
     bridge.write(controller.step(bridge.read(data)), data)
-    bridge.self_contacts(gait.initial_state()[0])
+    bridge.self_contacts(state[0])
 
 
 def step_batch(name: str) -> None:
     """Two robots of one kind."""
-    robot = loaded_robot(name)
-    for parameters in (None, WholeBodyParameters(**TARGETS)):
-        batch = CondensedBatch(robot, 2, parameters)
-        q, v = hp.make_gait(robot).initial_state()
-        batch.step(np.tile(q, (2, 1)), np.tile(v, (2, 1)), np.zeros((2, len(robot.feet), 3)))
+    robot, state = loaded_robot(name), hp.build(hp.Scenario(robot=name)).controller.gait.initial_state()
+    batch = CondensedBatch(robot, 2)
+    batch.step(*(np.tile(part, (2, 1)) for part in state), np.zeros((2, len(robot.feet), 3)))
 
 
 def step_environment(env: HarpyEnv | HarpyVectorEnv | RobotEnv) -> None:

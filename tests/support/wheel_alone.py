@@ -55,7 +55,9 @@ def install(wheel: Path, environment: Path, *, shared: bool, ziglang: bool = Fal
     venv.create(environment)
     python = environment / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", str(wheel)]
-    pip += ["--no-deps"] if shared else ["-c", str(ROOT / "constraints.txt"), "example-robot-data", "mujoco", "gymnasium"]
+    pip += (
+        ["--no-deps"] if shared else ["-c", str(ROOT / "constraints.txt"), "example-robot-data", "mujoco", "gymnasium"]
+    )
     subprocess.run(pip, check=True)
     if shared:
         (packages,) = environment.glob("lib/python*/site-packages")
