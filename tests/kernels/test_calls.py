@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from needs import needs_compiler
 
-from harpy_pin.errors import KernelError
+from harpy_pin.errors import HarpyError, KernelError
 from harpy_pin.kernels import bridge, compiler, kernel
 from harpy_pin.kernels.bridge import MAX_RESULTS
 from harpy_pin.kernels.calls import Call, Chain
@@ -315,3 +315,18 @@ def test_what_calls_kernels_compiles_without_a_warning(file, tmp_path):
     warnings = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-c", "-o", str(tmp_path / "made.o"))
     done = subprocess.run([*command, *warnings, "-include", head, source], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+class Wider:
+    __slots__ = ("A", "_address")
+
+
+def test_objects_that_lie_otherwise_are_refused(monkeypatch):
+    """As those of a Python without its global lock do, or those of a Python that is not known yet."""
+    with monkeypatch.context() as known:
+        known.setattr(bridge, "Caller", Wider)
+        with pytest.raises(HarpyError, match=r"cannot be called from Python [\d.]+ with NumPy"):
+            bridge.bridge.__wrapped__()
+    monkeypatch.setattr(bridge.sysconfig, "get_config_var", lambda name: name == "Py_GIL_DISABLED")
+    with pytest.raises(HarpyError, match="without its global lock"):
+        bridge.bridge.__wrapped__()
