@@ -17,10 +17,12 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 COMPILE = """
-import sys
+import runpy, sys
 from harpy_pin.cli.compile import compile_ahead
 from harpy_pin.model.catalogue import CATALOGUE
-compile_ahead(sys.argv[1:] or ["harpy", *CATALOGUE])
+robots = sys.argv[1:] or ["harpy", *CATALOGUE]
+compile_ahead(robots)
+sys.exit(not runpy.run_path("tests/support/every_part.py")["use_all"](robots))
 """
 
 
@@ -34,9 +36,10 @@ class WheelWithKernels(BuildHookInterface[Any]):
         self.work = tempfile.TemporaryDirectory()
         known = {"PYTHONPATH": self.root, "HARPY_PIN_CACHE": self.work.name, "HARPY_PIN_FOR_A_WHEEL": "1"}
         robots = os.environ.get("HARPY_PIN_WHEEL_ROBOTS", "").split()
-        subprocess.run([sys.executable, "-c", COMPILE, *robots], env={**os.environ, **known}, check=True)
+        command = [sys.executable, "-c", COMPILE, *robots]
+        subprocess.run(command, env={**os.environ, **known}, check=True, cwd=self.root)
         made = sorted(Path(self.work.name).glob("*.so"))
-        build_data["force_include"] |= {str(path): f"harpy_pin/compiled/libraries/{path.name}" for path in made}
+        build_data["force_include"] |= {str(path): f"harpy_pin/kernels/libraries/{path.name}" for path in made}
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"
 

@@ -23,9 +23,9 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, check_update
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, field, make_record, sized

@@ -8,8 +8,8 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.governors.rows import ConstraintRows, check_outputs
+from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.state import Vector
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.governor import Governor
 from harpy_pin.governors.point_mass import Law, PointMassRecord, model_record
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governors.thrust import CentreGains, centre_feedback
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 from reproduction.chattering import chattering

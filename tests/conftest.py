@@ -23,7 +23,7 @@ import pytest
 from needs import CHECKS, chromium, missing, needed
 
 import harpy_pin as hp
-from harpy_pin.compiled import kernels
+from harpy_pin.kernels import kernels
 from harpy_pin.view.page.film import SWITCHES
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a job that a shell runs in the background

@@ -22,12 +22,12 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import Command, Robot, State, WalkingGait
-from harpy_pin.compiled import kernel
-from harpy_pin.compiled.calls import Call
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.gaits.walking.body import mean_felt
 from harpy_pin.gaits.walking.record import WalkingRecord
+from harpy_pin.kernels import kernel
+from harpy_pin.kernels.calls import Call
 from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.legs import legs

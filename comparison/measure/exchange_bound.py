@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
-from harpy_pin.compiled.types import INTEGER, REAL, Struct
-from harpy_pin.compiled.unit import Unit
 from harpy_pin.errors import HarpyError
 from harpy_pin.export.board import CHIPS, Chip, build, run
 from harpy_pin.export.code import initial_values
 from harpy_pin.export.mathematics import PORTABLE
+from harpy_pin.kernels import kernel
+from harpy_pin.kernels.types import INTEGER, REAL, Struct
+from harpy_pin.kernels.unit import Unit
 from harpy_pin.model.cholesky import factorise
 from harpy_pin.model.record import Record, make_record
 from harpy_pin.model.state import Vector

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from comparison.measure.replay import TickReplay
-from harpy_pin.compiled import compiler
-from harpy_pin.compiled.calls import linked
 from harpy_pin.errors import HarpyError
+from harpy_pin.kernels.bridge import calling_library
+from harpy_pin.kernels.calls import linked
 from harpy_pin.model.state import State, Vector
 from harpy_pin.simulation import ticks
 
@@ -58,9 +58,7 @@ def _arrays(state: State) -> tuple[Vector, ...]:
 
 @cache
 def _library() -> Any:
-    files = (Path(ticks.__file__).with_suffix(".c"), Path(__file__).with_name("replay.c"))
-    text = "\n".join(file.read_text(encoding="utf-8") for file in files)
-    library = compiler.library("replay", compiler.key_of(text), lambda: text)
+    library = calling_library(Path(ticks.__file__).with_suffix(".c"), Path(__file__).with_name("replay.c"))
     pointer, whole = ctypes.c_void_p, ctypes.c_int64
     library.replay.restype = whole
     library.replay.argtypes = (*(pointer, whole) * 5, pointer, pointer)

@@ -18,8 +18,8 @@ from comparison.measure.replay import TickReplay, replay
 from comparison.measure.timing import Laps, timer_overhead, without_gc
 from comparison.measure.walking import StateSequence
 from comparison.peers.peer_problem import OWN_SEARCH, Case
-from harpy_pin.compiled import compiler
 from harpy_pin.controllers import CondensedController, WholeBodyController
+from harpy_pin.kernels import compiler
 from harpy_pin.model.state import State, Vector
 
 WholeBody = WholeBodyController | CondensedController

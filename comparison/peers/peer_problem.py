@@ -217,7 +217,7 @@ def _handed_over(controller: WholeBodyController, state: State, data: pin.Data) 
 def _motion_of_sole(controller: WholeBodyController, n: int) -> Vector:
     """Acceleration of a sole, linear in its middle and angular, that is nearest to those desired of its corners.
 
-    It is the solution of the rows of :func:`harpy_pin.model.flat_foot.flat_foot_rows`: with ρ_i from the middle to the
+    It is the solution of the rows of :func:`harpy_pin.model.terms.flat_foot_rows`: with ρ_i from the middle to the
     corners, Σ (a_i − α_i) = 0 and Σ ρ_i × (a_i − α_i) = 0, where a_i = a + ω̇ × ρ_i + ω × (ω × ρ_i).
     """
     d, corners = controller.dynamics, slice(4 * n, 4 * n + 4)

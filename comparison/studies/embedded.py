@@ -23,7 +23,6 @@ from comparison.measure.exchange_bound import search_bound
 from comparison.peers.environment import default_folder
 from comparison.study import Job, Study, View, grid, shown
 from harpy_pin import HarpyError, Push, Robot
-from harpy_pin.compiled import kernel
 from harpy_pin.controllers.tasks import task_terms
 from harpy_pin.controllers.whole_body_tick import ProgramTickRecord
 from harpy_pin.export.board import CHIPS, measure, missing_tools
@@ -32,6 +31,7 @@ from harpy_pin.export.exported_controllers import Exportable, exportable
 from harpy_pin.export.folder import write_folder
 from harpy_pin.export.recording import CONTROLLERS, Recording, answers, ready, record
 from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import Record
 from harpy_pin.model.source import loaded_robot

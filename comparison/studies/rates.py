@@ -14,10 +14,10 @@ import numpy as np
 
 from comparison.study import Job, Study, View, grid, shown
 from harpy_pin import Ground, make_gait
-from harpy_pin.compiled.kernels import wait_for_all
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.gaits import Standing
 from harpy_pin.ground import Stairs
+from harpy_pin.kernels.kernels import wait_for_all
 from harpy_pin.log.run import Run
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot

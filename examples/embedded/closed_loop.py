@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 import harpy_pin as hp
-from harpy_pin.compiled.compiler import compiler
-from harpy_pin.compiled.types import REAL, Array, Struct
-from harpy_pin.compiled.unit import Unit
 from harpy_pin.export.code import controller_code, initial_values
 from harpy_pin.export.exported_controllers import exportable
 from harpy_pin.export.recording import ready
 from harpy_pin.gaits.straight import _walk
+from harpy_pin.kernels.compiler import compiler
+from harpy_pin.kernels.types import REAL, Array, Struct
+from harpy_pin.kernels.unit import Unit
 from harpy_pin.model.record import make_record
 from harpy_pin.simulation.simulator import physics_steps
 

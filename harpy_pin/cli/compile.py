@@ -14,7 +14,7 @@ import typer
 
 from harpy_pin.cli import walk_options as options
 from harpy_pin.cli.output import Force, console, say_next
-from harpy_pin.errors import HarpyError, InputError
+from harpy_pin.errors import InputError
 
 if TYPE_CHECKING:
     from harpy_pin.model.robot import Robot
@@ -45,8 +45,8 @@ def compile_ahead(
     harpy compile --clear
     """
     logging.getLogger("harpy_pin.compiling").setLevel(logging.ERROR)  # this command says it better
-    from harpy_pin.compiled import BACKEND, compiler
-    from harpy_pin.compiled.kernels import wait_for_all
+    from harpy_pin.kernels import compiler
+    from harpy_pin.kernels.kernels import wait_for_all
     from harpy_pin.scenario import walk
 
     walkers = [options.read_robot_options(name, feet, posture, flat_feet) for name in dict.fromkeys(robots or [HARPY])]
@@ -54,8 +54,7 @@ def compile_ahead(
         console.print(f"removed {_count(compiler.clear())} from {compiler.folder()}", soft_wrap=True)
         if not robots:
             return
-    if BACKEND != "c":
-        raise HarpyError("there is nothing to compile ahead without a C compiler: install gcc, clang or the extra 'cc'")
+    compiler.command()
     begin, refused = perf_counter(), list[InputError]()
     with ThreadPoolExecutor(os.cpu_count()) as threads:
         work = {threads.submit(walk, scenario): name for name, scenario in _scenarios(walkers)}

@@ -67,7 +67,7 @@ def stopping(command: Callable[..., None]) -> Callable[..., None]:
 
 def _kernels() -> Any:
     """The module that compiles, where a command has come so far as to need it."""
-    return sys.modules.get("harpy_pin.compiled.kernels")
+    return sys.modules.get("harpy_pin.kernels.kernels")
 
 
 def _show_as_a_line() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT") if hasattr(signal, name))
 """Signals after which no compiler is left running."""
-COMPILER = "harpy_pin.compiled.compiler"
+COMPILER = "harpy_pin.kernels.compiler"
 """The module whose compilers and folders a process does not leave behind, once it has been imported."""
 
 

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.contrib.threads import Threads, selection
 from harpy_pin.controllers.condensed_tick import CondensedTasksRecord
 from harpy_pin.controllers.joint_targets import JointTargetsRecord, joint_targets_record, move_targets
@@ -22,6 +21,7 @@ from harpy_pin.errors import InputError, reason
 from harpy_pin.gaits.gait import FullGait, GaitTarget, GaitTargetRecord
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.straight import make_gait
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, lasting
 from harpy_pin.model.record import RecordOf, Records, make_record

@@ -25,8 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.contrib.power import Motors
+from harpy_pin.kernels import kernel
 from harpy_pin.log.power import PRESETS, Propulsion
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record, sized

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, answer_terms, cone_rows, friction_limit
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.thrust import limit_thrust
+from harpy_pin.kernels import kernel
 from harpy_pin.model.contact_map import ContactMapRecord, sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import FADE, HOLD_TICKS, all_finite, as_command, as_state, refuse_law

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from harpy_pin.compiled import kernel
 from harpy_pin.controllers.friction import note_inputs
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord, write_inputs
 from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import write_thrusts

@@ -19,11 +19,11 @@ from dataclasses import asdict
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.controllers.governed_tick import ControlRecord, solve_three, steps_of, thrusts, track_foot
 from harpy_pin.controllers.parameters import FeedforwardGains
 from harpy_pin.controllers.tasks import share_of_load
 from harpy_pin.gaits.gait import FullGait, GaitTargetRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector

@@ -47,7 +47,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import MAX_SAMPLE, all_possible
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized

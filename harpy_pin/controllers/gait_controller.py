@@ -12,12 +12,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.compiled import BACKEND, Kernel, kernel
-from harpy_pin.compiled.calls import Call, Chain
 from harpy_pin.controllers.parameters import GovernedParameters, WholeBodyParameters
 from harpy_pin.controllers.tick import BAD_SAMPLE, TickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import LONGEST, FullGait, Gait, GaitTarget, Unobserved, calls_of, check_target, own_target
+from harpy_pin.kernels import Kernel, kernel
+from harpy_pin.kernels.calls import Call, Chain
 from harpy_pin.model.entry import MISFIT, as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import Records, field
@@ -209,7 +209,7 @@ class GaitController(KeepsViews, ABC):
     def _joined(self) -> Chain | None:
         """The kernels of gait and controller in one; None where that cannot be."""
         state = State(0.0, *self._sample)
-        calls = self._kernels(state) if BACKEND == "c" else None
+        calls = self._kernels(state)
         if calls is None:
             return None
         measured = dict(zip(self.measured, self._measured(state), strict=True))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.parameters import GovernedParameters
 from harpy_pin.controllers.tasks import possible_feet
 from harpy_pin.controllers.tick import BAD_SAMPLE, VIOLATED, TickRecord, fading
@@ -16,6 +15,7 @@ from harpy_pin.governors.point_mass import Law
 from harpy_pin.governors.rows import ForceRowsRecord
 from harpy_pin.governors.thrust import CentreGainsRecord, allocate, centre_feedback, limit_thrust, roll_yaw
 from harpy_pin.ground.contact_frame import is_level
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.contact_map import ContactMapRecord
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows, is_unit

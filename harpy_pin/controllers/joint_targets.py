@@ -37,7 +37,6 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.thrust_lag import LaggedTickRecord, lagged_step
@@ -45,6 +44,7 @@ from harpy_pin.controllers.tick import TickRecord
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.gaits.walking.build import build_of
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot

@@ -23,7 +23,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import kernel
 from harpy_pin.controllers.friction import (
     KNOWN_KNEE,
     FrictionRecord,
@@ -33,6 +32,7 @@ from harpy_pin.controllers.friction import (
 )
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, turn_feet
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import BAD, GOOD, MISFIT, all_finite, all_possible, all_possible_rows
 from harpy_pin.model.record import RecordOf

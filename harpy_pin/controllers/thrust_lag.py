@@ -24,12 +24,12 @@ import math
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, finish_optimum
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.tasks import task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, write_inputs
 from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized

@@ -7,7 +7,7 @@ which fades after ``HOLD_TICKS`` ticks. All arrays are as in :class:`harpy_pin.m
 
 from __future__ import annotations
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import FADE, GOOD, HOLD_TICKS
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled.calls import Chain
 from harpy_pin.controllers.joint_targets import keep_targets
 from harpy_pin.controllers.parameters import WholeBodyParameters
 from harpy_pin.controllers.task_controller import TaskController
@@ -30,6 +29,7 @@ from harpy_pin.controllers.whole_body_tick import QP_TICKS, WholeBodyTargetsReco
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import Gait
 from harpy_pin.ground.contact_frame import turn_feet
+from harpy_pin.kernels.calls import Chain
 from harpy_pin.model.entry import GOOD, as_state
 from harpy_pin.model.record import Records, field
 from harpy_pin.model.state import Command, State

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.friction import note_inputs
 from harpy_pin.controllers.joint_targets import JointTargetsRecord, add_lacking, keep_targets, move_targets
 from harpy_pin.controllers.tasks import TasksRecord, forces_in_world, task_terms
 from harpy_pin.controllers.tick import BAD_SAMPLE, FALLBACK, TickRecord, write_inputs
 from harpy_pin.gaits.gait import GaitTargetRecord
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.contact_map import ContactMapRecord
 from harpy_pin.model.entry import GOOD
 from harpy_pin.model.record import ZERO, RecordOf, sized

@@ -26,8 +26,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.estimation.record import ERRORS, FilterRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import factorise, solve_transposed
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp, skew

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY
 from harpy_pin.estimation.invariant_filter import leave
 from harpy_pin.estimation.record import ERRORS, EstimatorRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import exp
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.plausibility import (
@@ -20,6 +19,7 @@ from harpy_pin.estimation.plausibility import (
     weigh,
 )
 from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms

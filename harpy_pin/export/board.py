@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled.compiler import run_program, work_folder
 from harpy_pin.errors import HarpyError
 from harpy_pin.export.code import shipped
+from harpy_pin.kernels.compiler import run_program, work_folder
 
 COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
 ICOUNT = "shift=6,align=off,sleep=off"

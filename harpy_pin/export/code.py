@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled.types import REAL, Array, Struct
-from harpy_pin.compiled.unit import Unit
 from harpy_pin.export.exported_controllers import LAW, Exportable
 from harpy_pin.export.mathematics import PORTABLE
+from harpy_pin.kernels.types import REAL, Array, Struct
+from harpy_pin.kernels.unit import Unit
 from harpy_pin.model.record import Record
 
 FEW = 2  # entries of an array that are assigned one by one; more are copied from the table

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.controllers.condensed import CondensedController
 from harpy_pin.controllers.condensed_tick import CondensedTickRecord, condensed_step
 from harpy_pin.controllers.gait_controller import GaitController
@@ -36,10 +35,11 @@ from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.governors.erg import ExplicitReferenceGovernor
 from harpy_pin.governors.rows import ForceRows
 from harpy_pin.ground.surface import flat_terrain
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import State, Vector
+from harpy_pin.model.terms import read_thrusts
 from harpy_pin.wbc.active_set_warm_start import WarmStartedActiveSet
 from harpy_pin.wbc.condensed.condensed_solver import CondensedStatus
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled.compiler import work_folder
 from harpy_pin.errors import InputError, shown
 from harpy_pin.export.board import CHIPS, board_text, measure, missing_tools
 from harpy_pin.export.code import Code, about_target, controller_code, lengths, number_text, shipped
 from harpy_pin.export.exported_controllers import Exportable, exportable, exportable_walk
 from harpy_pin.export.recording import WALK, Recording, answers, ready, record
 from harpy_pin.files import OwnFolder
+from harpy_pin.kernels.compiler import work_folder
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.source import loaded_robot
 from harpy_pin.simulation.sensing import EstimatedState

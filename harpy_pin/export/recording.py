@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled.compiler import EXACT, SHARED, compiler, run_compiler, work_folder
 from harpy_pin.controllers.gait_controller import GaitController
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.estimation.imu import Imu
@@ -21,6 +20,7 @@ from harpy_pin.gaits.gait import Gait
 from harpy_pin.gaits.standing import Hovering, Standing
 from harpy_pin.gaits.walking import WalkingGait
 from harpy_pin.ground.ground import Ground
+from harpy_pin.kernels.compiler import EXACT, SHARED, compiler, run_compiler, work_folder
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Command, State
 from harpy_pin.scenario import Disturbances, Governed, Scenario, Walk, build

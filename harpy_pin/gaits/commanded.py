@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, shown
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, two_legs
 from harpy_pin.gaits.steering import FEET_APART, FROZEN, LONGEST_GAP, MAX_TURN, advance, restart
 from harpy_pin.gaits.straight import TUNED_STIFFNESS, StepParameters, penetration_offset_on, tuned_parameters
 from harpy_pin.gaits.velocity import FollowsVelocity, Velocity, VelocityRecord
 from harpy_pin.ground.surface import TerrainRecord, flat_terrain
+from harpy_pin.kernels.calls import Call
 from harpy_pin.model.kinematics import leg_inverse, leg_inverse_kinematics
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import field, make_record, sized

@@ -8,9 +8,9 @@ from typing import Any, ClassVar, Protocol, cast
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import Kernel, kernel
-from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError, shown
+from harpy_pin.kernels import Kernel, kernel
+from harpy_pin.kernels.calls import Call
 from harpy_pin.model.kinematics import LegGeometry
 from harpy_pin.model.memory import KeepsViews, fixed_arrays, shares_memory
 from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
@@ -108,7 +108,7 @@ class Gait(Protocol):
       the whole-body controllers log.
     - ``expect_lag(lag)``: takes the time constant of the thrusts that the controller assumes, s.
     - ``expect_friction(mu)``: takes the friction coefficient that the controller assumes.
-    - ``calls(state)``: the kernels of an update at the time of a tick (:class:`~harpy_pin.compiled.calls.Call`), with
+    - ``calls(state)``: the kernels of an update at the time of a tick (:class:`~harpy_pin.kernels.calls.Call`), with
       those of ``observe`` before, for a loop in C (:mod:`harpy_pin.simulation.ticks`); None where Python takes part.
       They write the gait's own ``target``. ``state`` has the arrays of the measured state, which stay where they are;
       those of ``telemetry()`` do, too.

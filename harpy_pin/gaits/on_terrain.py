@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled.calls import Call
 from harpy_pin.gaits.commanded import CommandedGait
 from harpy_pin.gaits.fitting import GRAVITY
 from harpy_pin.gaits.gait import FullGait, Gait, GaitTarget, calls_of, own_target
@@ -30,6 +29,7 @@ from harpy_pin.gaits.terrain_targets import OnTerrainRecord, fit_plane, lay_over
 from harpy_pin.gaits.walking.swinging import walk_over
 from harpy_pin.gaits.walking.walking_gait import WalkingGait
 from harpy_pin.ground.terrain import Plane, Terrain
+from harpy_pin.kernels.calls import Call
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import make_record

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import standing_parameters
 from harpy_pin.gaits.gait import LONGEST, ClockGait, GaitTarget, GaitTargetRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.ik import LEVEL, find_posture
 from harpy_pin.model.record import RecordOf, field, make_record, sized
 from harpy_pin.model.robot import Robot

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST, GaitTargetRecord
 from harpy_pin.gaits.straight import support, world_frame_blend
 from harpy_pin.gaits.terrain_targets import nearest_steppable
 from harpy_pin.gaits.velocity import is_still, take_command
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 

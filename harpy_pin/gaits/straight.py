@@ -15,9 +15,9 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, OutOfReachError
 from harpy_pin.gaits.gait import CHANGE_OVER, LONGEST, ClockGait, GaitTarget, GaitTargetRecord, two_legs
+from harpy_pin.kernels import kernel
 from harpy_pin.model.kinematics import leg_inverse_kinematics, leg_jacobian
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, field, make_record, sized

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import GaitTargetRecord, copy_target
 from harpy_pin.ground.surface import (
     TerrainRecord,
@@ -21,6 +20,7 @@ from harpy_pin.ground.surface import (
     surface_normal,
     surface_slope,
 )
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
-from harpy_pin.compiled.record_view import read_only
 from harpy_pin.errors import InputError, shown
+from harpy_pin.kernels import kernel
+from harpy_pin.kernels.record_view import read_only
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, sized
 from harpy_pin.model.state import Vector
@@ -69,11 +69,11 @@ class FollowsVelocity(KeepsViews):
         self.command = self._given if self._function is None else read_only(self._given)
         self.applied = read_only(field(self._record_, "velocity"))
         for command in (self._given, *(command for _, command in self.script)):
-            share = share_in_limits.python(self._record_, command)
+            share = share_in_limits(self._record_, command)
             if share < 1.0 - ROUNDING:
                 given, limited = ("({:.3g}, {:.3g}, {:.3g})".format(*(f * command[:3])) for f in (1.0, share))
                 message = f"velocity {given} is more than the robot walks: limited to {limited} (m/s, m/s, rad/s)"
-                if self.limited_by and foot_speed.python(self._record_, command) > self._record_["max_speed"][0]:
+                if self.limited_by and foot_speed(self._record_, command) > self._record_["max_speed"][0]:
                     message += f" by {self.limited_by}"
                 warn_maker(message)
                 break

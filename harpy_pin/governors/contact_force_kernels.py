@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.governors.governor import StatusRecord
 from harpy_pin.ground.contact_frame import all_upward, contact_frame, is_level, turn_feet
+from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, sticking_force, unconstrained_drive
 from harpy_pin.model.dynamics import DynamicsRecord

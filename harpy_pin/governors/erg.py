@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
 from harpy_pin.governors.governor import GovernorStatus, StatusRecord, check_update
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, ForceRowsRecord, force_rows, own_rows
+from harpy_pin.kernels import ByPrecision, kernel
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import field, make_record, sized
@@ -34,10 +34,8 @@ INSIDE = 1e-4
 """How far within such a row its repair ends (m, m/s)."""
 MAX_SIZE = 1000
 """Most entries of a reference."""
-INDEPENDENT = 1e-9
+INDEPENDENT = ByPrecision(1e-9, single=1e-5)
 """Share of a row outside the span of others with which it counts as independent of them."""
-SINGLE = {"INDEPENDENT": 1e-5}
-"""Constants that differ in single precision."""
 
 
 @fixed_arrays("applied")

@@ -11,8 +11,8 @@ from enum import IntEnum
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.governors.thrust import CentreGains, CentreGainsRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector
 

@@ -13,10 +13,10 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.governors.point_mass import Law, PointMassRecord, axial_force, model_record
 from harpy_pin.governors.thrust import CentreGains
+from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import KeepsViews, fixed_arrays
 from harpy_pin.model.record import Records, fields, make_record
 from harpy_pin.model.state import Vector

@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.ground.surface import (
     MAX_CELLS,
@@ -24,6 +23,7 @@ from harpy_pin.ground.surface import (
     surface_height,
     surface_normal,
 )
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 
@@ -316,12 +316,12 @@ def _places(x: ArrayLike, y: ArrayLike) -> tuple[Vector, Vector]:
 
 
 @kernel
-def _heights(terrain: Records[TerrainRecord], x: Vector, y: Vector, out: Vector) -> None:
+def _heights(terrain: TerrainRecord, x: Vector, y: Vector, out: Vector) -> None:
     for i in range(x.shape[0]):
-        out[i] = surface_height(terrain[0], x[i], y[i])
+        out[i] = surface_height(terrain, x[i], y[i])
 
 
 @kernel
-def _normals(terrain: Records[TerrainRecord], x: Vector, y: Vector, out: Vector) -> None:
+def _normals(terrain: TerrainRecord, x: Vector, y: Vector, out: Vector) -> None:
     for i in range(x.shape[0]):
-        out[i] = surface_normal(terrain[0], x[i], y[i])
+        out[i] = surface_normal(terrain, x[i], y[i])

@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from harpy_pin import checks
-from harpy_pin.compiled import BACKEND
-from harpy_pin.compiled.compiler import version as compiler_version
 from harpy_pin.errors import InputError, RunFileError, RunFileWarning, install_line, shown
 from harpy_pin.files import check_writable, journal_path, replacing
+from harpy_pin.kernels.compiler import version as compiler_version
 from harpy_pin.log.journal import is_journal, read_journal
 from harpy_pin.log.run_file import check_log, read_run, write_run
 
@@ -181,7 +180,7 @@ def _versions() -> dict[str, str]:
             versions[name] = version(name)
         except PackageNotFoundError:
             versions[name] = "not installed"
-    versions["kernels"] = f"C, {compiler_version()}" if BACKEND == "c" else BACKEND
+    versions["kernels"] = f"C, {compiler_version()}"
     return versions
 
 

@@ -6,7 +6,7 @@ Pham and Nakamura, ICRA 2015). So the corners are contact points like all others
 *are* the cone of the wrench.
 
 Four corners have twelve accelerations, of which six are independent, because a sole is rigid. What holds a flat foot
-holds those six (:func:`flat_foot_rows`).
+holds those six (:func:`harpy_pin.model.terms.flat_foot_rows`).
 """
 
 from __future__ import annotations
@@ -19,10 +19,8 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
 from harpy_pin.model.state import Vector
-from harpy_pin.model.vectors import skew
 
 LARGEST = 10.0  # longest side of a flat foot, m
 MIN_SPREAD = 1e-3
@@ -136,31 +134,3 @@ def add_flat_feet(
             model.addFrame(pin.Frame(points[-1], frame.parentJoint, number, place, pin.FrameType.OP_FRAME))
         counts.append(len(flat_feet[name].corners))
     return tuple(points), tuple(counts)
-
-
-@kernel(position=("n", 3), desired=("n", 3), jacobian=("3n", "m"), drift=("3n",), rows=("6+", "m"), value=("6+",))
-def flat_foot_rows(
-    jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector
-) -> None:
-    """Six rows that hold a flat foot as a rigid body: ``rows`` (6, nv) a = ``value`` (6,), both out.
-
-    Of the accelerations α (n, 3) desired of its corners they are the rigid motion nearest to them: mean and first
-    moment about the middle of the corners, Σ (J_i a + J̇_i v − α_i) = 0 and Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.
-    Jacobian, drift J̇ v and positions are those of the corners, in world axes.
-    """
-    n, middle, size = position.shape[0], np.zeros(3), 0.0
-    rows[:6] = 0.0
-    value[:6] = 0.0
-    for i in range(n):
-        middle += position[i] / n
-    for i in range(n):
-        arm = position[i] - middle
-        size += arm @ arm
-    whole, turn = 1.0 / np.sqrt(n), 1.0 / np.sqrt(size)
-    for i in range(n):
-        arm, part = turn * (position[i] - middle), jacobian[3 * i : 3 * i + 3]
-        rest = desired[i] - drift[3 * i : 3 * i + 3]
-        rows[:3] += whole * part
-        rows[3:6] += skew(arm) @ part
-        value[:3] += whole * rest
-        value[3:6] += np.cross(arm, rest)

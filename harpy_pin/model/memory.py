@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.compiled.record_view import RecordView, plain
 from harpy_pin.errors import InputError
 
 _T = TypeVar("_T")
@@ -53,7 +52,7 @@ def _fixed_array(name: str, *, copied: bool) -> property:
         held = getattr(holder, kept, None)
         if held is None:  # through __dict__, every later access would be slower
             owns = copied and isinstance(value, np.ndarray) and value.base is None
-            object.__setattr__(holder, kept, lasting(np.asarray(value)) if owns else plain(value))
+            object.__setattr__(holder, kept, lasting(np.asarray(value)) if owns else _plain(value))
         elif not _same(value, held):  # which is what ``holder.array += 1`` assigns
             held[...] = _checked(name, value, held)
 
@@ -63,9 +62,18 @@ def _fixed_array(name: str, *, copied: bool) -> property:
         held = array(holder)
         if not isinstance(held, np.ndarray):
             return held
-        return held.view(RecordView) if held.dtype.names else held[...]
+        if held.dtype.names is None:
+            return held[...]
+        from harpy_pin.kernels.record_view import RecordView  # only objects that kernels work on have records
+
+        return held.view(RecordView)
 
     return property(view, write, doc="An array; see the attributes of its class.")
+
+
+def _plain(value: Any) -> Any:
+    """An array of no other class; other values as they are."""
+    return value.view(np.ndarray) if isinstance(value, np.ndarray) and type(value) is not np.ndarray else value
 
 
 def lasting(array: _Array) -> _Array:

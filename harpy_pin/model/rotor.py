@@ -3,28 +3,18 @@
 A free thruster has a force of three components; a rotor has one number, u. On its link it exerts the force u z and the
 moment d u z, with z its axis and d the drag, in metres. Commands and logs hold a force in world axes for every thruster
 and rotor alike; programs and laws hold the *thrust variables*: three numbers for each free thruster, then one for each
-rotor. :func:`read_thrusts` and :func:`harpy_pin.model.terms.write_thrusts` lead from one to
-the other.
+rotor. :func:`harpy_pin.model.terms.read_thrusts` and :func:`harpy_pin.model.terms.write_thrusts` lead from one to the
+other.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
-from harpy_pin.model.state import Vector
-
-if TYPE_CHECKING:
-    from harpy_pin.model.dynamics import DynamicsRecord
-
-SAME = 1e-6
-"""Largest difference between the force that is commanded of a rotor and the one it has that counts as none, relative to
-1 N + the command."""
 
 
 @dataclass(frozen=True)
@@ -61,23 +51,3 @@ class Rotor:
             high = checks.number(f"largest thrust {what}", high, low=low, strict=True)
         x, y, z = (axis / length).tolist()
         checks.keep(self, axis=(x, y, z), limit=(low, high), drag=checks.number(f"drag {what}", self.drag))
-
-
-@kernel
-def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
-    """The thrust variables of commanded forces (thrusters, 3), world axes, N, into ``out``.
-
-    That of a rotor is its force's part along the axis, within the limits. Returns how many rotors do not have the force
-    that was commanded: it was not along their axis, or beyond their limits.
-    """
-    rotors = d.rotor_axis.shape[0]
-    free = force.shape[0] - rotors
-    for k in range(free):
-        out[3 * k : 3 * k + 3] = force[k]
-    changed = 0
-    for k in range(rotors):
-        f, axis = force[free + k, :3], d.rotor_axis[k]
-        u = min(max(f @ axis, d.rotor_lower[k]), d.rotor_upper[k])
-        out[3 * free + k] = u
-        changed += np.max(np.abs(f - u * axis)) > SAME * (1.0 + np.max(np.abs(f)))
-    return changed

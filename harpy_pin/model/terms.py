@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import SLIDING, UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import (
@@ -33,6 +33,9 @@ GOOD, BAD, MISFIT = 0, 1, 2
 """What a kernel says of its arguments: fine, a bad sample, of the wrong size."""
 MAX_SAMPLE = 1e6
 """Largest number of a good sample, in m, rad, m/s, rad/s, N or N·m: far beyond what any robot can be or do."""
+SAME_FORCE = 1e-6
+"""Largest difference between the force that is commanded of a rotor and the one it has that counts as none, relative to
+1 N + the command."""
 
 
 @kernel
@@ -247,10 +250,57 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     return GOOD if good else BAD
 
 
+@kernel(position=("n", 3), desired=("n", 3), jacobian=("3n", "m"), drift=("3n",), rows=("6+", "m"), value=("6+",))
+def flat_foot_rows(
+    jacobian: Vector, drift: Vector, desired: Vector, position: Vector, rows: Vector, value: Vector
+) -> None:
+    """Six rows that hold a flat foot as a rigid body: ``rows`` (6, nv) a = ``value`` (6,), both out.
+
+    Of the accelerations α (n, 3) desired of its corners they are the rigid motion nearest to them: mean and first
+    moment about the middle of the corners, Σ (J_i a + J̇_i v − α_i) = 0 and Σ ρ_i × (J_i a + J̇_i v − α_i) / s = 0.
+    Jacobian, drift J̇ v and positions are those of the corners, in world axes.
+    """
+    n, middle, size = position.shape[0], np.zeros(3), 0.0
+    rows[:6] = 0.0
+    value[:6] = 0.0
+    for i in range(n):
+        middle += position[i] / n
+    for i in range(n):
+        arm = position[i] - middle
+        size += arm @ arm
+    whole, turn = 1.0 / np.sqrt(n), 1.0 / np.sqrt(size)
+    for i in range(n):
+        arm, part = turn * (position[i] - middle), jacobian[3 * i : 3 * i + 3]
+        rest = desired[i] - drift[3 * i : 3 * i + 3]
+        rows[:3] += whole * part
+        rows[3:6] += skew(arm) @ part
+        value[:3] += whole * rest
+        value[3:6] += np.cross(arm, rest)
+
+
+@kernel
+def read_thrusts(d: DynamicsRecord, force: Vector, out: Vector) -> int:
+    """The thrust variables of commanded forces (thrusters, 3), world axes, N, into ``out``.
+
+    That of a rotor is its force's part along the axis, within the limits. Returns how many rotors do not have the force
+    that was commanded: it was not along their axis, or beyond their limits.
+    """
+    rotors = d.rotor_axis.shape[0]
+    free = force.shape[0] - rotors
+    for k in range(free):
+        out[3 * k : 3 * k + 3] = force[k]
+    changed = 0
+    for k in range(rotors):
+        f, axis = force[free + k, :3], d.rotor_axis[k]
+        u = min(max(f @ axis, d.rotor_lower[k]), d.rotor_upper[k])
+        out[3 * free + k] = u
+        changed += np.max(np.abs(f - u * axis)) > SAME_FORCE * (1.0 + np.max(np.abs(f)))
+    return changed
+
+
 @kernel
 def write_thrusts(d: DynamicsRecord, variables: Vector, out: Vector) -> None:
-    """The forces (thrusters, 3) of thrust variables; the other way round than
-    :func:`harpy_pin.model.rotor.read_thrusts`."""
+    """The forces (thrusters, 3) of thrust variables; the other way round than :func:`read_thrusts`."""
     rotors = d.rotor_axis.shape[0]
     free = out.shape[0] - rotors
     for k in range(free):

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import ZERO, RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
 from harpy_pin.model.state import Vector

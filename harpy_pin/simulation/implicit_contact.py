@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.ground.ground import GroundRecord, stribeck
+from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector

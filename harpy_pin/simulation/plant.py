@@ -17,11 +17,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
-from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import ControlError, InputError, Interrupted
 from harpy_pin.files import Shield, check_writable, replaceable
 from harpy_pin.ground.ground import Ground
+from harpy_pin.kernels import kernel
+from harpy_pin.kernels.calls import Call
 from harpy_pin.log.journal import Journal
 from harpy_pin.log.recorder import BLOCK, Recorder
 from harpy_pin.log.run import Run
@@ -286,7 +286,7 @@ class Plant(KeepsViews, ABC):
         """The closed loop with a controller as one call of C for many ticks; None where Python makes every tick.
 
         Args:
-            controller: may have ``calls(state)``, the :class:`~harpy_pin.compiled.calls.Call` of a tick at the state in
+            controller: may have ``calls(state)``, the :class:`~harpy_pin.kernels.calls.Call` of a tick at the state in
                 these arrays, or None; ``command``, arrays of torques, thrusts and any motors' law; lasting signals.
             recorder: of the log; has its first row.
             rules: see :class:`harpy_pin.simulation.ticks.CompiledLoop`.

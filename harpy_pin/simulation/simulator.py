@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import BACKEND
-from harpy_pin.compiled.calls import Call
-from harpy_pin.compiled.record_view import read_only
 from harpy_pin.ground.ground import Ground
+from harpy_pin.kernels.calls import Call
+from harpy_pin.kernels.record_view import read_only
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Command, State
@@ -115,7 +114,7 @@ class Simulator(Plant):
     def compile_loop(self, controller: Any, recorder: Recorder, **rules: Any) -> CompiledLoop | None:
         """See :meth:`harpy_pin.simulation.plant.Plant.compile_loop`."""
         own = vars(self).keys() & {"advance", "log"}  # with a clock around them
-        if own or self.attached or BACKEND != "c" or type(self) is not Simulator or not hasattr(controller, "calls"):
+        if own or self.attached or type(self) is not Simulator or not hasattr(controller, "calls"):
             return None
         d = self.dynamics
         state = State(0.0, self.q, self.v, d.foot_position, d.foot_velocity, self._foot_force)

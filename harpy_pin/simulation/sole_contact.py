@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.ground.ground import GroundRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import EquationsRecord
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector

@@ -19,10 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from harpy_pin.compiled import kernel
 from harpy_pin.ground.contact_frame import contact_frame, to_contact, to_world
 from harpy_pin.ground.ground import GroundRecord, local_friction, local_stiffness
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
+from harpy_pin.kernels import kernel
 from harpy_pin.log.slip import SlipRecord, note_slip
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
 from harpy_pin.model.contact_map import unconstrained_drive
@@ -30,9 +30,8 @@ from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.entry import all_finite
 from harpy_pin.model.record import RecordOf, Records, make_record, sized
 from harpy_pin.model.robot import Robot
-from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import integrate, update_terms
+from harpy_pin.model.terms import integrate, read_thrusts, update_terms
 from harpy_pin.simulation.actuators import Actuators, MotorsRecord, drive_motors, motors_record
 from harpy_pin.simulation.implicit_contact import JointFrictionRecord, contact_forces, step_with_friction
 from harpy_pin.simulation.joint_ends import JointEndsRecord, hold_at_ends, joint_ends_record

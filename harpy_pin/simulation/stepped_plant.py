@@ -11,14 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.ground.contact_frame import contact_frame
 from harpy_pin.ground.surface import TerrainRecord, surface_height, surface_normal
+from harpy_pin.kernels import kernel
 from harpy_pin.log.slip import note_slip
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.rotor import read_thrusts
 from harpy_pin.model.state import Command, Vector
-from harpy_pin.model.terms import write_thrusts
+from harpy_pin.model.terms import read_thrusts, write_thrusts
 from harpy_pin.simulation.actuators import drive_motors
 from harpy_pin.simulation.plant import Plant
 from harpy_pin.simulation.push import Push, push_forces

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import ZERO, Record, RecordOf, Records, make_record, sized
 from harpy_pin.model.state import Vector
 

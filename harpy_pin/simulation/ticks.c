@@ -1,19 +1,6 @@
-/* Ticks of a closed loop: kernels are called by their addresses, so that one library serves every robot and controller.
+/* Ticks of a closed loop: kernels are called by their addresses, so that one library serves every robot and controller. It stands behind calls.h. */
 
-   Nothing is checked here: whoever makes a loop binds each call to arrays that fit (bind_call of bridge.c) and keeps
-   them alive. */
-
-#define _POSIX_C_SOURCE 199309L
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <string.h>
 #include <time.h>
-
-/* --- as in bridge.c --- */
-enum { MOST_SLOTS = 128, MOST_RESULTS = 16 };
-typedef union { void *pointer; double number; int64_t whole; } slot;
-typedef struct { void (*entry)(const slot *, slot *); slot slots[MOST_SLOTS]; } bound;
 
 /* --- rows of a log --- */
 enum { FLOAT, WHOLE, TRUTH };
@@ -38,14 +25,7 @@ void copy_row(const signal *signals, int64_t count, double *row)
 
 /* --- ticks --- */
 typedef struct {
-    bound *bound;
-    int64_t takes_time;  /* whether its first argument is the time of the tick */
-    int64_t answers;     /* whether it must return what is expected; otherwise the tick is Python's */
-    int64_t expected;
-} call;
-
-typedef struct {
-    call *calls;            /* gait and controller, whose time is taken; then what prepares the row */
+    link *calls;            /* gait and controller, whose time is taken; then what prepares the row */
     int64_t timed, count;   /* of them */
     bound *physics, *stands;
     const signal *signals;
@@ -59,24 +39,6 @@ typedef struct {
 } loop;
 
 enum { HANDED_OVER = -1 };
-
-static int64_t run(bound *b)
-{
-    slot results[MOST_RESULTS];
-    results[0].whole = 0;
-    b->entry(b->slots, results);
-    return results[0].whole;
-}
-
-static bool run_calls(call *first, const call *end, double t)
-{
-    for (call *c = first; c < end; c++) {
-        if (c->takes_time) c->bound->slots[0].number = t;
-        const int64_t answer = run(c->bound);
-        if (c->answers && answer != c->expected) return false;
-    }
-    return true;
-}
 
 static int64_t clock_ns(void)
 {
@@ -93,11 +55,12 @@ int64_t run_ticks(loop *l, int64_t tick, int64_t count, const double *pushes, do
     l->ending = HANDED_OVER;
     for (int64_t n = 0; n < count; n++) {
         const double t = l->start + (double)(tick + n) * l->period;
+        int64_t answer;
         const int64_t begin = clock_ns();
-        if (!run_calls(l->calls, l->calls + l->timed, t)) return n;
+        if (!run_links(l->calls, l->calls + l->timed, t, &answer)) return n;
         *l->tick_ns = clock_ns() - begin;
         *l->t = t;
-        if (!run_calls(l->calls + l->timed, l->calls + l->count, t)) return n;
+        if (!run_links(l->calls + l->timed, l->calls + l->count, t, &answer)) return n;
         copy_row(l->signals, l->signal_count, rows + n * l->width);
         if (pushes) memcpy(l->push, pushes + n * l->push_count, (size_t)l->push_count * sizeof *pushes);
         l->sweeps = run(l->physics);

@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import compiler
-from harpy_pin.compiled.bridge import Bound
-from harpy_pin.compiled.calls import Call, Link, linked
+from harpy_pin.kernels.bridge import Bound, calling_library
+from harpy_pin.kernels.calls import Call, Link, linked
 from harpy_pin.log.recorder import Recorder
 from harpy_pin.simulation.push import Push, push_forces
 from harpy_pin.simulation.step import MISFIT_COMMAND, physics_steps, stands
@@ -140,7 +139,6 @@ def lasting_signals(signals: Mapping[str, Any], again: Mapping[str, Any], record
 @cache
 def _run_ticks() -> Any:
     """``run_ticks`` of ticks.c; other threads of Python may go on meanwhile."""
-    text = Path(__file__).with_name("ticks.c").read_text(encoding="utf-8")
-    library = compiler.library("ticks", compiler.key_of(text), lambda: text)
+    library = calling_library(Path(__file__).with_suffix(".c"))
     pointer, whole = ctypes.c_void_p, ctypes.c_int64
     return ctypes.CFUNCTYPE(whole, ctypes.POINTER(_Loop), whole, whole, pointer, pointer)(("run_ticks", library))

@@ -23,8 +23,8 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import Record, RecordOf, field, make_record, sized
 from harpy_pin.model.state import Vector

@@ -7,11 +7,11 @@ from typing import ClassVar
 import numpy as np
 
 from harpy_pin import checks
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
-from harpy_pin.model.flat_foot import flat_foot_rows
 from harpy_pin.model.record import Record, RecordOf, make_record, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import flat_foot_rows
 from harpy_pin.wbc.condensed.active_set import UNBOUNDED, ProgramRecord
 from harpy_pin.wbc.condensed.force_program import TargetsRecord, force_bounds, friction_rows
 from harpy_pin.wbc.condensed.limits import share_of_least_force, share_of_swing
@@ -40,7 +40,7 @@ class FullProblem(WholeBodyProblem):
 
     No matrix is inverted: most controllers solve this form, and it is the one to read first. A point foot has three
     equalities and a flat foot six. In stance they are those of its rigid motion
-    (:func:`harpy_pin.model.flat_foot.flat_foot_rows`). In swing they make the forces of its first corners zero; those
+    (:func:`harpy_pin.model.terms.flat_foot_rows`). In swing they make the forces of its first corners zero; those
     of the other corners do not enter the dynamics, so the weight on forces makes them zero.
 
     Points on one rigid body that is not a flat foot make the program infeasible where their targets contradict each

@@ -14,7 +14,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.contact_map import ContactMapRecord, contact_gain, contact_terms, sticking_force
 from harpy_pin.model.dynamics import DynamicsRecord

@@ -33,8 +33,8 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import Kernel, kernel
 from harpy_pin.errors import InputError
+from harpy_pin.kernels import Kernel, kernel
 from harpy_pin.model.dynamics import Dynamics, DynamicsRecord
 from harpy_pin.model.entry import as_array
 from harpy_pin.model.memory import KeepsViews, fixed_arrays

@@ -15,8 +15,8 @@ from scipy.sparse import csc_matrix
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, install_line
+from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.record import RecordOf, Records, field, make_record, sized
 from harpy_pin.model.state import Vector

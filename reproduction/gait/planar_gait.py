@@ -15,10 +15,10 @@ import numpy as np
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import HarpyError, InputError, RunFileError
 from harpy_pin.files import replacing
 from harpy_pin.gaits.straight import GaitParameters
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import RecordOf, Records, make_record
 from harpy_pin.model.state import Vector
 

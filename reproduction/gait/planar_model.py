@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, RobotError
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import EquationsRecord
 from harpy_pin.model.record import Records, field, fields, make_record
 from harpy_pin.model.robot import Robot

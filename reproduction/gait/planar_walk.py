@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.ground.ground import Ground, GroundRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import KeepsViews
 from harpy_pin.model.record import RecordOf, Records, field, fields, make_record, sized
 from harpy_pin.model.robot import Robot

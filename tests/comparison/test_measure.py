@@ -16,9 +16,9 @@ from comparison.measure.walking import TIMED, StateSequence, make_contender, rec
 from comparison.sections.ticks import make_all, proxqp_replay
 from comparison.sections.timing import stationarity, time_contenders
 from harpy_pin import InputError, State, load_harpy
-from harpy_pin.compiled import Kernel
-from harpy_pin.compiled.calls import Chain
 from harpy_pin.files import finite
+from harpy_pin.kernels import Kernel
+from harpy_pin.kernels.calls import Chain
 from harpy_pin.wbc import QuadraticProgram
 
 FRICTION = 0.8

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from scipy.stats import chi2
 
 import harpy_pin as hp
-from harpy_pin.compiled import kernel
 from harpy_pin.estimation import EstimatorSettings
 from harpy_pin.estimation import invariant_filter as filters
+from harpy_pin.kernels import kernel
 from harpy_pin.model.vectors import exp
 
 NAMES = ("rotation", "velocity", "position", "gyroscope_bias", "accelerometer_bias", "foothold")

@@ -14,7 +14,6 @@ from needs import needs_compiler, needs_robots
 
 import harpy_pin as hp
 from comparison.cli.studies import STUDIES
-from harpy_pin.compiled.compiler import EXACT, compiler, work_folder
 from harpy_pin.export import export, write_folder
 from harpy_pin.export.board import CHIPS, build, measure, missing_tools, run
 from harpy_pin.export.code import controller_code
@@ -22,6 +21,7 @@ from harpy_pin.export.exported_controllers import exportable, exportable_walk
 from harpy_pin.export.mathematics import PORTABLE
 from harpy_pin.export.recording import _from_kernels, _library, answers, ready, record
 from harpy_pin.gaits.gait import GaitTarget
+from harpy_pin.kernels.compiler import EXACT, compiler, work_folder
 
 WARNINGS = (
     *("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror", "-ffp-contract=off"),

@@ -162,10 +162,10 @@ def test_soles_are_planned_apart(aside, turn, step):
     p = gait._record_[0]
     places = p["middle"].copy()
     p["velocity"][1], p["goal"][2], p["step_duration"] = aside, turn, step
-    widen_stance.python(gait._record_)
+    widen_stance(gait._record_)
     apart, usual = (float(np.ptp(place[:, 1])) for place in (p["middle"], places))
     assert apart >= usual
-    lasts = real_duration.python(gait._record_)
+    lasts = real_duration(gait._record_)
     (length, width), corner = p["sole"], np.array(((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)))
 
     def sole(side):

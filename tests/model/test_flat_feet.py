@@ -12,8 +12,9 @@ from scipy.optimize import linprog
 
 import harpy_pin as hp
 from harpy_pin.model.catalogue import CATALOGUE
-from harpy_pin.model.flat_foot import MIN_SPREAD, flat_foot_rows
+from harpy_pin.model.flat_foot import MIN_SPREAD
 from harpy_pin.model.source import plain_source, read_robot
+from harpy_pin.model.terms import flat_foot_rows
 from harpy_pin.wbc import WholeBodyLimits, WholeBodyTargets, WholeBodyWeights, make_problem, make_solver
 from harpy_pin.wbc.condensed import CondensedSolver, CondensedStatus
 

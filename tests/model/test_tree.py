@@ -10,8 +10,8 @@ from random_trees import BODIES, random_model, random_state
 from walks import started
 
 import harpy_pin as hp
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import RobotError
+from harpy_pin.kernels import kernel
 from harpy_pin.model.terms import integrate, joint_space_terms, place_bodies
 from harpy_pin.model.tree import tree_record
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import harpy_pin as hp
-from harpy_pin.compiled.source import _own_fingerprint
 from harpy_pin.controllers.condensed_tick import condensed_step
+from harpy_pin.kernels.source import _own_fingerprint
 from harpy_pin.wbc.condensed.solve import solve_condensed
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -21,7 +21,7 @@ ORDER = [
     ("errors",),
     ("checks", "files"),
     ("arguments",),
-    ("compiled",),
+    ("kernels",),
     ("model",),
     ("estimation",),
     ("ground",),

@@ -14,11 +14,11 @@ from needs import needs_compiler
 from walks import started
 
 import harpy_pin as hp
-from harpy_pin.compiled import compiler, kernel
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.shield import Shield
 from harpy_pin.controllers.governed import FrictionEstimator
 from harpy_pin.gaits.gait import CompletedGait
+from harpy_pin.kernels import compiler, kernel
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.entry import MAX_SAMPLE
 from harpy_pin.wbc import installed_solvers

@@ -5,7 +5,7 @@ import pinocchio as pin
 
 from harpy_pin.model.contact_map import contact_gain, contact_terms, sticking_force, unconstrained_drive
 from harpy_pin.model.record import field
-from harpy_pin.model.rotor import read_thrusts
+from harpy_pin.model.terms import read_thrusts
 from harpy_pin.wbc.condensed.force_program import note_centre_drift
 
 WORLD = pin.LOCAL_WORLD_ALIGNED

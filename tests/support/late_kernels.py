@@ -11,7 +11,7 @@ from hostile_states import draw_hostile
 from random_states import draw
 
 import harpy_pin as hp
-from harpy_pin.compiled.kernels import _KERNELS, wait_for_all
+from harpy_pin.kernels.kernels import _KERNELS, wait_for_all
 
 STATES = 1500
 

@@ -17,8 +17,8 @@ from importlib.util import find_spec
 
 import pytest
 
-from harpy_pin.compiled import BACKEND, compiler
 from harpy_pin.errors import HarpyError
+from harpy_pin.kernels import compiler
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.simulation.mujoco import installed_version
 from harpy_pin.view.page.film import find_chromium
@@ -36,7 +36,7 @@ def chromium() -> str | None:
 def sanitizer() -> tuple[str, str] | None:
     """GCC or Clang, and the libraries that must be loaded before Python; Zig has no AddressSanitizer."""
     command = compiler.compiler()
-    if BACKEND != "c" or command is None or sys.platform != "linux" or "ziglang" in command:
+    if command is None or sys.platform != "linux" or "ziglang" in command:
         return None
     libraries = []
     for name in ("libasan.so", "libstdc++.so"):  # the second one for exceptions of the first one's interceptors
@@ -51,7 +51,7 @@ CHECKS: dict[str, Callable[[], object | None]] = {
     "arm-none-eabi-gcc": lambda: shutil.which("arm-none-eabi-gcc"),
     "qemu-system-arm": lambda: shutil.which("qemu-system-arm"),
     "sanitizers": sanitizer,
-    "compiler": lambda: compiler.compiler() if BACKEND == "c" else None,
+    "compiler": compiler.compiler,
     "robots": installed_data,
     "mujoco": installed_version,
     "xacrodoc": lambda: find_spec("xacrodoc"),

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from harpy_pin.compiled import Kernel
-from harpy_pin.compiled.expressions import MATHEMATICS, OF_TWO
-from harpy_pin.compiled.source import _globals
+from harpy_pin.kernels import Kernel
+from harpy_pin.kernels.expressions import MATHEMATICS, OF_TWO
+from harpy_pin.kernels.source import _globals
 
 REALS = st.floats(-1e6, 1e6) | st.sampled_from([0.0, -0.0, 1.0, -1.0, np.nan, np.inf, -np.inf, 1e-300, 1e300])
 """Numbers of all kinds."""
@@ -137,7 +137,13 @@ def as_given(value: Any) -> Any:
 def run_plain(kernel: Kernel, *arguments: Any) -> Any:
     """Call a kernel as plain Python."""
     with np.errstate(all="ignore"):
-        return plain(kernel)(*map(as_given, kernel._elements_of(arguments)))
+        return plain(kernel)(*map(as_given, map(_element, arguments)))
+
+
+def _element(value: Any) -> Any:
+    """A record instead of the array that holds it."""
+    held = isinstance(value, np.ndarray) and value.dtype.names and value.shape == (1,)
+    return np.asarray(value)[0] if held else value
 
 
 def bits(value: Any) -> Any:

@@ -14,7 +14,6 @@ import pinocchio as pin
 from walks import started, walked
 
 import harpy_pin as hp
-from harpy_pin.compiled import Kernel
 from harpy_pin.contrib.batch import CondensedBatch
 from harpy_pin.contrib.battery import Battery
 from harpy_pin.contrib.shield_batch import ShieldBatch
@@ -26,6 +25,7 @@ from harpy_pin.governors import ForceRows
 from harpy_pin.governors.point_mass import Law, axial_force, model_record
 from harpy_pin.governors.rows import StackedRows
 from harpy_pin.governors.thrust import CentreGains
+from harpy_pin.kernels import Kernel
 from harpy_pin.model.catalogue import installed_data
 from harpy_pin.model.dynamics import Dynamics
 from harpy_pin.scenario import Walk

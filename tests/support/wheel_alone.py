@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
+EVERY_PART = Path(__file__).with_name("every_part.py")
 WALK = """
 from time import perf_counter, perf_counter_ns, process_time
 begin = perf_counter()
 import copy, json, statistics, sys
 import harpy_pin as hp
-from harpy_pin.compiled import BACKEND, compiler
+from harpy_pin.kernels import compiler
 scenario = dict(robot=sys.argv[1], controller="wbc" if sys.argv[1] == "solo8" else "condensed")
 hp.walk(hp.Scenario(**scenario, duration=0.001))
 told = {"wall": perf_counter() - begin, "cpu": process_time(), "file": hp.__file__}
@@ -35,7 +36,7 @@ for state in states * 9:
     walk.controller.step(state)
     laps.append(perf_counter_ns() - begin)
 told |= {"tick": statistics.median(laps) / 1e3, "ending": run.ending, "q": run["q"].tobytes().hex()}
-print(json.dumps(told | {"kernels": [BACKEND, compiler.compiler() is None, len(compiler.MADE)]}))
+print(json.dumps(told | {"kernels": [compiler.compiler() is None, len(compiler.MADE)]}))
 """
 """Seconds from import to the end of the first tick, by the clock and of the processor; a tick, µs; a walk."""
 
@@ -54,7 +55,9 @@ def install(wheel: Path, environment: Path, *, shared: bool, ziglang: bool = Fal
     venv.create(environment)
     python = environment / "bin" / "python"
     pip = [sys.executable, "-m", "pip", "--python", str(python), "install", "-q", str(wheel)]
-    pip += ["--no-deps"] if shared else ["-c", str(ROOT / "constraints.txt"), "example-robot-data"]
+    pip += (
+        ["--no-deps"] if shared else ["-c", str(ROOT / "constraints.txt"), "example-robot-data", "mujoco", "gymnasium"]
+    )
     subprocess.run(pip, check=True)
     if shared:
         (packages,) = environment.glob("lib/python*/site-packages")
@@ -99,3 +102,4 @@ if __name__ == "__main__":
             compiled = min(theirs["tick"] for _, theirs in pairs)
             print(f"{robot}: first tick after {wall:.2f} s, {cpu:.2f} s of the processor", end="; ")
             print(f"a tick {tick:.2f} µs, compiled for this processor {compiled:.2f} µs")
+            print(run(python, str(EVERY_PART), robot).stdout, end="")

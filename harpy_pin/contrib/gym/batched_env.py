@@ -41,7 +41,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.contrib.shield import LimitsRecord, within_limits
 from harpy_pin.contrib.threads import Threads
 from harpy_pin.errors import InputError, shown
@@ -50,6 +49,7 @@ from harpy_pin.governors.contact_force_filter import ContactForceFilter
 from harpy_pin.governors.contact_force_kernels import ContactForceFilterRecord, hold_forces
 from harpy_pin.governors.contact_force_parameters import ContactForceFilterParameters
 from harpy_pin.ground.ground import Ground, GroundRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.log.slip import forget_slip
 from harpy_pin.model.contact_map import ContactMapRecord
 from harpy_pin.model.dynamics import DynamicsRecord

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from harpy_pin import checks
-from harpy_pin.compiled import BACKEND
 from harpy_pin.contrib.live.settings import DrivenGait, DriveRanges, LiveSettings, make_driven_gait, usual_settings
 from harpy_pin.contrib.live.times import RealTimePacer, TickTimes
 from harpy_pin.controllers.gait_controller import GaitController
@@ -119,7 +118,7 @@ class LiveSession:
         self._warm: set[str] = set()
         self._stand()
         on_standing(self)
-        self._warm_up(self.ranges.controllers if BACKEND == "c" else [])
+        self._warm_up(self.ranges.controllers)
         self._take_over(self._make_controller(s))
 
     @property

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import GaitTargetRecord
 from harpy_pin.gaits.walking.pendulum import (
     cyclic_offset,
@@ -17,6 +16,7 @@ from harpy_pin.gaits.walking.pendulum import (
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.rolling import is_lifted, lift_corner, share_of_edge, tip
 from harpy_pin.gaits.walking.swinging import DESCENT
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed, is_still
 from harpy_pin.gaits.walking.footholds import is_frozen, out_of_reach, widen_stance
 from harpy_pin.gaits.walking.pendulum import nearest_in_hull, predict, stance_points
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.rolling import plan_roll, roll_on, rolls
 from harpy_pin.gaits.walking.swinging import PEAK, lift_foot
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.terrain_targets import MARGIN, nearest_steppable
 from harpy_pin.gaits.walking.pendulum import (
     cyclic_offset,
@@ -17,6 +16,7 @@ from harpy_pin.gaits.walking.pendulum import (
 )
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.swinging import ACROSS
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.terrain_targets import fit_plane
 from harpy_pin.gaits.walking.pendulum import wrapped
 from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.ground.surface import surface_height
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import all_possible, all_possible_rows, is_unit
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import place_bodies

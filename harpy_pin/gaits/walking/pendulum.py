@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.walking.rolling import is_lifted, rolls
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 from harpy_pin.model.vectors import rotation_in_plane
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.velocity import foot_speed
 from harpy_pin.gaits.walking.pendulum import (
     NEAR,
@@ -23,6 +22,7 @@ from harpy_pin.gaits.walking.pendulum import (
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.rolling import flat_place
 from harpy_pin.ground.surface import TerrainRecord, greatest_rise, surface_height
+from harpy_pin.kernels import kernel
 from harpy_pin.model.record import Records
 from harpy_pin.model.state import Vector
 

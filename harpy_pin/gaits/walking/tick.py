@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
 from harpy_pin.gaits.gait import LONGEST, GaitTargetRecord
 from harpy_pin.gaits.velocity import take_command
 from harpy_pin.gaits.walking.body import demand_acceleration, write_targets
@@ -14,6 +13,7 @@ from harpy_pin.gaits.walking.pendulum import change_after, desired_after, wrappe
 from harpy_pin.gaits.walking.record import WalkingRecord
 from harpy_pin.gaits.walking.rolling import stay_flat
 from harpy_pin.gaits.walking.swinging import swing_foot
+from harpy_pin.kernels import kernel
 from harpy_pin.model.vectors import rotation_in_plane
 
 LONGEST_GAP = 0.05

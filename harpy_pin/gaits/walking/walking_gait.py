@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled.calls import Call
 from harpy_pin.errors import InputError
 from harpy_pin.gaits.fitting import GRAVITY, fitting_parameters
 from harpy_pin.gaits.gait import LONGEST, GaitTarget, Unobserved, refuse_time
@@ -24,6 +23,7 @@ from harpy_pin.gaits.walking.record import MeasuredRecord, WalkingRecord
 from harpy_pin.gaits.walking.rolling import soles_of
 from harpy_pin.gaits.walking.tick import advance
 from harpy_pin.ground.surface import flat_terrain
+from harpy_pin.kernels.calls import Call
 from harpy_pin.model.entry import as_state
 from harpy_pin.model.legs import legs
 from harpy_pin.model.memory import fixed_arrays

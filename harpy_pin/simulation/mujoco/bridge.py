@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import HarpyError, InputError
 from harpy_pin.estimation.imu import Imu
 from harpy_pin.estimation.readings import Readings
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord, dynamics_record
 from harpy_pin.model.entry import as_command
 from harpy_pin.model.mjcf import driven_joints, plain_name, refuse_loops, sphere_radius

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from harpy_pin import checks
 from harpy_pin.arguments import checked
-from harpy_pin.compiled import kernel
 from harpy_pin.errors import InputError, shown
+from harpy_pin.kernels import kernel
 from harpy_pin.model.memory import fixed_arrays
 from harpy_pin.model.mjcf import find_joints, free_joint
 from harpy_pin.model.mjcf import import_mujoco as import_mujoco

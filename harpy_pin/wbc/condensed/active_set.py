@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import ByPrecision, kernel
 from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed, solve_vector
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
@@ -26,18 +26,16 @@ UNBOUNDED = 1e20
 """A bound of this size or more counts as infinite."""
 EXCHANGES = 6
 """Systems solved before the dual method is called: more make the worst ticks longer, fewer G1's mean tick."""
-TOLERANCE = 1e-7
+TOLERANCE = ByPrecision(1e-7, single=1e-4)
 """Violation (N, N·m, m/s²) with which a guess still counts as right."""
-PULL = 1e-9
+PULL = ByPrecision(1e-9, single=1e-7)
 """Multiplier of the wrong sign with which a guess still counts as right. Forces of heavy robots weigh some 1e-8."""
-VIOLATION = 1e-9
+VIOLATION = ByPrecision(1e-9, single=1e-4)
 """Violation (N, N·m, m/s²) that the dual method leaves, besides what rounding leaves."""
-ROUNDING = 1e-13
+ROUNDING = ByPrecision(1e-13, single=1e-6)
 """Relative error of a row's value."""
-DEPENDENT = 1e-11
+DEPENDENT = ByPrecision(1e-11, single=1e-4)
 """Share of a constraint's normal outside the span of the active ones, below which it depends on them."""
-SINGLE = {"TOLERANCE": 1e-4, "PULL": 1e-7, "VIOLATION": 1e-4, "ROUNDING": 1e-6, "DEPENDENT": 1e-4}
-"""Constants that differ in single precision."""
 FOUND, EXHAUSTED, CONTRADICTORY = 0, 1, 2
 """How the dual method ends: with the optimum, at its bound, or because constraints contradict each other."""
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import solve_transposed
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import ZERO, RecordOf, sized

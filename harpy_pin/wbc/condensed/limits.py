@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import ByPrecision, kernel
 from harpy_pin.model.cholesky import solve_factor
 from harpy_pin.model.dynamics import DynamicsRecord, EquationsRecord
 from harpy_pin.model.state import Vector
@@ -42,10 +42,8 @@ if TYPE_CHECKING:
 
 SPAN = 0.1
 """Excess of a torque over its limit, as a share of it, over which swing feet give way."""
-NEAR = 1e-6
+NEAR = ByPrecision(1e-6, single=1e-3)
 """Distance of a thrust or torque from its limit, N and N·m, at which the optimum without limits is looked at."""
-SINGLE = {"NEAR": 1e-3}
-"""Constants that differ in single precision."""
 
 
 @kernel

@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import ByPrecision, kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.record import sized
 from harpy_pin.model.state import Vector
@@ -37,12 +37,10 @@ from harpy_pin.wbc.condensed.force_program import (
 )
 from harpy_pin.wbc.condensed.limits import limited_program, outside, share_of_least_force, share_of_swing
 
-AT_LIMIT = 1e-9
+AT_LIMIT = ByPrecision(1e-9, single=1e-6)
 """Distance below its limit, as a share of it, at which a torque counts as limited."""
-BEYOND = 1e-6
+BEYOND = ByPrecision(1e-6, single=1e-3)
 """Excess over its limit, as a share of it, that counts as rounding and not as clipped."""
-SINGLE = {"AT_LIMIT": 1e-6, "BEYOND": 1e-3}
-"""Constants that differ in single precision."""
 THRUST_LIMITED, TORQUE_LIMITED, SUBOPTIMAL, TORQUE_CLIPPED = 1, 2, 4, 8
 """Bits of the status, see :class:`~harpy_pin.wbc.condensed.CondensedStatus`."""
 

@@ -1,5 +1,0 @@
-"""Kernels: functions in a small language that become portable C (docs/kernels.md)."""
-
-from harpy_pin.compiled.kernels import BACKEND, Kernel, kernel
-
-__all__ = ["BACKEND", "Kernel", "kernel"]

@@ -1,0 +1,178 @@
+"""The source of a kernel, and what its names stand for."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import gc
+import hashlib
+import inspect
+import linecache
+import os
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from types import CodeType, FunctionType
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.errors import KernelError
+from harpy_pin.kernels.expressions import kernel_of
+
+
+class Source:
+    """A kernel's function as a tree: its definition, its arguments in order, with defaults, and its first paragraph.
+
+    A :class:`KernelError` says that there is no source to read.
+    """
+
+    def __init__(self, function: FunctionType) -> None:
+        self.name = function.__name__
+        self._function = function
+        self._file = function.__code__.co_filename
+        self.file = f"{function.__module__.replace('.', '/')}.py"
+        self.tree = _definition(function)
+        if _state(self._file) != _LOADED.get(self._file) and not _is_still_there(function.__code__):
+            raise self.error(self.tree, "was edited after it was loaded: start again")
+        signature = inspect.signature(function)
+        self.parameters = list(signature.parameters)
+        self.defaults = {
+            name: parameter.default
+            for name, parameter in signature.parameters.items()
+            if parameter.default is not parameter.empty
+        }
+        self.docstring = (inspect.getdoc(function) or "").split("\n\n")[0]
+
+    def lookup(self, name: str) -> Any:
+        """What a name of the kernel's module, or of Python, stands for."""
+        found = _globals(self._function).get(name, getattr(builtins, name, None))
+        if found is None:
+            raise self.error(self.tree, f"there is no '{name}'")
+        return found
+
+    def error(self, node: ast.stmt, reason: str) -> KernelError:
+        """An error at a statement."""
+        return KernelError(f"{self._file}:{node.lineno}: {self.name}: {reason}")
+
+
+def _definition(function: FunctionType) -> ast.FunctionDef:
+    """The definition of a function, in the tree of its file."""
+    code = function.__code__
+    linecache.checkcache(code.co_filename)
+    text = "".join(linecache.getlines(code.co_filename, function.__globals__))
+    with suppress(SyntaxError):
+        if code.co_firstlineno in (found := _definitions(text)):
+            return found[code.co_firstlineno]
+    reason = "its source cannot be read, or was edited after it was loaded: start again"
+    raise KernelError(f"{code.co_filename}:{code.co_firstlineno}: {function.__name__}: {reason}")
+
+
+@cache
+def _definitions(text: str) -> dict[int, ast.FunctionDef]:
+    """Functions in a file by their first lines, which are those of decorators.
+
+    Garbage is not collected meanwhile: what it runs may let another thread parse, and Python's parser takes no two.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+    finally:
+        if collects:
+            gc.enable()
+    return {min([node.lineno, *(one.lineno for one in node.decorator_list)]): node for node in nodes}
+
+
+_LOADED: dict[str, tuple[int, int]] = {}  # what files of kernels were when they were loaded
+
+
+def remember(function: FunctionType) -> None:
+    """Note what the file of a kernel is when it is loaded: later it may be another one than what runs."""
+    file = function.__code__.co_filename
+    if file not in _LOADED:
+        _LOADED[file] = _state(file)
+
+
+def _state(file: str) -> tuple[int, int]:
+    try:
+        status = os.stat(file)
+    except OSError:
+        return (0, 0)
+    return (status.st_mtime_ns, status.st_size)
+
+
+def _is_still_there(code: CodeType) -> bool:
+    """Whether the lines of a file that was edited still make the code that was loaded from it."""
+    try:
+        waiting = [compile("".join(linecache.getlines(code.co_filename)), code.co_filename, "exec", dont_inherit=True)]
+    except SyntaxError:
+        return False
+    while waiting:
+        one = waiting.pop()
+        if one.co_qualname == code.co_qualname and one.co_firstlineno == code.co_firstlineno:
+            return _described(one) == _described(code)
+        waiting += [part for part in one.co_consts if isinstance(part, CodeType)]
+    return False
+
+
+def _globals(function: FunctionType) -> dict[str, Any]:
+    """Names of the function's module, and of the functions around it."""
+    cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
+    return {**function.__globals__, **{name: cell.cell_contents for name, cell in cells}}
+
+
+@cache
+def source_of(function: FunctionType) -> Source:
+    """The source of a kernel's function, read once."""
+    return Source(function)
+
+
+def fingerprint(function: FunctionType, *, portable: bool = False) -> bytes:
+    """What decides the code of a kernel and of those it may call: instructions, and the numbers that they name.
+
+    A portable one has files in the place of instructions, of which every version of Python has its own.
+    """
+    seen: dict[FunctionType, bytes] = {}
+    waiting = [function]
+    while waiting:
+        one = waiting.pop()
+        if one not in seen:
+            seen[one], called = _own_fingerprint(one)
+            waiting.extend(called)
+            code = one.__code__
+            if portable:
+                seen[one] = seen[one].replace(_described(code).encode(), _digest(code.co_filename))
+            else:
+                seen[one] += repr([line for _, _, line in code.co_lines()]).encode()  # debuggers show them
+    return b"".join(sorted(seen.values()))
+
+
+@cache
+def _digest(file: str) -> bytes:
+    with suppress(OSError):  # a kernel that was typed in has no file
+        return hashlib.sha256(Path(file).read_bytes()).digest()
+    return b""
+
+
+@cache
+def _own_fingerprint(function: FunctionType) -> tuple[bytes, tuple[FunctionType, ...]]:
+    code, known = function.__code__, _globals(function)
+    called: list[FunctionType] = []
+    named: list[str] = []
+    for name in (*code.co_names, *code.co_freevars):
+        value = known.get(name)
+        kernel = kernel_of(value)
+        if kernel is not None:
+            called.append(kernel)
+            named.append(f"{name}→{kernel.__module__}.{kernel.__qualname__}")
+        elif isinstance(value, int | float | tuple | np.number):
+            named.append(f"{name}={value!r}")
+    text = f"{function.__qualname__}{_described(code)}{function.__defaults__!r}{named!r}"
+    return text.encode(), tuple(called)
+
+
+def _described(code: CodeType) -> str:
+    """A code object as text, without the places of its lines."""
+    constants = [_described(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
+    return f"{code.co_code.hex()}{constants}{code.co_names}{code.co_varnames}"

@@ -1,0 +1,238 @@
+"""A file of C: the functions that a kernel needs, one struct for each record, the constants by name."""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from harpy_pin.errors import KernelError
+from harpy_pin.kernels.blocks import CFunction
+from harpy_pin.kernels.source import source_of
+from harpy_pin.kernels.statements import translate
+from harpy_pin.kernels.types import Array, Nothing, Struct, Tuple, Type
+
+KEYWORDS = """auto break case char const continue default do double else enum extern float for goto if inline int long
+register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while bool true
+false integer real inside within slot isfinite isnan"""
+MATHEMATICS = "sqrt sin cos tanh exp atan2 acos hypot copysign floor ceil fabs pow fmod rint"
+RESERVED = frozenset([*KEYWORDS.split(), *MATHEMATICS.split(), *(f"{name}f" for name in MATHEMATICS.split())])
+"""Words of C, and what generated code calls: no variable and no function may have such a name."""
+FUNCTIONS = """acosh asin asinh atan atanh cbrt cosh erf erfc exp2 expm1 fdim fma fmax fmin fpclassify frexp gamma ilogb
+isgreater isinf isless isnormal isunordered j0 j1 jn ldexp lgamma llrint llround log log10 log1p log2 logb lrint lround
+modf nan nearbyint nextafter nexttoward remainder remquo round scalb scalbln scalbn signbit significand sinh tan tgamma
+trunc y0 y1 yn abort abs atexit atof bsearch calloc div exit free getenv index labs ldiv llabs malloc memcpy memmove
+memset mktemp printf puts qsort rand random read realloc remove rename rindex signal srand strtod system time write
+entry main signature"""
+ELSEWHERE = frozenset(FUNCTIONS.split())
+"""Functions of C's library: no function may have such a name."""
+_TEXT = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
+HELPERS = {
+    name: text for text, name in re.findall(r"^(static inline \w+ (\w+)\(.*?^\})$", _TEXT, re.DOTALL | re.MULTILINE)
+}
+"""Functions of C that generated code calls, by name."""
+PART = 32_000
+"""Characters of a part, which are about a second's work of GCC."""
+SHORT = 1_000
+"""Most characters of a function that each part has for itself."""
+HIDDEN = '__attribute__((visibility("hidden")))'
+
+
+def in_part(number: int | str) -> str:
+    """The line of C before what only one part has; without ``PART`` the file is compiled whole."""
+    return f"#if !defined(PART) || PART == {number}"
+
+
+@dataclass
+class Unit:
+    """C being written."""
+
+    single: bool = False  # whether real numbers are floats, and integers of 32 bits; otherwise doubles and 64 bits
+    debug: bool = False  # whether every index is checked when it is used
+    lines: bool = False  # whether it names the lines of Python that it comes from, for debuggers
+    prefix: str = ""  # of the names of structs
+    # functions real_<name> that take the place of those of C's library, by their names there
+    own: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    structs: dict[np.dtype[Any], str] = field(default_factory=dict)
+    constants: dict[str, str] = field(default_factory=dict)
+    helpers: dict[str, str] = field(default_factory=dict)
+    results: dict[Tuple, str] = field(default_factory=dict)
+    functions: dict[tuple[Any, tuple[Type, ...]], CFunction] = field(default_factory=dict)
+    taken: set[str] = field(default_factory=set)  # names that functions have, or must not have
+    _under_way: list[Any] = field(default_factory=list)
+
+    def function_for(self, kernel: Any, types: tuple[Type, ...]) -> CFunction:
+        """A kernel for arguments of these types, translated once."""
+        key = (kernel.py_func, types)
+        if key not in self.functions:
+            source = source_of(kernel.py_func)
+            if kernel.py_func in self._under_way:
+                raise KernelError(f"{source.name} calls itself, which no kernel may")
+            self._under_way.append(kernel.py_func)
+            function = translate(self, source, self._unique(self._stem(kernel.py_func)), types)
+            self._under_way.pop()
+            self.functions[key] = function
+        return self.functions[key]
+
+    def literal(self, number: float) -> str:
+        """A real number."""
+        if math.isinf(number):
+            return "(real)INFINITY" if number > 0 else "-(real)INFINITY"
+        if math.isnan(number):
+            return "(real)NAN"
+        return repr(number) + ("f" if self.single else "")
+
+    def define(self, name: str, code: str) -> str:
+        """A constant by name; of two constants of one name the later one has a number."""
+        own, n = name, 1
+        while self.constants.setdefault(own, code) != code or own in ("INFINITY", "NAN", "NULL"):
+            n += 1
+            own = f"{name}_{n}"
+        return own
+
+    def helper(self, name: str) -> str:
+        """One of :data:`HELPERS`, from now on a part of the file."""
+        text = HELPERS[name].replace("$fmod", self.function("fmod")).replace("$copysign", self.function("copysign"))
+        self.helpers.setdefault(name, text)
+        return name
+
+    def function(self, name: str) -> str:
+        """A function of C's library, for this precision, or what stands for it."""
+        if name in self.own:
+            self.helpers.update({text: text.strip() for text in self.own[name]})
+            return f"real_{name}"
+        return f"{name}f" if self.single else name
+
+    def identifier(self, name: str) -> str:
+        """A name as C takes it; names in capitals are those of constants, and two names stay two."""
+        return f"{name}_" if name in RESERVED or name.isupper() or name.endswith("_") else name
+
+    def is_pure(self, code: str) -> bool:
+        """Whether a piece of code has no effects: it calls no kernel."""
+        return not any(f"{function.name}(" in code for function in self.functions.values())
+
+    def result_type(self, kind: Type) -> str:
+        """The type of what a function returns."""
+        if isinstance(kind, Nothing | Array):
+            return "void"
+        if isinstance(kind, Tuple):
+            letters = "".join({"real": "r", "integer": "i", "bool": "b"}[str(item)] for item in kind.items)
+            return self.results.setdefault(kind, f"results_{letters}")
+        return str(kind)
+
+    def declare(self, kind: Type, name: str) -> str:
+        """A declaration of a name."""
+        if isinstance(kind, Array):
+            element = f"struct {self.struct(kind.element)}" if isinstance(kind.element, Struct) else kind.element
+            return f"{element} *{name}"
+        if isinstance(kind, Struct):
+            return f"struct {self.struct(kind)} *{name}"
+        return f"{kind} {name}"
+
+    def struct(self, record: Struct) -> str:
+        """The name of a record's struct."""
+        if record.dtype not in self.structs:
+            parts = (kind.element if isinstance(kind, Array) else kind for kind in record.fields().values())
+            for kind in parts:
+                if isinstance(kind, Struct):
+                    self.struct(kind)  # before this one
+            stem = self.prefix + record.name
+            name, n = self.identifier(stem), 1
+            while name in self.structs.values():
+                n += 1
+                name = f"{stem}_{n}"
+            self.structs[record.dtype] = name
+        return self.structs[record.dtype]
+
+    def comment(self, text: str) -> list[str]:
+        """A docstring as a comment."""
+        if not text:
+            return []
+        lines = textwrap.wrap(" ".join(text.replace("*/", "* /").split()), 112)
+        return ("/* " + "\n   ".join(lines) + " */").split("\n")
+
+    def types(self) -> str:
+        """The types of the numbers, and the structs."""
+        real, whole = ("float", "int32_t") if self.single else ("double", "int64_t")
+        parts = [f"typedef {real} real;\ntypedef {whole} integer;"]
+        parts += [self._struct_text(dtype, name) for dtype, name in self.structs.items()]
+        return "\n\n".join(parts)
+
+    def code(self, *, apart: bool = False) -> str:
+        """Constants, helpers and functions; ``apart`` in parts for as many compilers (:meth:`_parts`)."""
+        constants = "\n".join(f"#define {name} {value}" for name, value in self.constants.items())
+        results = "\n".join(
+            f"typedef struct {{ {' '.join(f'{item} v{n};' for n, item in enumerate(kind.items))} }} {name};"
+            for kind, name in self.results.items()
+        )
+        parts = [constants, results, *self.helpers.values()]
+        parts += self._parts() if apart else [function.text for function in self.functions.values()]
+        return "\n\n".join(part for part in parts if part)
+
+    def _parts(self) -> list[str]:
+        """Functions in parts of about equal length: a compiler makes that one whose number ``PART`` is.
+
+        Short functions are in every part that calls them; longer ones are in one, and the others call them there.
+        """
+        functions = list(self.functions.values())
+        ends = list(accumulate(len(function.text) for function in functions))
+        count = 1 + ends[-1] // PART
+        if count == 1:
+            return [function.text for function in functions]
+        middles = [end - len(function.text) // 2 for function, end in zip(functions, ends, strict=True)]
+        part = {function.name: n * count // ends[-1] for function, n in zip(functions, middles, strict=True)}
+        called: dict[str, set[int]] = {name: set() for name in part}
+        heads, texts = [], []
+        for function in reversed(functions):  # callers before what they call
+            text, places = function.text, called[function.name] | {part[function.name]}
+            if len(places) > 1 and len(text) > SHORT:
+                places = {part[function.name]}
+                head = function.head.replace("static", HIDDEN, 1)
+                text = text.replace(function.head, head, 1)
+                heads.append(f"{head};")
+            for name in called.keys() & set(re.findall(r"\w+", text)):
+                called[name] |= places
+            texts.append(text if len(places) > 1 else f"{in_part(*places)}\n{text}\n#endif")
+        return [f"#define PARTS {count}\n" + "\n".join(heads), *reversed(texts)]
+
+    def header(self) -> str:
+        """What the file includes."""
+        names = ["math.h", "stdbool.h", "stddef.h", "stdint.h", *(("stdio.h", "stdlib.h") if self.debug else ())]
+        return "\n".join(f"#include <{name}>" for name in names)
+
+    def _struct_text(self, dtype: np.dtype[Any], name: str) -> str:
+        lines = [f"struct {name} {{"]
+        for entry, kind in Struct(dtype).fields().items():
+            own = self.identifier(entry)
+            if not isinstance(kind, Array):
+                element = f"struct {self.struct(kind)}" if isinstance(kind, Struct) else str(kind)
+                lines.append(f"    {element} {own};")
+                continue
+            if kind.empty:
+                continue
+            element = f"struct {self.struct(kind.element)}" if isinstance(kind.element, Struct) else str(kind.element)
+            shape = f"  /* {kind.shape} */" if len(kind.shape) > 1 else ""
+            lines.append(f"    {element} {own}[{math.prod(n for n in kind.shape if isinstance(n, int))}];{shape}")
+        return "\n".join([*lines, "};"])
+
+    @staticmethod
+    def _stem(function: Any) -> str:
+        module = function.__module__.rpartition(".")[2]
+        name = function.__name__.strip("_")
+        return name if not function.__name__.startswith("_") else f"{module}_{name}"
+
+    def _unique(self, stem: str) -> str:
+        stem = f"kernel_{stem}" if stem.startswith("results_") else stem  # those are types
+        name, n = stem, 1
+        while name in self.taken or name in RESERVED | ELSEWHERE | HELPERS.keys():
+            n += 1
+            name = f"{stem}_{n}"
+        self.taken.add(name)
+        return name

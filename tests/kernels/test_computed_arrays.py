@@ -1,0 +1,202 @@
+"""Arrays that kernels compute: what C gives is what NumPy gives, in every bit but for the order of sums.
+
+Which of two zeros of different signs is the larger one NumPy leaves open, too: ``0.0 +`` makes them one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from needs import needs_compiler
+from oracle import REALS, same
+
+from harpy_pin.errors import KernelError
+from harpy_pin.kernels import kernel
+
+pytestmark = needs_compiler
+
+
+def reals(*shape):
+    """Arrays of numbers of all kinds."""
+    count = int(np.prod(shape))
+    return st.lists(REALS, min_size=count, max_size=count).map(lambda numbers: np.array(numbers).reshape(shape))
+
+
+@kernel
+def skew(v):
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+@kernel
+def turned(rotation, v):
+    return rotation @ v
+
+
+@kernel(r=(3, 3), a=(3,), b=(3,), out=(3,))
+def three(r, a, b, out, s: float):
+    x = r @ a + np.cross(a, b) * s
+    out[:] = x - b / s
+    out += r.T @ x
+    m = np.array([[1.0, s, 2.0], a, b])
+    r[:] = r @ m + np.outer(a, b) - np.eye(3)
+    u, v, w = a
+    a[:] = b[2], b[0], u
+    a[1:] *= np.where(b[1:] > 0.0, -v, s)
+    y = turned(skew(a), 2.0 * b)
+    r[1] -= turned(r, y)
+    return np.sqrt(abs(a @ b)), np.sum(-a), 0.0 + np.max(np.abs(b)), 0.0 + np.min(a), np.dot(a, a - b), w, y[1]
+
+
+@given(reals(3, 3), reals(3), reals(3), reals(3), REALS)
+def test_vectors_and_matrices_of_three(r, a, b, out, s):
+    same(three, r, a, b, out, s)
+
+
+@kernel(a=(3,))
+def copied(a):
+    before = np.array(a)
+    a *= 2.0
+    return before[0], before[2], np.array((a[1], before[1]))[1]
+
+
+@given(reals(3))
+def test_an_array_of_an_array_is_a_copy(a):
+    same(copied, a)
+
+
+@kernel(a=(3,), rows=(4, 3), columns=(3, 4), out=(4, 3))
+def rows_of_three(a, rows, columns, out):
+    out[:] = np.cross(a, rows) - np.cross(rows, columns.T)
+    columns[:] += np.cross(a, columns.T).T + np.cross(rows, a).T
+
+
+@given(reals(3), reals(4, 3), reals(3, 4), reals(4, 3))
+def test_cross_products_of_rows(a, rows, columns, out):
+    same(rows_of_three, a, rows, columns, out)
+
+
+@kernel
+def any_size(p, q, v):
+    n = p.shape[0]
+    for i in range(n):
+        q[i] = p[i] @ v + q[i]
+    q[:] = p @ v + 2.0 * q
+    p[:] += np.outer(q, v)
+    p[0, :n] = p[0, :n] * q - (0.0 + np.maximum(q, p[1, :n]))
+    p[1, :2] -= 0.0 + np.minimum(p[0, :2], 1.0)
+    p[:, 1] = np.sin(p[:, 0])
+    return np.sum(q / 2.0), 0.0 + np.max(q), (p.T @ q)[2]
+
+
+@given(reals(4, 9), reals(4), reals(9))
+def test_sizes_that_are_known_at_run_time_only(p, q, v):
+    same(any_size_of_nine, p, q, v)
+
+
+@kernel(a=(3,))
+def questions(a, b):
+    b[:] = 0.0 + np.clip(b, -1.0, 3.0)
+    a[:] = 0.0 + np.clip(a, b[:3], b[1:4])
+    return np.any(a > 1.0), np.all(a[:2] != b[:2]), np.all(b <= 3.0) | np.any(np.isnan(b))
+
+
+@given(reals(3), reals(9))
+def test_clipped_numbers_and_truth_values(a, b):
+    same(questions, a, b)
+
+
+@kernel(p=(4, 9), q=(4,), v=(9,))
+def any_size_of_nine(p, q, v):
+    total, largest, _ = any_size(p, q, v)
+    return total, largest, v @ v
+
+
+@kernel(m=(6, 6), x=(6,))
+def chosen(m, joints, x, k: int):
+    limb = joints[:3]
+    part = m[:, limb]
+    y = m[limb, k] @ x[limb] + part[2] @ part[1]
+    m[2:5, limb - 1] = 2.0 * part[:3]
+    x[limb] -= part.T @ x
+    x[limb - 1] *= 2.0
+    return y, m[limb, 0][2]
+
+
+@given(reals(6, 6), st.permutations([1, 2, 3, 4, 5]), reals(6), st.integers(0, 5))
+def test_elements_chosen_by_indices(m, order, x, k):
+    same(chosen, m, np.array(order[:3]), x, k)
+
+
+@kernel(a=(4,), m=(4, 4))
+def overlapping(a, m):
+    a[1:] = a[:3] + 1.0
+    m[:] = m.T * 2.0
+    m[:] = m @ m
+    m[0, :3], m[1, :3] = m[1, :3] + a[:3], m[0, :3]
+    b = a
+    b += 1.0
+    c = a + 0.0
+    c += 1.0
+    return c[0], b[0]
+
+
+@given(reals(4), reals(4, 4))
+def test_what_is_written_is_read_before(a, m):
+    same(overlapping, a, m)
+
+
+@kernel
+def product_into(a, b, out):
+    out[:] = a @ b
+
+
+@kernel
+def product_in_place(a, b):
+    product_into(a, b, a)
+
+
+@kernel
+def rows_in_place(a, b):
+    product_into(a, b[:3], b[3:])
+
+
+@kernel(a=(3, 3))
+def unequal(a):
+    a[:] = a[0] + a
+
+
+@kernel
+def nameless(a, b):
+    c = a + b
+    a[:] = c
+
+
+@kernel
+def chain(a):
+    a[:] = np.where(0.0 < a < 1.0, a, 0.0)
+
+
+@kernel(a=(3, 3))
+def two_kinds(a, n: int):
+    x = a[0] + 1.0
+    if n > 0:
+        x = a[1] + 1.0
+    a[2] = x
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "reason"),
+    [
+        (product_in_place, (np.eye(3), np.eye(3)), "writes to 'out' what it reads as 'a'"),
+        (unequal, (np.eye(3),), "where .* is needed"),
+        (nameless, (np.ones(3), np.ones(3)), "size is not known"),
+        (chain, (np.ones(3),), "a chain of comparisons"),
+        (two_kinds, (np.eye(3), 1), "not the same kind of thing"),
+        (skew, (np.ones(3),), "an array as result"),
+    ],
+)
+def test_refusals_name_the_line(function, arguments, reason):
+    with pytest.raises(KernelError, match=rf"test_computed_arrays.py:\d+: {function.py_func.__name__}: .*{reason}"):
+        function(*arguments)

@@ -1,0 +1,43 @@
+"""The language of kernels on its own feet: it knows no robots, and whoever describes one does without it."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import harpy_pin.kernels
+
+FOLDER = Path(harpy_pin.kernels.__file__).parent
+
+
+def test_it_knows_nothing_of_robots():
+    """Of the package it uses the kinds of errors, and nothing else."""
+    for path in FOLDER.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [node.module or "."] if isinstance(node, ast.ImportFrom) else []
+            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            others = {name for name in names if name.startswith((".", "harpy_pin")) and "harpy_pin.kernels" not in name}
+            assert others <= {"harpy_pin.errors"}, path.name
+
+
+def test_a_robot_is_loaded_without_it():
+    script = """
+import sys, harpy_pin as hp
+hp.load_harpy()
+print([name for name in sys.modules if name.startswith("harpy_pin.kernels")])
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_nothing_is_compiled_at_import(tmp_path):
+    """Not even what calls go through; the walk of a robot is importable where no compiler is."""
+    script = """
+import sys
+sys.modules["ziglang"] = None
+import harpy_pin.scenario, harpy_pin.controllers.condensed, harpy_pin.simulation.mujoco, harpy_pin.contrib.gym
+from harpy_pin.kernels import compiler
+assert compiler.compiler() is None and not compiler.MADE
+"""
+    environment = {"PATH": str(tmp_path), "HOME": str(tmp_path), "PYTHONPATH": str(FOLDER.parents[1])}
+    subprocess.run([sys.executable, "-c", script], env=environment, check=True, cwd=tmp_path)
