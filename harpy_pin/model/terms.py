@@ -39,7 +39,7 @@ MAX_SAMPLE = 1e6
 def place_bodies(t: TreeRecord, q: Vector, v: Vector) -> None:
     """Placement, velocity and drift of every body."""
     body_rotation(q, t.rotation)
-    t.drift[0, :3] = -(t.rotation.T @ t.gravity)
+    t.drift[0, :3], t.drift[0, 3:] = -(t.rotation.T @ t.gravity), 0.0
     t.twist[0] = v[:6]
     for i in range(1, t.parent.shape[0]):
         _place(t, q, i)
@@ -90,6 +90,26 @@ def joint_space_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
         t.moment[p] += t.moment[i]
         t.composite[p] += t.composite[i]
     _base_terms(t, mass_matrix, bias)
+
+
+@kernel
+def inverse_dynamics(t: TreeRecord, acceleration: Vector, out: Vector) -> None:
+    """Forces M a + n (nv,) of an acceleration (nv,), by one pass out and one back, without M.
+
+    After :func:`place_bodies`; the drifts of the bodies become their accelerations.
+    """
+    bodies, gained = t.parent.shape[0], np.empty((t.parent.shape[0], 6))
+    gained[0] = acceleration[:6]
+    for i in range(1, bodies):
+        gained[i] = gained[t.parent[i]] + acceleration[t.column[i]] * t.screw[i]
+    t.drift += gained
+    for i in range(bodies):
+        _weigh(t, i)
+    for i in range(bodies - 1, 0, -1):
+        out[t.column[i]] = t.screw[i] @ t.force[i]
+        t.force[t.parent[i]] += t.force[i]
+    out[:6] = t.force[0]
+    out += t.armature * acceleration
 
 
 @kernel
