@@ -45,13 +45,15 @@ CERTAIN = 30.0
 
 
 @kernel
-def observe_torques(c: ContactRecord, d: DynamicsRecord, torque: Vector, thrust: Vector, period: float) -> None:
+def observe_torques(
+    c: ContactRecord, d: DynamicsRecord, v: Vector, torque: Vector, thrust: Vector, period: float
+) -> None:
     """Low-pass the joint torques of the contact forces, at the state and acceleration of this step.
 
     ``torque`` (joints,), N·m, and ``thrust`` (thrust variables,), N, are those since the last step.
     """
     weight, left = 1.0 - np.exp(-c.rate * period), c.left
-    inverse_dynamics(d.tree, c.acceleration, left)
+    inverse_dynamics(d.tree, v, c.acceleration, left)  # M a + n
     left[6:] += d.damping[6:] * c.velocity[6:] - torque
     if thrust.shape[0] > 0:
         left -= thrust @ d.thruster_jacobian

@@ -109,7 +109,7 @@ def estimate(
     e.unread += e.filter.period
     if legs:
         _accelerate(e)
-        observe_torques(e.contact, e.dynamics, torque, e.thrust, e.unread)
+        observe_torques(e.contact, e.dynamics, e.v, torque, e.thrust, e.unread)
         learn_joints(e.contact, stance, phase, e.filter.period)
         leg_forces(e.contact, e.dynamics)
         e.contact.force[:, 2] = np.where(abs(normal_force) < np.inf, normal_force, e.contact.force[:, 2])
