@@ -156,28 +156,25 @@ def _filter(p: FrictionRecord, k: int, f: Vector, v: Vector) -> None:
         for other in range(p.estimate.shape[0]):
             if p.loaded[other] != 0.0:
                 p.estimate[k] = min(p.estimate[k], p.estimate[other])
-    for i in range(3):
-        p.force[k, i] += weight * (f[i] - p.force[k, i])
-    for i in range(2):
-        p.velocity[k, i] += weight * (v[i] - p.velocity[k, i])
-        p.sweep[k, i] += weight * (f[2] * v[i] - p.sweep[k, i])
-    p.loss[k] += weight * (-f[0] * v[0] - f[1] * v[1] - p.loss[k])
+    p.force[k] += weight * (f - p.force[k])
+    p.velocity[k] += weight * (v[:2] - p.velocity[k])
+    p.sweep[k] += weight * (f[2] * v[:2] - p.sweep[k])
+    p.loss[k] += weight * (-(f[:2] @ v[:2]) - p.loss[k])
 
 
 @kernel
 def _conclude(p: FrictionRecord, k: int) -> None:
     """Update the estimate from the low-passed sample of a foot."""
-    fx, fy, normal = p.force[k, 0], p.force[k, 1], p.force[k, 2]
-    vx, vy = p.velocity[k, 0], p.velocity[k, 1]
-    speed = np.sqrt(vx * vx + vy * vy)
+    force, sweep = p.force[k], p.sweep[k]
+    speed = np.sqrt(p.velocity[k] @ p.velocity[k])
     if speed > SLIP_SPEED:
-        ratio = p.loss[k] / np.sqrt(p.sweep[k, 0] ** 2 + p.sweep[k, 1] ** 2)
+        ratio = p.loss[k] / np.sqrt(sweep @ sweep)
         if ratio > 0.0:  # friction acts against the slip; what does not is noise
             bound = max((1.0 - MARGIN) * ratio, p.proven[k], p.lowest)
             p.estimate[k] = min(p.estimate[k], bound)
         p.proven[k] *= p.keep
     elif speed < 0.5 * SLIP_SPEED:
-        ratio = np.sqrt(fx * fx + fy * fy) / normal
+        ratio = np.sqrt(force[:2] @ force[:2]) / force[2]
         p.proven[k] = max(p.keep * p.proven[k], (1.0 - MARGIN) * ratio)
         p.estimate[k] = min(max(p.estimate[k] + p.rise, p.proven[k]), p.assumed)
     else:
@@ -210,41 +207,34 @@ def note_inputs(f: JointFrictionEstimateRecord, inputs: Vector) -> None:
 @kernel
 def add_joint_friction(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector) -> None:
     """Update the estimate with measured forces (feet, 3), N, and add it to the bias forces of the present state."""
-    calm = f.known != 0
-    for k in range(foot_force.shape[0]):
-        for i in range(3):
-            calm = calm and abs(foot_force[k, i] - f.force[k, i]) < IMPACT
-            f.force[k, i] = foot_force[k, i]
-    if calm:
+    size = f.force.size
+    calm = np.all(abs(foot_force.reshape((size,)) - f.force.reshape((size,))) < IMPACT)
+    f.force[:] = foot_force
+    if calm and f.known != 0:
         _fit(f, d, v, foot_force)
     f.velocity[:] = v
     f.known = 1
-    for j in range(f.viscous.shape[0]):
-        d.bias[6 + j] += f.viscous[j] * v[6 + j] + f.coulomb[j] * np.tanh(v[6 + j] / KNEE)
+    d.bias[6:] += f.viscous * v[6:] + f.coulomb * np.tanh(v[6:] / KNEE)
 
 
 @kernel
 def _fit(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector) -> None:
     """Least squares with the residual of this tick."""
-    nv, thrusts = v.shape[0], d.thruster_jacobian.shape[0]
-    keep = 1.0 - min(f.period / JOINT_MEMORY, 1.0)
+    thrusts, sums = d.thruster_jacobian.shape[0], f.sums
+    acceleration = (v - f.velocity) / f.period
+    residual = f.inputs[thrusts:] - d.bias[6:] - d.damping[6:] * v[6:] - d.mass_matrix[6:] @ acceleration
+    residual += foot_force.reshape((f.force.size,)) @ d.foot_jacobian[:, 6:]
+    residual += f.inputs[:thrusts] @ d.thruster_jacobian[:, 6:]
+    speed = 0.5 * (v[6:] + f.velocity[6:])
+    sign = np.tanh(speed / KNEE)
+    sums *= 1.0 - min(f.period / JOINT_MEMORY, 1.0)
+    sums[:, 0] += speed * speed
+    sums[:, 1] += speed * sign
+    sums[:, 2] += sign * sign
+    sums[:, 3] += speed * residual
+    sums[:, 4] += sign * residual
     for j in range(f.viscous.shape[0]):
-        row = 6 + j
-        residual = f.inputs[thrusts + j] - d.bias[row] - d.damping[row] * v[row]
-        for i in range(nv):
-            residual -= d.mass_matrix[row, i] * (v[i] - f.velocity[i]) / f.period
-        for c in range(d.foot_jacobian.shape[0]):
-            residual += d.foot_jacobian[c, row] * foot_force[c // 3, c % 3]
-        for c in range(thrusts):
-            residual += d.thruster_jacobian[c, row] * f.inputs[c]
-        speed = 0.5 * (v[row] + f.velocity[row])
-        sign = np.tanh(speed / KNEE)
-        s = f.sums[j]
-        s[0] = keep * s[0] + speed * speed
-        s[1] = keep * s[1] + speed * sign
-        s[2] = keep * s[2] + sign * sign
-        s[3] = keep * s[3] + speed * residual
-        s[4] = keep * s[4] + sign * residual
+        s = sums[j]
         first, last = s[0] + RIDGE, s[2] + RIDGE
         determinant = first * last - s[1] * s[1]
         viscous = (last * s[3] - s[1] * s[4]) / determinant

@@ -140,21 +140,20 @@ def add_lacking(
 
     It is learned by joints that move no ``held`` foot, from the error of the last tick's targets; arguments as there.
     """
-    for j in range(m.gains.shape[1]):
-        speed = v[6 + j] if m.follows == 0 else m.target[1, j]
-        error = speed - v[6 + j]
-        for k in range(held.shape[0]):
-            error *= 1.0 - m.moves[j, k] * held[k]
-        for i in range(2):
-            y = m.motion[i, j]
-            m.square[i, j] += m.learning * (y * y - m.square[i, j])
-            step = m.learning * m.gains[1, j] * error * y / (m.square[i, j] + m.still[i] * m.still[i])
-            m.lacking[i, j] = min(max(m.lacking[i, j] + step, 0.0), m.most[i])
-        a = acceleration[6 + j] if usable else 0.0
-        m.motion[0, j] += m.share * (a - m.motion[0, j])
-        m.motion[1, j] += m.share * (v[6 + j] - m.motion[1, j])
-        s = torque[j] + m.lacking[0, j] * a + m.lacking[1, j] * speed
-        torque[j] = min(max(s, -m.limit[j]), m.limit[j])
+    joints = m.gains.shape[1]
+    speed = np.where(m.follows == 0, v[6:], m.target[1])
+    error = speed - v[6:]
+    for k in range(held.shape[0]):
+        error *= 1.0 - held[k] * m.moves[:, k]
+    for i in range(2):
+        y = m.motion[i]
+        m.square[i] += m.learning * (y * y - m.square[i])
+        step = m.learning * m.gains[1] * error * y / (m.square[i] + m.still[i] * m.still[i])
+        m.lacking[i] = np.clip(m.lacking[i] + step, 0.0, m.most[i])
+    a = np.where(usable, acceleration[6 : 6 + joints], 0.0)
+    m.motion[0] += m.share * (a - m.motion[0])
+    m.motion[1] += m.share * (v[6:] - m.motion[1])
+    torque[:] = np.clip(torque + m.lacking[0] * a + m.lacking[1] * speed, -m.limit, m.limit)
 
 
 @kernel
@@ -164,16 +163,13 @@ def move_targets(m: JointTargetsRecord, acceleration: Vector, usable: bool, q: V
     They follow the acceleration (nv,) of the optimum, where it is ``usable``, from the measured q (nq,) and v (nv,).
     """
     h, s = m.period, m.lead
-    fresh = m.follows == 0 or not usable
-    for j in range(m.gains.shape[1]):
-        angle, speed = q[7 + j], v[6 + j]
-        x, w = (angle if fresh else m.target[0, j]), (speed if fresh else m.target[1, j])
-        a = acceleration[6 + j] if usable else 0.0
-        m.law[0, j] = x + s * (w + 0.5 * s * a)
-        m.law[1, j] = w + s * a
-        m.law[2, j], m.law[3, j] = m.gains[0, j], m.gains[1, j]
-        m.target[0, j] = x + h * (w + 0.5 * h * a) + m.share * (angle - x)
-        m.target[1, j] = w + h * a + m.share * (speed - w)
+    fresh, joints = m.follows == 0 or not usable, m.gains.shape[1]
+    angle, speed = q[7 : 7 + joints], v[6 : 6 + joints]
+    x, w = np.where(fresh, angle, m.target[0]), np.where(fresh, speed, m.target[1])
+    a = np.where(usable, acceleration[6 : 6 + joints], 0.0)
+    m.law[0], m.law[1], m.law[2:] = x + s * (w + 0.5 * s * a), w + s * a, m.gains
+    m.target[0] = x + h * (w + 0.5 * h * a) + m.share * (angle - x)
+    m.target[1] = w + h * a + m.share * (speed - w)
     m.follows = 1 if usable else 0
 
 
@@ -181,9 +177,7 @@ def move_targets(m: JointTargetsRecord, acceleration: Vector, usable: bool, q: V
 def keep_targets(r: TickRecord, m: JointTargetsRecord) -> None:
     """The law after a bad sample: that of the last tick, which fades as the torques do."""
     factor = FADE if r.bad_in_a_row > HOLD_TICKS else 1.0
-    for j in range(m.gains.shape[1]):
-        m.law[2, j] *= factor
-        m.law[3, j] *= factor
+    m.law[2:] *= factor
     m.follows = 0
 
 

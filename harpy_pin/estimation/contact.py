@@ -24,6 +24,7 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.cholesky import factorise, solve_vector
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import inverse_dynamics
 
 EARLIEST, LATEST = 0.3, 0.5
 """Shares of a swing between which the gait begins to expect the touchdown."""
@@ -44,25 +45,25 @@ CERTAIN = 30.0
 
 
 @kernel
-def observe_torques(c: ContactRecord, d: DynamicsRecord, torque: Vector, thrust: Vector, period: float) -> None:
+def observe_torques(
+    c: ContactRecord, d: DynamicsRecord, v: Vector, torque: Vector, thrust: Vector, period: float
+) -> None:
     """Low-pass the joint torques of the contact forces, at the state and acceleration of this step.
 
     ``torque`` (joints,), N·m, and ``thrust`` (thrust variables,), N, are those since the last step.
     """
-    nv, weight = c.acceleration.shape[0], 1.0 - np.exp(-c.rate * period)
+    weight, left = 1.0 - np.exp(-c.rate * period), c.left
+    inverse_dynamics(d.tree, v, c.acceleration, left)  # M a + n
+    left[6:] += d.damping[6:] * c.velocity[6:] - torque
+    if thrust.shape[0] > 0:
+        left -= thrust @ d.thruster_jacobian
+    c.residual += weight * (left[6:] - c.residual)
+    c.motion[:, 0] += weight * (c.acceleration[6:] - c.motion[:, 0])
+    c.motion[:, 1] += weight * (c.velocity[6:] - c.motion[:, 1])
+    c.motion[:, 2] += weight * (np.tanh(c.velocity[6:] / KNEE) - c.motion[:, 2])
+    c.external[:] = c.residual
     for j in range(c.external.shape[0]):
-        row = 6 + j
-        s = d.bias[row] + d.damping[row] * c.velocity[row] - torque[j]
-        for i in range(nv):
-            s += d.mass_matrix[row, i] * c.acceleration[i]
-        for i in range(thrust.shape[0]):
-            s -= d.thruster_jacobian[i, row] * thrust[i]
-        c.residual[j] += weight * (s - c.residual[j])
-        x = c.motion[j]
-        x[0] += weight * (c.acceleration[row] - x[0])
-        x[1] += weight * (c.velocity[row] - x[1])
-        x[2] += weight * (np.tanh(c.velocity[row] / KNEE) - x[2])
-        c.external[j] = c.residual[j] + c.joint[j, 0] * x[0] + c.joint[j, 1] * x[1] + c.joint[j, 2] * x[2]
+        c.external[j] += c.joint[j] @ c.motion[j]
 
 
 @kernel
@@ -84,14 +85,11 @@ def learn_joints(c: ContactRecord, stance: Vector, phase: Vector, period: float)
 @kernel
 def _fit_joint(x: Vector, y: float, s: Vector, found: Vector, keep: float) -> None:
     """Least squares with forgetting, y = found · x, drawn to zero; none of the three is negative."""
-    s[0] = keep * s[0] + x[0] * x[0]
-    s[1] = keep * s[1] + x[0] * x[1]
-    s[2] = keep * s[2] + x[0] * x[2]
-    s[3] = keep * s[3] + x[1] * x[1]
-    s[4] = keep * s[4] + x[1] * x[2]
-    s[5] = keep * s[5] + x[2] * x[2]
-    for i in range(3):
-        s[6 + i] = keep * s[6 + i] + x[i] * y
+    s *= keep
+    s[:3] += x[0] * x
+    s[3:5] += x[1] * x[1:]
+    s[5] += x[2] * x[2]
+    s[6:] += y * x
     a, b, c = s[0] + RIDGE[0], s[3] + RIDGE[1], s[5] + RIDGE[2]
     for _ in range(SWEEPS):  # Gauss–Seidel on the bounded problem
         found[0] = max((s[6] - s[1] * found[1] - s[2] * found[2]) / a, 0.0)
@@ -104,30 +102,26 @@ def leg_forces(c: ContactRecord, d: DynamicsRecord) -> None:
     """The forces of every leg's feet, world axes."""
     joints, feet, a, y = c.leg_joints.shape[1], c.leg_feet.shape[1], c.normal, c.moment
     for leg in range(c.leg_joints.shape[0]):
-        a[:] = 0.0
+        a[:], y[:] = np.eye(joints), 0.0
         for i in range(joints):
-            a[i, i], y[i] = 1.0, 0.0
             row = c.leg_joints[leg, i]
             if row >= 0:
                 a[i, i], y[i] = c.damping, c.external[row - 6]
                 for j in range(i + 1):
-                    column = c.leg_joints[leg, j]
                     for n in range(feet):
                         k = c.leg_feet[leg, n]
                         if k >= 0:
-                            for x in range(3):
-                                a[i, j] += d.foot_jacobian[3 * k + x, row] * d.foot_jacobian[3 * k + x, column]
+                            own = d.foot_jacobian[3 * k : 3 * k + 3]
+                            a[i, j] += own[:, row] @ own[:, c.leg_joints[leg, j]]
         factorise(a, a)
         solve_vector(a, y)
         for n in range(feet):
             k = c.leg_feet[leg, n]
             if k >= 0:
-                for x in range(3):
-                    s = 0.0
-                    for i in range(joints):
-                        if c.leg_joints[leg, i] >= 0:
-                            s += d.foot_jacobian[3 * k + x, c.leg_joints[leg, i]] * y[i]
-                    c.force[k, x] = s
+                c.force[k] = 0.0
+                for i in range(joints):
+                    if c.leg_joints[leg, i] >= 0:
+                        c.force[k] += y[i] * d.foot_jacobian[3 * k : 3 * k + 3, c.leg_joints[leg, i]]
 
 
 @kernel
@@ -143,7 +137,7 @@ def contact_probability(
         expected = stance[k]
         if expected == 0.0:
             expected = min(max((phase[k] - EARLIEST) / (LATEST - EARLIEST), 0.0), 1.0)
-        square = d.foot_velocity[k, 0] ** 2 + d.foot_velocity[k, 1] ** 2 + d.foot_velocity[k, 2] ** 2
+        square = d.foot_velocity[k] @ d.foot_velocity[k]
         odds = (c.force[k, 2] / c.weight[k] - c.load) / c.load_width + c.prior * (3.0 * expected - 2.0)
         c.loaded[k] = 1 if odds > 0.0 else 0
         odds -= square / (c.foot_speed * c.foot_speed)

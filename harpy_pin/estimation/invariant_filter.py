@@ -73,11 +73,15 @@ def predict(f: FilterRecord, angular_velocity: Vector, acceleration: Vector, rol
 @kernel
 def _predict_covariance(f: FilterRecord) -> None:
     """P ← Φ P Φᵀ + Q, with Φ = 1 + A T of the errors' linear dynamics."""
-    _advance_rows(f, f.covariance)
-    f.work[:] = f.covariance.T
+    p, t = f.covariance, f.period
+    _advance_rows(f, p)
+    f.work[:] = p.T
     _advance_rows(f, f.work)
-    f.covariance[:] = 0.5 * (f.work + f.work.T)  # what is not symmetric grows
-    _add_noise(f)
+    _turn_by_noise(f)
+    p[:] = 0.5 * (f.work + f.work.T) + f.rows.T @ f.rows  # what is not symmetric grows
+    p[3:6, 3:6] += f.accelerometer_density**2 * t * np.eye(3)
+    p[9:12, 9:12] += f.gyroscope_walk**2 * t * np.eye(3)
+    p[12:15, 12:15] += f.accelerometer_walk**2 * t * np.eye(3)
 
 
 @kernel(p="f.covariance")
@@ -95,9 +99,9 @@ def _advance_rows(f: FilterRecord, p: Vector) -> None:
 
 
 @kernel
-def _add_noise(f: FilterRecord) -> None:
-    """P ← P + Q T; that of the gyroscope moves rotation, velocity and footholds together."""
-    p, t, rows = f.covariance, f.period, f.rows
+def _turn_by_noise(f: FilterRecord) -> None:
+    """Noise of the gyroscope, which moves rotation, velocity and footholds together: into f.rows."""
+    rows = f.rows
     rows[:] = 0.0
     rows[:, 0:3] = np.eye(3)
     rows[:, 3:6] = skew(f.velocity).T
@@ -105,11 +109,7 @@ def _add_noise(f: FilterRecord) -> None:
         if f.held[k] != 0:
             m = ERRORS + 3 * k
             rows[:, m : m + 3] = skew(f.foothold[k]).T
-    rows *= f.gyroscope_density * np.sqrt(t)
-    p += rows.T @ rows
-    p[3:6, 3:6] += f.accelerometer_density**2 * t * np.eye(3)
-    p[9:12, 9:12] += f.gyroscope_walk**2 * t * np.eye(3)
-    p[12:15, 12:15] += f.accelerometer_walk**2 * t * np.eye(3)
+    rows *= f.gyroscope_density * np.sqrt(f.period)
 
 
 @kernel

@@ -70,7 +70,7 @@ def weigh(e: EstimatorRecord) -> None:
     if e.thrust.shape[0] > 0:
         borne += e.thrust @ d.thruster_jacobian[:, :3]
     e.felt[:3] += share * (e.raw_acceleration - e.felt[:3])
-    e.felt[3:] += share * (borne / d.mass_matrix[0, 0] - e.felt[3:])
+    e.felt[3:] += share * (borne / np.sum(d.tree.mass) - e.felt[3:])
     compare(e)
 
 

@@ -58,6 +58,7 @@ class ContactRecord(RecordOf):
     of_sole: NDArray[np.int64]  # (feet,) 1 for a contact point of a flat foot
     leg_joints: NDArray[np.int64]  # (legs, joints) columns in v of the joints that no other leg has; −1 beyond the last
     leg_feet: NDArray[np.int64]  # (legs, feet) contact points of each leg; −1 beyond the last
+    left: Vector = sized("nv")  # forces that motors and thrusters do not explain, N and N·m
     external: Vector = sized("joints")  # torques of the contact forces, N·m
     residual: Vector = sized("joints")  # the same with those that the model of the joints lacks, low-passed, N·m
     motion: Vector = sized("joints", 3)  # acceleration, velocity and its smooth sign, low-passed

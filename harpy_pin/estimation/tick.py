@@ -22,7 +22,7 @@ from harpy_pin.estimation.record import EstimatorRecord
 from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import HOLD_TICKS, all_possible
 from harpy_pin.model.state import Vector
-from harpy_pin.model.terms import update_terms
+from harpy_pin.model.terms import place_bodies, point_terms
 
 MOST_PERIODS = 100.0
 """Periods without a step that are made up for."""
@@ -91,8 +91,7 @@ def estimate(
         periods = max(np.floor(elapsed / e.period + 0.5), 1.0)
         exact = abs(elapsed - periods * e.period) <= EXACT * e.period
         e.filter.period = periods * e.period if exact else elapsed
-    for i in range(3):
-        e.before[i], e.before[3 + i] = e.raw_angular_velocity[i], e.raw_acceleration[i]
+    e.before[:3], e.before[3:] = e.raw_angular_velocity, e.raw_acceleration
     unit = _read_unit(e, gyroscope, accelerometer)
     if e.begun == 0 and not unit:
         e.status = NO_SAMPLE
@@ -106,17 +105,14 @@ def estimate(
         _predict_all(e, periods)
         e.missing = 0.0 if unit and not e.saturated else e.missing + periods
         _doubt(e, max(periods - SHORT, 0.0))
-        _body_state(e)
-        update_terms(e.dynamics, e.q, e.v)
+        _place_body(e)
     e.unread += e.filter.period
     if legs:
         _accelerate(e)
-        observe_torques(e.contact, e.dynamics, torque, e.thrust, e.unread)
+        observe_torques(e.contact, e.dynamics, e.v, torque, e.thrust, e.unread)
         learn_joints(e.contact, stance, phase, e.filter.period)
         leg_forces(e.contact, e.dynamics)
-        for k in range(normal_force.shape[0]):
-            if abs(normal_force[k]) < np.inf:
-                e.contact.force[k, 2] = normal_force[k]
+        e.contact.force[:, 2] = np.where(abs(normal_force) < np.inf, normal_force, e.contact.force[:, 2])
         weigh(e)
         contact_probability(e.contact, e.dynamics, stance, phase, ground_height)
         _use_feet(e)
@@ -131,46 +127,31 @@ def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> 
     """Keep the inertial unit's sample in body axes; a bad one leaves the last one. Returns whether it was good."""
     if not (all_possible(gyroscope) and all_possible(accelerometer)):
         return False
-    e.saturated = 0
-    same, m, t = 1, e.mounting, e.filter.period
-    for i in range(3):
-        if abs(gyroscope[i]) >= e.gyroscope_range or abs(accelerometer[i]) >= e.accelerometer_range:
-            e.saturated = 1
-        w = m[i, 0] * gyroscope[0] + m[i, 1] * gyroscope[1] + m[i, 2] * gyroscope[2]
-        a = m[i, 0] * accelerometer[0] + m[i, 1] * accelerometer[1] + m[i, 2] * accelerometer[2]
-        if w != e.raw_angular_velocity[i]:
-            same = 0
-        if e.begun != 0:
-            rate = min(max((w - e.raw_angular_velocity[i]) / t, -MAX_ACCELERATION), MAX_ACCELERATION)
-            e.angular_acceleration[i] = rate
-        e.raw_angular_velocity[i], e.raw_acceleration[i] = w, a
-    e.same_in_a_row = e.same_in_a_row + 1 if same == 1 else 0
+    e.saturated = np.any(abs(gyroscope) >= e.gyroscope_range) | np.any(abs(accelerometer) >= e.accelerometer_range)
+    w = e.mounting @ gyroscope
+    same = np.all(w == e.raw_angular_velocity)
+    if e.begun != 0:
+        rate = (w - e.raw_angular_velocity) / e.filter.period
+        e.angular_acceleration[:] = np.clip(rate, -MAX_ACCELERATION, MAX_ACCELERATION)
+    e.raw_angular_velocity[:] = w
+    e.raw_acceleration[:] = e.mounting @ accelerometer
+    e.same_in_a_row = e.same_in_a_row + 1 if same else 0
     return True
 
 
 @kernel
 def _begin(e: EstimatorRecord) -> None:
     """The first step: with the tilt that the accelerometer says, and the lowest foot on the ground, where asked to."""
-    f, c = e.filter, e.contact
-    begin_filter(f)
-    for i in range(3):
-        e.felt[i] = e.felt[3 + i] = e.raw_acceleration[i]
+    begin_filter(e.filter)
+    e.felt[:3], e.felt[3:] = e.raw_acceleration, e.raw_acceleration
     compare(e)
     if e.level:
         if e.gravity > LIGHT:
             level(e)
-        _body_state(e)
-    update_terms(e.dynamics, e.q, e.v)
-    if e.level:
-        lowest = 0.0
-        for k in range(e.foot_radius.shape[0]):
-            height = e.dynamics.foot_position[k, 2]
-            lowest = height if k == 0 else min(lowest, height)
-        f.position[2] -= lowest
-    _body_state(e)
-    update_terms(e.dynamics, e.q, e.v)
-    for j in range(6, e.v.shape[0]):
-        c.velocity[j] = e.v[j]
+        _place_body(e)
+        e.filter.position[2] -= np.min(e.dynamics.foot_position[:, 2])
+    _place_body(e)
+    e.contact.velocity[6:] = e.v[6:]
     e.begun = 1
 
 
@@ -180,13 +161,10 @@ def _doubt(e: EstimatorRecord, gap: float) -> None:
 
     Over a gap the error may be as large as the difference between the samples at its ends.
     """
-    p, t, jump = e.filter.covariance, e.period, 0.0
+    p, t, jump = e.filter.covariance, e.period, e.raw_acceleration - e.before[3:]
     variance = e.missing + (INTERPOLATED * gap) ** 2
-    for i in range(3):
-        jump += (e.raw_acceleration[i] - e.before[3 + i]) ** 2
-        p[i, i] += variance * (DOUBT[0] * t) ** 2
-    for i in range(3):
-        p[3 + i, 3 + i] += variance * (DOUBT[1] * t) ** 2 + jump * (gap * t) ** 2
+    p[:3, :3] += variance * (DOUBT[0] * t) ** 2 * np.eye(3)
+    p[3:6, 3:6] += (variance * (DOUBT[1] * t) ** 2 + jump @ jump * (gap * t) ** 2) * np.eye(3)
 
 
 @kernel
@@ -198,7 +176,7 @@ def _place_joints(e: EstimatorRecord, position: Vector, velocity: Vector) -> Non
             e.q[n], e.q[n + 1] = np.cos(position[j]), np.sin(position[j])
         else:
             e.q[n] = position[j]
-        e.v[6 + j] = velocity[j]
+    e.v[6:] = velocity
 
 
 @kernel
@@ -215,45 +193,40 @@ def _predict_all(e: EstimatorRecord, periods: float) -> None:
 @kernel
 def _predict(e: EstimatorRecord, share: float) -> None:
     """Go on by a period, with the sample at that share of the way from the last one to the new one."""
-    f, rolling = e.filter, np.zeros((e.foot_velocity.shape[0], 3))
-    acceleration = np.empty(3)
-    for i in range(3):
-        back = 1.0 - share
-        w = e.raw_angular_velocity[i] + back * (e.before[i] - e.raw_angular_velocity[i])
-        a = e.raw_acceleration[i] + back * (e.before[3 + i] - e.raw_acceleration[i])
-        e.angular_velocity[i] = w - f.gyroscope_bias[i]
-        acceleration[i] = a - f.accelerometer_bias[i]
+    f, back, rolling = e.filter, 1.0 - share, np.zeros((e.foot_velocity.shape[0], 3))
+    w = e.raw_angular_velocity + back * (e.before[:3] - e.raw_angular_velocity)
+    a = e.raw_acceleration + back * (e.before[3:] - e.raw_acceleration)
+    e.angular_velocity[:] = w - f.gyroscope_bias
     for k in range(e.foot_radius.shape[0]):
         if e.foot_radius[k] > 0.0 and f.held[k] != 0:
             _roll(e, k, rolling[k])
-    predict(f, e.angular_velocity, acceleration, rolling)
+    predict(f, e.angular_velocity, a - f.accelerometer_bias, rolling)
 
 
 @kernel
 def _roll(e: EstimatorRecord, k: int, out: Vector) -> None:
     """Velocity of the centre of a round foot that rolls on the level: ω × (0, 0, radius), world axes."""
-    t, r, radius = e.dynamics.tree, e.filter.rotation, e.foot_radius[k]
-    w = t.twist[e.dynamics.body[k]]
-    x = r[0, 0] * w[3] + r[0, 1] * w[4] + r[0, 2] * w[5]
-    y = r[1, 0] * w[3] + r[1, 1] * w[4] + r[1, 2] * w[5]
-    out[0], out[1] = radius * y, -radius * x
+    w = e.filter.rotation @ e.dynamics.tree.twist[e.dynamics.body[k], 3:]
+    out[0], out[1] = e.foot_radius[k] * w[1], -e.foot_radius[k] * w[0]
 
 
 @kernel
 def _body_state(e: EstimatorRecord) -> None:
     """Configuration and velocity of the body from the filter's state of the inertial unit."""
-    f, r, o = e.filter, e.filter.rotation, e.place
-    for i in range(3):
-        e.angular_velocity[i] = e.raw_angular_velocity[i] - f.gyroscope_bias[i]
-    w = e.angular_velocity
-    sx, sy, sz = w[1] * o[2] - w[2] * o[1], w[2] * o[0] - w[0] * o[2], w[0] * o[1] - w[1] * o[0]
-    e.v[0] = r[0, 0] * f.velocity[0] + r[1, 0] * f.velocity[1] + r[2, 0] * f.velocity[2] - sx
-    e.v[1] = r[0, 1] * f.velocity[0] + r[1, 1] * f.velocity[1] + r[2, 1] * f.velocity[2] - sy
-    e.v[2] = r[0, 2] * f.velocity[0] + r[1, 2] * f.velocity[1] + r[2, 2] * f.velocity[2] - sz
-    for i in range(3):
-        e.q[i] = f.position[i] - r[i, 0] * o[0] - r[i, 1] * o[1] - r[i, 2] * o[2]
-        e.v[3 + i] = w[i]
+    f, r = e.filter, e.filter.rotation
+    e.angular_velocity[:] = e.raw_angular_velocity - f.gyroscope_bias
+    e.v[:3] = r.T @ f.velocity - np.cross(e.angular_velocity, e.place)
+    e.v[3:6] = e.angular_velocity
+    e.q[:3] = f.position - r @ e.place
     _quaternion(r, e.q)
+
+
+@kernel
+def _place_body(e: EstimatorRecord) -> None:
+    """Where body and feet are and how they move, by the filter and the joints."""
+    _body_state(e)
+    place_bodies(e.dynamics.tree, e.q, e.v)
+    point_terms(e.dynamics, e.q)
 
 
 @kernel
@@ -271,31 +244,22 @@ def _quaternion(r: Vector, q: Vector) -> None:
         x, z, w = (r[0, 1] + r[1, 0]) / y, (r[1, 2] + r[2, 1]) / y, (r[0, 2] - r[2, 0]) / y
     else:
         x, y, w = (r[0, 2] + r[2, 0]) / z, (r[1, 2] + r[2, 1]) / z, (r[1, 0] - r[0, 1]) / z
-    norm = np.sqrt(x * x + y * y + z * z + w * w)
-    if x * q[3] + y * q[4] + z * q[5] + w * q[6] < 0.0:
-        norm = -norm
-    q[3], q[4], q[5], q[6] = x / norm, y / norm, z / norm, w / norm
+    found = np.array([x, y, z, w])
+    q[3:7] = found / np.copysign(np.sqrt(found @ found), found @ q[3:7])
 
 
 @kernel
 def _accelerate(e: EstimatorRecord) -> None:
     """Acceleration of all coordinates: of the body by the inertial unit, of the joints by differences."""
-    f, c, r, w, b, o = e.filter, e.contact, e.filter.rotation, e.angular_velocity, e.angular_acceleration, e.place
+    f, c, w, turning = e.filter, e.contact, e.angular_velocity, e.angular_acceleration
     # Of the body's origin: a − α × o − ω × (ω × o) + Rᵀ g, less ω × v for components in body axes.
-    sx, sy, sz = w[1] * o[2] - w[2] * o[1], w[2] * o[0] - w[0] * o[2], w[0] * o[1] - w[1] * o[0]
-    sx, sy, sz = sx + e.v[0], sy + e.v[1], sz + e.v[2]
-    turn = np.empty(3)
-    turn[0] = b[1] * o[2] - b[2] * o[1] + w[1] * sz - w[2] * sy
-    turn[1] = b[2] * o[0] - b[0] * o[2] + w[2] * sx - w[0] * sz
-    turn[2] = b[0] * o[1] - b[1] * o[0] + w[0] * sy - w[1] * sx
-    for i in range(3):
-        weight = r[0, i] * f.gravity[0] + r[1, i] * f.gravity[1] + r[2, i] * f.gravity[2]
-        c.acceleration[i] = e.raw_acceleration[i] - f.accelerometer_bias[i] + weight - turn[i]
-        c.acceleration[3 + i] = b[i]
-    for j in range(6, e.v.shape[0]):
-        difference = (e.v[j] - c.velocity[j]) / e.unread
-        c.acceleration[j] = min(max(difference, -MAX_ACCELERATION), MAX_ACCELERATION)
-        c.velocity[j] = e.v[j]
+    turn = np.cross(turning, e.place) + np.cross(w, np.cross(w, e.place) + e.v[:3])
+    felt = e.raw_acceleration - f.accelerometer_bias
+    c.acceleration[:3] = felt + f.rotation.T @ f.gravity - turn
+    c.acceleration[3:6] = turning
+    rate = (e.v[6:] - c.velocity[6:]) / e.unread
+    c.acceleration[6:] = np.clip(rate, -MAX_ACCELERATION, MAX_ACCELERATION)
+    c.velocity[6:] = e.v[6:]
 
 
 @kernel
@@ -323,46 +287,27 @@ def _use_feet(e: EstimatorRecord) -> None:
 @kernel
 def _local_feet(e: EstimatorRecord) -> None:
     """Place of the feet less that of the inertial unit, and their speeds against the body, in body axes."""
-    d, r, o = e.dynamics, e.dynamics.tree.rotation, e.place
+    d, r = e.dynamics, e.dynamics.tree.rotation
     for k in range(e.local_foot.shape[0]):
-        x, y, z = d.foot_position[k, 0] - e.q[0], d.foot_position[k, 1] - e.q[1], d.foot_position[k, 2] - e.q[2]
-        for i in range(3):
-            e.local_foot[k, i] = r[0, i] * x + r[1, i] * y + r[2, i] * z - o[i]
-        h, w, s = e.local_foot[k], e.angular_velocity, e.local_speed[k]
-        x, y, z = h[0] + o[0], h[1] + o[1], h[2] + o[2]
-        for i in range(3):
-            s[i] = r[0, i] * d.foot_velocity[k, 0] + r[1, i] * d.foot_velocity[k, 1] + r[2, i] * d.foot_velocity[k, 2]
-            s[i] -= e.v[i]
-        s[0] -= w[1] * z - w[2] * y
-        s[1] -= w[2] * x - w[0] * z
-        s[2] -= w[0] * y - w[1] * x
+        place = r.T @ (d.foot_position[k] - e.q[:3])
+        e.local_foot[k] = place - e.place
+        e.local_speed[k] = r.T @ d.foot_velocity[k] - e.v[:3] - np.cross(e.angular_velocity, place)
 
 
 @kernel
 def _kinematic_noise(e: EstimatorRecord, k: int, out: Vector) -> None:
     """Covariance of a foot's place by kinematics, world axes, m²."""
-    f, d = e.filter, e.dynamics
-    for a in range(3):
-        for b in range(3):
-            s = 0.0
-            for j in range(6, e.v.shape[0]):
-                s += d.foot_jacobian[3 * k + a, j] * d.foot_jacobian[3 * k + b, j]
-            out[a, b] = s * f.encoder_noise**2
-        out[a, a] += f.foothold_noise**2
+    f, jacobian = e.filter, e.dynamics.foot_jacobian[3 * k : 3 * k + 3, 6:]
+    out[:] = f.encoder_noise**2 * (jacobian @ jacobian.T) + f.foothold_noise**2 * np.eye(3)
 
 
 @kernel
 def _write_state(e: EstimatorRecord) -> None:
     """The estimate, with the feet that belong to it."""
     _body_state(e)
-    f, r, w = e.filter, e.filter.rotation, e.angular_velocity
+    f, r = e.filter, e.filter.rotation
     for k in range(e.local_foot.shape[0]):
-        h, s, o = e.local_foot[k], e.local_speed[k], e.place
-        x, y, z = h[0] + o[0], h[1] + o[1], h[2] + o[2]
-        sx = s[0] + e.v[0] + w[1] * z - w[2] * y
-        sy = s[1] + e.v[1] + w[2] * x - w[0] * z
-        sz = s[2] + e.v[2] + w[0] * y - w[1] * x
-        for i in range(3):
-            e.foot_position[k, i] = f.position[i] + r[i, 0] * h[0] + r[i, 1] * h[1] + r[i, 2] * h[2]
-            e.foot_velocity[k, i] = r[i, 0] * sx + r[i, 1] * sy + r[i, 2] * sz
-            e.foot_force[k, i] = e.contact.share[k] * e.contact.force[k, i]
+        place = e.local_foot[k] + e.place
+        e.foot_position[k] = f.position + r @ e.local_foot[k]
+        e.foot_velocity[k] = r @ (e.local_speed[k] + e.v[:3] + np.cross(e.angular_velocity, place))
+        e.foot_force[k] = e.contact.share[k] * e.contact.force[k]

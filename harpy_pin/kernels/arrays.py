@@ -20,6 +20,8 @@ from harpy_pin.kernels.types import BOOLEAN, INTEGER, REAL, SINGLE, Array, Scala
 
 SHORT = 9
 """Elements that are written one by one, without a loop."""
+SIDE = 3
+"""Elements along one axis of a larger array that are written one by one."""
 LONG = 6
 """Terms of a sum that are written out, without a loop."""
 

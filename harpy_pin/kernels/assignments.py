@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harpy_pin.kernels.arrays import SHORT, Arrays, as_array, offset, read_by
+from harpy_pin.kernels.arrays import SHORT, SIDE, Arrays, as_array, offset, read_by
 from harpy_pin.kernels.blocks import Assignment, Block, CFunction, Learnt, Variable, Wider, mentions
 from harpy_pin.kernels.operators import ATOM, Refused, refused
 from harpy_pin.kernels.overlaps import may_meet, may_overlap
@@ -356,29 +356,43 @@ class Assignments(Arrays):
             return
         if isinstance(value.type, Tuple):
             value = self.array_of(value)
+        known = [size if isinstance(size, int) else SHORT + 1 for size in kind.shape]
+        short = prod(known) <= SHORT
         if isinstance(value.type, Array):
             self.common_shape(kind.shape, value.type.shape, written=True)
-            value = self._apart(view, value)
+            value = value if short else self._apart(view, value)
         value = self.operand(value)
-        sizes = [range(size) for size in kind.shape if isinstance(size, int)]
-        if isinstance(value.type, Array) and len(sizes) == len(kind.shape) and prod(map(len, sizes)) <= SHORT:
-            for indices in product(*sizes):
-                self._fill_element(view, value, [self.constant(n) for n in indices])
-            return
-        names = [self.fresh("ijk"[axis] + "_") for axis in range(len(kind.shape))]
+        names: list[str] = []
+        axes: list[Sequence[Value]] = []
+        for axis, size in enumerate(known):
+            if short or size <= SIDE:
+                axes.append([self.constant(n) for n in range(size)])
+                continue
+            names.append(self.fresh("ijk"[axis] + "_"))
+            axes.append([Value(INTEGER, names[-1])])
+            header = f"for (integer {names[-1]} = 0; {names[-1]} < {kind.shape[axis]}; {names[-1]}++)"
+            self.path.append(self._block(header, loop=True))
         self.taken -= set(names)
-        for name, size in zip(names, kind.shape, strict=True):
-            self.path.append(self._block(f"for (integer {name} = 0; {name} < {size}; {name}++)", loop=True))
-        self._fill_element(view, value, [Value(INTEGER, name) for name in names])
+        self._fill_elements(view, value, list(product(*axes)))
         del self.path[len(self.path) - len(names) :]
 
-    def _fill_element(self, view: Value, value: Value, indices: Sequence[Value]) -> None:
+    def _fill_elements(self, view: Value, value: Value, places: Sequence[Sequence[Value]]) -> None:
+        """Write elements: all are computed before the first is written, so that compilers may do several at once."""
         kind = as_array(view).element
         assert isinstance(kind, Scalar)
-        number = self.element(value, indices) if isinstance(value.type, Array) else value
-        plain = self.at(self.dereferenced(view), offset(as_array(view), indices)) if view.rule is None else ""
-        place = plain if view.rule is None else view.rule(indices).code
-        self.emit(f"{place} = {self.cast(number, kind).code};")
+        several = len(places) > 1 and isinstance(value.type, Array)
+        if several:
+            self.path.append(self._block("", loop=False))
+        numbers = [self.element(value, at) if isinstance(value.type, Array) else value for at in places]
+        if several:
+            numbers = [self.keep("element", self.cast(number, kind)) for number in numbers]
+        for at, number in zip(places, numbers, strict=True):
+            plain = self.at(self.dereferenced(view), offset(as_array(view), at)) if view.rule is None else ""
+            place = plain if view.rule is None else view.rule(at).code
+            self.emit(f"{place} = {self.cast(number, kind).code};")
+        if several:
+            self.taken -= {number.code for number in numbers}
+            self.path.pop()
 
     def _apart(self, view: Value, value: Value) -> Value:
         """The array where writing the view does not change what is still to be read."""

@@ -40,13 +40,12 @@ SAME_FORCE = 1e-6
 
 @kernel
 def place_bodies(t: TreeRecord, q: Vector, v: Vector) -> None:
-    """Placement, velocity and drift of every body."""
+    """Placement and velocity of every body."""
     body_rotation(q, t.rotation)
-    t.drift[0, :3] = -(t.rotation.T @ t.gravity)
     t.twist[0] = v[:6]
     for i in range(1, t.parent.shape[0]):
         _place(t, q, i)
-        _move(t, v[t.column[i]], i)
+        t.twist[i] = t.twist[t.parent[i]] + v[t.column[i]] * t.screw[i]
 
 
 @kernel
@@ -70,21 +69,16 @@ def _place(t: TreeRecord, q: Vector, i: int) -> None:
 
 
 @kernel
-def _move(t: TreeRecord, speed: float, i: int) -> None:
-    """Velocity and drift of a body from its parent's."""
-    p, s = t.parent[i], t.screw[i]
-    t.twist[i] = t.twist[p] + speed * s
-    t.drift[i] = t.drift[p] + speed * motion_cross(t.twist[p], s)
-
-
-@kernel
-def joint_space_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
+def joint_space_terms(t: TreeRecord, v: Vector, mass_matrix: Vector, bias: Vector) -> None:
     """Mass matrix and bias forces, after :func:`place_bodies`.
 
     Entries of the mass matrix of joints on different branches are left as they are, zero.
     """
     bodies = t.parent.shape[0]
+    t.drift[0, :3], t.drift[0, 3:] = -(t.rotation.T @ t.gravity), 0.0
     for i in range(bodies):
+        if i > 0:
+            t.drift[i] = _accelerated(t, i, v[t.column[i]])
         _weigh(t, i)
     for i in range(bodies - 1, 0, -1):
         _joint_terms(t, i, mass_matrix, bias)
@@ -93,6 +87,27 @@ def joint_space_terms(t: TreeRecord, mass_matrix: Vector, bias: Vector) -> None:
         t.moment[p] += t.moment[i]
         t.composite[p] += t.composite[i]
     _base_terms(t, mass_matrix, bias)
+
+
+@kernel
+def inverse_dynamics(t: TreeRecord, v: Vector, acceleration: Vector, out: Vector) -> None:
+    """Forces M a + n (nv,) of an acceleration (nv,), by one pass out and one back, without M.
+
+    After :func:`place_bodies`; ``t.drift`` becomes the acceleration of every body, less gravity.
+    """
+    bodies = t.parent.shape[0]
+    t.drift[0, :3] = acceleration[:3] - t.rotation.T @ t.gravity
+    t.drift[0, 3:] = acceleration[3:6]
+    for i in range(bodies):
+        if i > 0:
+            n = t.column[i]
+            t.drift[i] = _accelerated(t, i, v[n]) + acceleration[n] * t.screw[i]
+        _weigh(t, i)
+    for i in range(bodies - 1, 0, -1):
+        out[t.column[i]] = t.screw[i] @ t.force[i]
+        t.force[t.parent[i]] += t.force[i]
+    out[:6] = t.force[0]
+    out += t.armature * acceleration
 
 
 @kernel
@@ -129,6 +144,14 @@ def _joint_terms(t: TreeRecord, i: int, mass_matrix: Vector, bias: Vector) -> No
     mass_matrix[column, column] += t.armature[column]
     mass_matrix[:6, column] = force
     mass_matrix[column, :6] = force
+
+
+@kernel
+def _accelerated(t: TreeRecord, i: int, speed: float) -> Vector:
+    """Acceleration of a body, less gravity, where its joint does not accelerate."""
+    p = t.parent[i]
+    moved: Vector = t.drift[p] + speed * motion_cross(t.twist[p], t.screw[i])
+    return moved
 
 
 @kernel
@@ -244,7 +267,7 @@ def update_terms(d: DynamicsRecord, q: Vector, v: Vector) -> int:
     if q.shape[0] != v.shape[0] + t.unbounded + 1 or v.shape[0] != d.bias.shape[0]:
         return MISFIT
     place_bodies(t, q, v)
-    joint_space_terms(t, d.mass_matrix, d.bias)
+    joint_space_terms(t, v, d.mass_matrix, d.bias)
     point_terms(d, q)
     good = all_possible(q) and all_possible(v) and is_unit(q) and all_finite(d.bias)
     return GOOD if good else BAD

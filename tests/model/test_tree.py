@@ -12,7 +12,7 @@ from walks import started
 import harpy_pin as hp
 from harpy_pin.errors import RobotError
 from harpy_pin.kernels import kernel
-from harpy_pin.model.terms import integrate, joint_space_terms, place_bodies
+from harpy_pin.model.terms import integrate, inverse_dynamics, joint_space_terms, place_bodies
 from harpy_pin.model.tree import tree_record
 
 seeds = st.integers(0, 2**32 - 1)
@@ -21,7 +21,13 @@ seeds = st.integers(0, 2**32 - 1)
 @kernel
 def terms(tree, q, v, mass_matrix, bias):
     place_bodies(tree[0], q, v)
-    joint_space_terms(tree[0], mass_matrix, bias)
+    joint_space_terms(tree[0], v, mass_matrix, bias)
+
+
+@kernel
+def forces(tree, q, v, acceleration, out):
+    place_bodies(tree[0], q, v)
+    inverse_dynamics(tree[0], v, acceleration, out)
 
 
 @kernel
@@ -53,6 +59,18 @@ def test_terms_are_pinocchios(seed, far):
         np.testing.assert_allclose(
             tree["twist"][0, i], data.oMi[1].actInv(data.oMi[i + 1].act(data.v[i + 1])).vector, rtol=0, atol=1e-11
         )
+
+
+@settings(max_examples=40)
+@given(seed=seeds)
+def test_inverse_dynamics_is_pinocchios(seed):
+    model, rng = random_model(seed)
+    q, v = random_state(model, rng)
+    a, tree, out = rng.normal(size=model.nv), tree_record(model), np.zeros(model.nv)
+    forces(tree, *random_state(model, rng), a, out)  # nothing may be left of an earlier state
+    forces(tree, q, v, a, out)
+    expected = mass_matrix(model, q) @ a + pin.nonLinearEffects(model, model.createData(), q, v)
+    np.testing.assert_allclose(out, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max()))
 
 
 @settings(max_examples=120)

@@ -104,6 +104,18 @@ def test_page(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
             assert same(printed, block.text), f"{page.name}:{block.line} shows\n{block.text}\nand printed\n{printed}"
 
 
+QUOTED = re.compile(r"<!-- from (.+) -->\n```py\n(.*?)```", re.DOTALL)
+"""Lines of a kernel beside their formula, and the file that they are from."""
+
+
+def test_quoted_lines_are_those_of_the_source() -> None:
+    quotes = [quote for page in PAGES for quote in QUOTED.findall(page.read_text())]
+    assert len(quotes) >= 3
+    for file, text in quotes:
+        lines = [line.strip() for line in (ROOT / file).read_text().splitlines()]
+        assert "\n".join(map(str.strip, text.splitlines())) in "\n".join(lines), f"not in {file}:\n{text}"
+
+
 def test_what_is_compared() -> None:
     assert same("slip 0.081 mm, 2000 rows", "slip 0.08 mm, 2000 rows")
     assert not same("slip 0.12 mm, 2000 rows", "slip 0.08 mm, 2000 rows")

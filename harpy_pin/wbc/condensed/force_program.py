@@ -76,11 +76,7 @@ class TargetsRecord(RecordOf):
 def note_centre_drift(d: DynamicsRecord, t: TargetsRecord) -> None:
     """What the velocities alone give the centre of mass, R n_l / m + g, into ``t.centre_drift``."""
     tree = d.tree
-    for k in range(2):
-        s = 0.0
-        for i in range(3):
-            s += tree.rotation[k, i] * d.bias[i]
-        t.centre_drift[k] = s / d.mass_matrix[0, 0] + tree.gravity[k]
+    t.centre_drift[:] = tree.rotation[:2] @ d.bias[:3] / d.mass_matrix[0, 0] + tree.gravity[:2]
 
 
 @kernel
