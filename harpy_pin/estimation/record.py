@@ -92,6 +92,8 @@ class EstimatorRecord(RecordOf):
     begun: int = ZERO  # 1 from the first good sample on
     saturated: int = ZERO
     thrust: Vector = sized("thrusts")  # variables of the thrusters since the last step, N
+    intended: Vector = sized("nv")  # acceleration that the controller intends, NaN where there is none
+    weight: float  # of the robot, N
     status: int = ZERO
     same_in_a_row: int = ZERO
     late_in_a_row: int = ZERO

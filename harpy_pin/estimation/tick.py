@@ -6,6 +6,7 @@ import numpy as np
 
 from harpy_pin.compiled import kernel
 from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
+from harpy_pin.estimation.intended import feel_intended, is_intended, move_joints
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.plausibility import (
     BACKWARDS,
@@ -98,8 +99,13 @@ def estimate(
         e.status = NO_SAMPLE
         return NO_SAMPLE
     e.t, e.late_in_a_row = t, 0
+    intended = is_intended(e)
+    if intended and not unit:
+        feel_intended(e)
     if legs:
         _place_joints(e, joint_position, joint_velocity)
+    elif intended:
+        move_joints(e, stance)
     if e.begun == 0:
         _begin(e)
     else:
