@@ -180,7 +180,7 @@ class Estimator(KeepsViews):
         r["q"], r["v"] = q, v
         r["begun"], r["status"], f["period"] = 0, NO_SAMPLE, self.period
         r["same_in_a_row"] = r["late_in_a_row"] = r["pauses_in_a_row"] = r["missing"] = 0
-        r["turning"] = r["unread"] = r["loose"] = r["lost"] = r["astray"] = 0
+        r["turning"] = r["unread"] = r["settling"] = r["loose"] = r["lost"] = r["astray"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 
@@ -328,6 +328,7 @@ def _record(
         up=1.0,
         turning=0.0,
         unread=0.0,
+        settling=0.0,
         loose=0.0,
         lost=0.0,
         t=np.nan,

@@ -106,6 +106,7 @@ class EstimatorRecord(RecordOf):
     astray: int = ZERO  # 1 while readings have been implausible, and the estimate has not begun anew since
     turning: float  # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
     unread: float  # time since the joints were read, s
+    settling: float  # time for which the velocity is not called known yet, s
     loose: float  # time since a foothold was measured, s
     lost: float  # time for which loaded feet have agreed with each other, and not with the estimate, s
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s

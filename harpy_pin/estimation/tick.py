@@ -14,6 +14,7 @@ from harpy_pin.estimation.plausibility import (
     LIGHT,
     NO_SAMPLE,
     PAUSES,
+    SETTLES,
     believe_feet,
     compare,
     judge,
@@ -37,6 +38,8 @@ DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
 SHORT, INTERPOLATED = 10.0, 0.1
 """Periods over which a line between two samples is as good as those between, and its share of that error beyond."""
+AS_INTENDED = 0.01
+"""Share of the variance of that error where the motion is the intended one."""
 MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
@@ -110,11 +113,14 @@ def estimate(
         _begin(e)
     else:
         _predict_all(e, periods)
-        e.missing = 0.0 if unit and not e.saturated else e.missing + periods
+        doubted = 0.0 if unit and not e.saturated else periods
+        doubted *= AS_INTENDED if intended and not unit else 1.0
+        e.missing = e.missing + doubted if doubted > 0.0 else 0.0
         _doubt(e, max(periods - SHORT, 0.0))
         _body_state(e)
         update_terms(e.dynamics, e.q, e.v)
     e.unread += e.filter.period
+    e.settling = SETTLES if e.unread > SWING else e.settling - e.filter.period
     if legs:
         _accelerate(e)
         observe_torques(e.contact, e.dynamics, torque, e.thrust, e.unread)
