@@ -150,8 +150,8 @@ def _checked(found: Signals, robot: Robot) -> Signals:
     ):
         found["joint_position"], found["joint_velocity"] = found["q"][:, places], found["v"][:, 6:]
     found.setdefault("joint_torque", found.get("torque", np.zeros(0)))
-    if "foot_force" in found and found["foot_force"].ndim == 3:  # a run's own: the truth, which is no sensor
-        found.pop("foot_force")
+    if "foot_position" in found:  # a run's own: its forces are the truth, and no sensor's
+        found.pop("foot_force", None)
     for name in ("t", "gyroscope", "accelerometer", "joint_position"):
         if name not in found:
             raise InputError(f"the log has no {name}; it has {', '.join(sorted(found)) or 'nothing'}", name=name)
