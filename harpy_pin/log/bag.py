@@ -30,6 +30,8 @@ TURNS = 4.0 * np.pi
 """Angle that no joint of a leg has, rad."""
 BEGIN = 100
 """Samples whose mean acceleration is compared with gravity at the start."""
+KINDS = ("JointState", "Imu", "Odometry")
+"""Types of the messages that are read of an MCAP."""
 Signals = dict[str, Vector]
 
 
@@ -84,10 +86,17 @@ def _read_csv(path: Path, robot: Robot) -> Signals:
 
 
 class _Json:
-    """Decodes messages in JSON, with attributes."""
+    """Decodes messages in JSON, with attributes, and passes over those of other kinds."""
 
     def decoder_for(self, encoding: str, schema: Any) -> Any:
+        if _kind(schema) not in KINDS:
+            return lambda data: None
         return (lambda data: json.loads(data, object_hook=_named)) if encoding == "json" else None
+
+
+def _kind(schema: Any) -> str:
+    """Name of a message's type without that of its package."""
+    return schema.name.rpartition("/")[2] if schema else ""
 
 
 def _named(entries: dict[str, Any]) -> Any:
@@ -104,7 +113,7 @@ def _read_mcap(path: Path, robot: Robot) -> Signals:
     with path.open("rb") as file:
         reader = make_reader(file, decoder_factories=[_Json(), DecoderFactory()])
         for schema, _, message, content in reader.iter_decoded_messages():
-            kind = (schema.name if schema else "").rpartition("/")[2]
+            kind = _kind(schema)
             stamp = getattr(getattr(content, "header", None), "stamp", None)
             t = 1e-9 * message.log_time if stamp is None else stamp.sec + 1e-9 * stamp.nanosec
             if kind == "JointState" and set(robot.joints) <= set(content.name):
