@@ -18,7 +18,7 @@ import numpy as np
 
 import harpy_pin as hp
 from comparison.measure.complementary import complementary
-from comparison.measure.estimates import contacts, off
+from comparison.measure.estimates import contacts
 from comparison.measure.walking import walk_as_far_as_it_goes
 from comparison.peers.environment import default_folder
 from comparison.studies.walking import BIPEDS, DRAWN, QUADRUPEDS, SIDES, job_of, push_from, scenario
@@ -27,6 +27,7 @@ from comparison.study import Job, Study, View, fell, median, most, where
 from comparison.worlds import walk as others
 from comparison.worlds.models import FEET, ROBOTS
 from harpy_pin.contrib.flight import Flying, Jump
+from harpy_pin.log.drift import off
 from harpy_pin.model.source import loaded_robot
 
 HARPY, HARPY_PUSH = "harpy", 3.0

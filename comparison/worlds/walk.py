@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from comparison.joint_pd.controller import JointPD, JointPDGains, found_gains
-from comparison.measure.estimates import off
 from comparison.peers.environment import default_folder
 from comparison.worlds.models import JOINTS, knowing, strip, world
 from comparison.worlds.policy import PERIOD, Policy
 from harpy_pin import Command, MujocoBridge, Noise, Robot, Standing, State, WalkingGait, make_controller
 from harpy_pin.errors import ControlError
 from harpy_pin.estimation import Estimator, Imu
+from harpy_pin.log.drift import off
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import feet_moved
 from harpy_pin.simulation.mujoco.conventions import import_mujoco
@@ -168,7 +168,10 @@ class Walker:
         state.foot_position[:, 2] -= self._lower
         if self.estimator is not None:
             readings = self._sensing.read(state, data.qfrc_actuator[self.bridge.velocity])
-            true, state = state, self.estimator.step(readings, self.controller.target)
+            true, state = (
+                state,
+                self.estimator.step(readings, self.controller.target, getattr(self.controller, "acceleration", None)),
+            )
             self.trace.append((true.q, true.v, state.q.copy(), state.v.copy()))
         if self._sensors is not None:
             state = self._sensors.measure(state)

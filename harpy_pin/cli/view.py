@@ -100,7 +100,7 @@ def view(
         write_html(pairs, html)
         console.print(f"wrote {html}")
     if figures is not None:
-        _draw_figures(*pairs[0], figures)
+        draw_figures(*pairs[0], figures)
     if pictured:
         from harpy_pin.view.page.film import Film
 
@@ -154,7 +154,7 @@ def film(
         raise typer.Exit(FELL)
 
 
-def _draw_figures(run: Run, robot: Robot, path: Path) -> None:
+def draw_figures(run: Run, robot: Robot, path: Path) -> None:
     """Save the figures of a run."""
     from harpy_pin.view.figures import figures_of
 

@@ -47,6 +47,7 @@ class CondensedController(TaskController):
         else:
             self._begin_tasks(LaggedTickRecord, LaggedMotorsRecord, condensed=condensed, lag=lag)
         self.solver = CondensedSolver(self.robot, p.weights, p.limits, record=self._record_["condensed"])
+        self.acceleration = self.solver.acceleration
         self._clipped = field(self.solver._record_, "clipped")
         status, systems = (field(self.solver._record_, "status_and_systems")[k, ...] for k in range(2))
         self._signals |= {"desired_force": self.solver.force, "condensed_status": status, "law_systems": systems}

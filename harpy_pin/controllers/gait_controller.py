@@ -44,6 +44,8 @@ class GaitController(KeepsViews, ABC):
         target: the gait's targets of the last tick.
         command: arrays of the torques and thrusts of the last tick, and of the motors' law where there is one;
             overwritten by the next.
+        acceleration: (nv,) of all coordinates that the last command intends, for
+            :meth:`~harpy_pin.estimation.estimator.Estimator.step`; None where a controller has none.
     """
 
     _made_anew: ClassVar[tuple[str, ...]] = ("_step", "_parts", "_chain", "_lock")
@@ -54,6 +56,7 @@ class GaitController(KeepsViews, ABC):
     _chained = False  # whether that was looked for
     parameters: GovernedParameters | WholeBodyParameters
     _record_: Records[Any]  # of the controller
+    acceleration: Vector | None = None
     _command: Command  # of the last tick, in the record
     _signals: dict[str, ArrayLike]  # of the last tick, by name
 

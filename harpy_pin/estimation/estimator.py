@@ -136,6 +136,7 @@ class Estimator(KeepsViews):
         self.record = _record(robot, self.imu, self.settings, self.period, checks.vector("foot_radius", radius, feet))
         self.probability: Vector = field(self._record_["contact"], "probability")
         self._thrust: Vector = field(self._record_, "thrust")
+        self._intended: Vector = field(self._record_, "intended")
         self._no_force = np.full(feet, np.nan)
         self._nothing = SimpleNamespace(stance=np.full(feet, 0.5), phase=np.zeros(feet), ground_height=np.zeros(feet))
         self.signals: dict[str, NDArray[Any]] = {
@@ -179,7 +180,7 @@ class Estimator(KeepsViews):
         r["q"], r["v"] = q, v
         r["begun"], r["status"], f["period"] = 0, NO_SAMPLE, self.period
         r["same_in_a_row"] = r["late_in_a_row"] = r["pauses_in_a_row"] = r["missing"] = 0
-        r["turning"] = r["unread"] = r["loose"] = r["lost"] = r["astray"] = 0
+        r["turning"] = r["unread"] = r["settling"] = r["loose"] = r["lost"] = r["astray"] = 0
         r["angular_acceleration"] = r["raw_acceleration"] = r["raw_angular_velocity"] = 0.0
         r["t"] = np.nan
 
@@ -216,13 +217,15 @@ class Estimator(KeepsViews):
         """(3,) standard deviations of the place since the start, world axes, m."""
         return np.sqrt(np.diag(self._record_["filter"]["covariance"][0, 6:9, 6:9]))
 
-    def step(self, readings: Readings, target: Any = None) -> State:
+    def step(self, readings: Readings, target: Any = None, acceleration: Vector | None = None) -> State:
         """One step.
 
         Args:
             readings: of the sensors.
             target: the gait's targets of the last tick (:class:`~harpy_pin.gaits.gait.GaitTarget`, such as a
                 controller's ``target``): which feet it expects on the ground. None: it expects nothing.
+            acceleration: (nv,) of all coordinates that the last command intends (a controller's ``acceleration``). For
+                half a second readings that are missing are those of this motion. None: the last ones stay.
 
         Returns:
             The estimate; it shares memory with the next one.
@@ -230,6 +233,8 @@ class Estimator(KeepsViews):
         Raises:
             InputError: arrays of another robot, or targets that are not finite.
         """
+        intended = np.nan if acceleration is None else as_array("acceleration", acceleration, self._intended.shape)
+        self._intended[...] = intended
         try:
             self._estimate(readings, target)
         except (TypeError, AttributeError, InputError):
@@ -316,11 +321,14 @@ def _record(
         accelerometer_range=imu.accelerometer_range,
         period=period,
         missing=0.0,
+        intended=np.full(robot.model.nv, np.nan),
+        weight=robot.mass * GRAVITY,
         gravity=1.0,
         borne=1.0,
         up=1.0,
         turning=0.0,
         unread=0.0,
+        settling=0.0,
         loose=0.0,
         lost=0.0,
         t=np.nan,

@@ -49,6 +49,8 @@ FLIGHT = 1.0
 """Time without a foothold from which on it is said, s. Jumps of 0.3 m last 0.8 s with thrusters."""
 KNOWN = 0.025
 """Standard deviation of the velocity up to which an estimate is good, m/s: with probability 0.95 within 5 cm/s."""
+SETTLES = 0.1
+"""Time after new footholds for which feet may still be wrongly in contact, s."""
 SMALL = 1e-9
 """Acceleration across the vertical that tells no axis, m/s²."""
 
@@ -119,7 +121,7 @@ def believe_feet(e: EstimatorRecord) -> None:
             level(e)
             e.astray = 0
         _begin_anew(e, mean[:3] / loaded)
-        e.lost = 0.0
+        e.lost, e.settling = 0.0, SETTLES
 
 
 @kernel
@@ -165,7 +167,7 @@ def judge(e: EstimatorRecord, good: bool, periods: float) -> int:
     if e.turning > TURNS * TURNS:
         return TURNING
     consistent = f.innovation <= INCONSISTENCY * EXPECTED and e.lost == 0.0 and e.astray == 0 and e.up > UPRIGHT
-    unsure = e.loose > FLIGHT
+    unsure = e.loose > FLIGHT or e.settling > 0.0
     for i in range(3):
         consistent = consistent and abs(f.gyroscope_bias[i]) <= BIASED * f.start[9 + i]
         consistent = consistent and abs(f.accelerometer_bias[i]) <= SHAKEN * f.start[12 + i]

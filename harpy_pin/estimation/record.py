@@ -93,6 +93,8 @@ class EstimatorRecord(RecordOf):
     begun: int = ZERO  # 1 from the first good sample on
     saturated: int = ZERO
     thrust: Vector = sized("thrusts")  # variables of the thrusters since the last step, N
+    intended: Vector = sized("nv")  # acceleration that the controller intends, NaN where there is none
+    weight: float  # of the robot, N
     status: int = ZERO
     same_in_a_row: int = ZERO
     late_in_a_row: int = ZERO
@@ -105,6 +107,7 @@ class EstimatorRecord(RecordOf):
     astray: int = ZERO  # 1 while readings have been implausible, and the estimate has not begun anew since
     turning: float  # mean square speed of loaded feet against each other that only the gyroscope sees, m²/s²
     unread: float  # time since the joints were read, s
+    settling: float  # time for which the velocity is not called known yet, s
     loose: float  # time since a foothold was measured, s
     lost: float  # time for which loaded feet have agreed with each other, and not with the estimate, s
     angular_velocity: Vector = sized(3)  # body axes, less the bias, rad/s

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from harpy_pin.estimation.contact import LIKELY, contact_probability, learn_joints, leg_forces, observe_torques
+from harpy_pin.estimation.intended import feel_intended, is_intended, move_joints
 from harpy_pin.estimation.invariant_filter import begin_filter, leave, predict, slide, take_kinematics, touch_down
 from harpy_pin.estimation.plausibility import (
     BACKWARDS,
@@ -12,6 +13,7 @@ from harpy_pin.estimation.plausibility import (
     LIGHT,
     NO_SAMPLE,
     PAUSES,
+    SETTLES,
     believe_feet,
     compare,
     judge,
@@ -36,6 +38,8 @@ DOUBT = (2.0, 20.0)
 """Error of angular velocity, rad/s, and acceleration, m/s², in a period without a good sample."""
 SHORT, INTERPOLATED = 10.0, 0.1
 """Periods over which a line between two samples is as good as those between, and its share of that error beyond."""
+AS_INTENDED = 0.01
+"""Share of the variance of that error where the motion is the intended one."""
 MAX_ACCELERATION = 1e4
 """Of joints and body by differences, rad/s² and m/s²."""
 
@@ -97,16 +101,24 @@ def estimate(
         e.status = NO_SAMPLE
         return NO_SAMPLE
     e.t, e.late_in_a_row = t, 0
+    intended = is_intended(e)
+    if intended and not unit:
+        feel_intended(e)
     if legs:
         _place_joints(e, joint_position, joint_velocity)
+    elif intended:
+        move_joints(e, stance)
     if e.begun == 0:
         _begin(e)
     else:
         _predict_all(e, periods)
-        e.missing = 0.0 if unit and not e.saturated else e.missing + periods
+        doubted = 0.0 if unit and not e.saturated else periods
+        doubted *= AS_INTENDED if intended and not unit else 1.0
+        e.missing = e.missing + doubted if doubted > 0.0 else 0.0
         _doubt(e, max(periods - SHORT, 0.0))
         _place_body(e)
     e.unread += e.filter.period
+    e.settling = SETTLES if e.unread > SWING else e.settling - e.filter.period
     if legs:
         _accelerate(e)
         observe_torques(e.contact, e.dynamics, e.v, torque, e.thrust, e.unread)

@@ -124,7 +124,8 @@ class EstimatedState(KeepsViews):
     Args:
         plant: placed already; the estimate begins at its state.
         estimator: of the sensors that are simulated, and of what the controller believes of the robot.
-        controller: whose ``target``, where it has one, says which feet the gait expects on the ground.
+        controller: whose ``target``, where it has one, says which feet the gait expects on the ground, and whose
+            ``acceleration`` by what the estimate goes on without readings.
         feedback: whether the controller gets the estimate; the true state otherwise.
         seed: of the sensors.
 
@@ -158,7 +159,8 @@ class EstimatedState(KeepsViews):
         """What the controller gets at a tick."""
         readings = self.sensing.read(state, self._torque, self._thrust)
         self._unit[0], self._unit[1] = readings.gyroscope, readings.accelerometer
-        estimate = self.estimator.step(readings, getattr(self._controller, "target", None))
+        plan = (getattr(self._controller, name, None) for name in ("target", "acceleration"))
+        estimate = self.estimator.step(readings, *plan)
         return estimate if self.feedback else state
 
 

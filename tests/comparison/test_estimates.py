@@ -8,7 +8,7 @@ import pytest
 from evo.core import metrics
 from evo.core.trajectory import PoseTrajectory3D
 
-from comparison.measure.estimates import off
+from harpy_pin.log.drift import off
 
 TICKS = 400
 

@@ -19,7 +19,7 @@ from needs import needs_robots
 import harpy_pin as hp
 from harpy_pin.estimation import EstimatorSettings
 from harpy_pin.estimation.plausibility import KNOWN
-from harpy_pin.simulation.sensing import EstimatedState
+from harpy_pin.simulation.sensing import EstimatedState, Sensing
 
 pytestmark = needs_robots
 PERIOD = 1e-3
@@ -333,6 +333,32 @@ def test_a_loop_that_stalls(walks, name, hard, gap):
     assert not (said[errors > WRONG] == "good").any()
     assert errors[-400:].max() < 0.02
     assert (said[-400:] == "good").all()
+
+
+@pytest.mark.parametrize("plant", ["compliant", "mujoco"])
+@pytest.mark.parametrize("held", [{}, hp.controllers.parameters.JOINT_TARGETS], ids=("torque", "targets"))
+def test_a_walk_without_any_reading_for_200_ms(monkeypatch, plant, held):
+    """It goes on as intended: nobody falls, and the velocity is right soon after."""
+    begin = 1.5 + 0.3 * len(held) / 3 + 0.1 * (plant == "mujoco")
+    read = Sensing.read
+
+    def spoilt(sensing, state, *given):
+        readings = read(sensing, state, *given)
+        if begin <= state.t < begin + 0.2:
+            lost(readings)
+            readings.joint_velocity[:] = readings.joint_torque[:] = np.nan
+        return readings
+
+    monkeypatch.setattr(Sensing, "read", spoilt)
+    how = {"gait": hp.Walking(velocity=(0.5, 0.0, 0.0)), "controller": {"name": "condensed", "parameters": held}}
+    scenario = hp.Scenario(robot="go2", plant=plant, state="estimated", ground=hp.Ground(mu_s=0.6), duration=3.0, **how)
+    run = hp.walk(scenario)
+    assert run.ending == "completed"
+    error = np.linalg.norm(run["estimated_v"][:, :3] - run["v"][:, :3], axis=1)
+    without = (begin <= run["t"]) & (run["t"] < begin + 0.2)
+    assert (run["estimator_status"][without] != 0).all()
+    assert not (run["estimator_status"][error > WRONG] == 0).any()
+    assert error[run["t"] > begin + 0.7].max() < WRONG
 
 
 def test_targets_and_starts_that_are_no_numbers(robot):

@@ -1,0 +1,51 @@
+"""What an estimator takes in the place of readings that are missing: the motion that the controller intends.
+
+Its optimum is an acceleration of all coordinates, which the command brings about where the model is right. Over some
+tenths of a second, without any reading, the robot moves by that, and the controller goes on as if it saw it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from harpy_pin.kernels import kernel
+from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.model.entry import all_possible
+from harpy_pin.model.state import Vector
+
+LONGEST = 0.5
+"""Time without readings of the joints for which the intended motion is taken, s."""
+
+
+@kernel
+def is_intended(e: EstimatorRecord) -> bool:
+    """Whether there is a motion to go on by."""
+    return e.begun != 0 and e.unread < LONGEST and all_possible(e.intended)
+
+
+@kernel
+def feel_intended(e: EstimatorRecord) -> None:
+    """What the inertial unit would have said, body axes."""
+    f, w, o, a = e.filter, e.angular_velocity, e.place, e.intended
+    e.raw_angular_velocity[:] = w + f.period * a[3:6] + f.gyroscope_bias
+    e.raw_acceleration[:] = a[:3] + np.cross(w, e.v[:3] + np.cross(w, o)) + np.cross(a[3:6], o)
+    e.raw_acceleration += f.accelerometer_bias - f.rotation.T @ f.gravity
+
+
+@kernel
+def move_joints(e: EstimatorRecord, stance: Vector) -> None:
+    """Joints as intended, and the weight on the feet that the gait has in stance (feet,)."""
+    t, c = e.filter.period, e.contact
+    for j in range(e.angle_place.shape[0]):
+        n, way = e.angle_place[j], t * (e.v[6 + j] + 0.5 * t * e.intended[6 + j])
+        if e.unbounded[j]:
+            angle = np.arctan2(e.q[n + 1], e.q[n]) + way
+            e.q[n], e.q[n + 1] = np.cos(angle), np.sin(angle)
+        else:
+            e.q[n] += way
+        e.v[6 + j] += t * e.intended[6 + j]
+    bearing = float(c.weight @ stance)
+    for k in range(stance.shape[0]):
+        c.share[k] = stance[k]
+        c.force[k, :2] = 0.0
+        c.force[k, 2] = stance[k] * c.weight[k] * e.weight / max(bearing, c.weight[k])
