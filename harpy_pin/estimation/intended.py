@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.kernels import kernel
 from harpy_pin.estimation.record import EstimatorRecord
+from harpy_pin.kernels import kernel
 from harpy_pin.model.entry import all_possible
 from harpy_pin.model.state import Vector
 
