@@ -24,8 +24,10 @@ from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord
 from harpy_pin.wbc.tree.newton import NewtonRecord
 from harpy_pin.wbc.tree.solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
 from harpy_pin.wbc.tree.tasks import ContactsRecord, FrameTasksRecord, JointTasksRecord, MomentumTasksRecord
-from harpy_pin.wbc.weights import WholeBodyLimits, WholeBodyWeights, thrust_box
+from harpy_pin.wbc.weights import WholeBodyLimits, thrust_box
 
+FORCE_WEIGHT = 2e-4
+"""Weight of the square of a contact force over the robot's mass, (m/s²)²."""
 COMPLIANCE = 1e-9
 """ρ of contacts: (m/s²) per unit of their multiplier."""
 AnyTask = FrameTask | JointTask | CentreOfMassTask | MomentumTask
@@ -82,6 +84,8 @@ class WholeBodySolver:
         limits: friction of the ground, faces of the pyramids, largest thrusts.
         contact_damping: of the velocity of a foot on the ground, 1/s.
         regularisation: weight of the square of each acceleration, besides all tasks: where no task says anything.
+        force_weight: of the square of each contact force, 1/N²; by default 2e-4 over the square of the robot's mass.
+        thrust_weight: of the square of each thrust, 1/N².
 
     Attributes:
         contacts: names of the feet: points, or the first corners of soles.
@@ -110,11 +114,20 @@ class WholeBodySolver:
         limits: WholeBodyLimits | None = None,
         contact_damping: float = 20.0,
         regularisation: float = 1e-4,
+        force_weight: float | None = None,
+        thrust_weight: float = 5e-3,
     ) -> None:
         self.robot = robot
         limits = limits if limits is not None else WholeBodyLimits()
         self.contacts = tuple(robot.feet[first] for first in np.cumsum((0, *robot.corners))[:-1])
-        self.record = _record(robot, _sorted(tasks), limits, contact_damping, regularisation)
+        settings = {
+            "contact_damping": checks.number("contact_damping", contact_damping, low=0.0),
+            "regularisation": checks.number("regularisation", regularisation, low=0.0, strict=True),
+            "force_weight": FORCE_WEIGHT / robot.mass**2 if force_weight is None else force_weight,
+            "thrust_weight": checks.number("thrust_weight", thrust_weight, low=0.0, strict=True),
+        }
+        checks.number("force_weight", settings["force_weight"], low=0.0, strict=True)
+        self.record = _record(robot, _sorted(tasks), limits, settings)
         self.solution = WholeBodySolution(self._record_)
         self.weights: dict[AnyTask, Vector] = {}
         self.held: Vector = field(self._record_["contacts"], "held")
@@ -173,7 +186,7 @@ class WholeBodySolver:
 
 
 def _record(
-    robot: Robot, tasks: Sequence[AnyTask], limits: WholeBodyLimits, contact_damping: float, regularisation: float
+    robot: Robot, tasks: Sequence[AnyTask], limits: WholeBodyLimits, settings: dict[str, float]
 ) -> Records[WholeBodyRecord]:
     """A new :class:`WholeBodyRecord`; arguments and errors as of :class:`WholeBodySolver`."""
     model, points = robot.model, len(robot.feet)
@@ -190,15 +203,15 @@ def _record(
     sizes = {**robot.sizes, "frames": len(frames), "joint_rows": len(joints), "contacts": len(bodies)}
     sizes |= {"rows": len(system["row_end"][0]), "width": system["path"].shape[-1]}
     places = np.split(np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1])
-    weights, angle = WholeBodyWeights.for_robot(robot), 2.0 * np.pi * np.arange(int(limits.faces)) / limits.faces
+    angle = 2.0 * np.pi * np.arange(int(limits.faces)) / limits.faces
     newton = make_record(
         NewtonRecord,
         sizes,
         friction=np.full(points, limits.friction_share * limits.mu * limits.inscribed),
         force_range=np.tile((0.0, 1e4), (points, 1)),
         faces=np.column_stack((np.cos(angle), np.sin(angle), np.full(len(angle), np.tan(np.pi / limits.faces)))),
-        force_weight=weights.force,
-        thrust_weight=weights.thrust,
+        force_weight=settings["force_weight"],
+        thrust_weight=settings["thrust_weight"],
         thrust_range=np.column_stack(thrust_box(robot, limits)),
     )
     return make_record(
@@ -225,11 +238,11 @@ def _record(
             first_row=first_row,
             row_count=row_count,
             frame=np.tile(np.eye(3), (points, 1, 1)),
-            damping=contact_damping,
+            damping=settings["contact_damping"],
         ),
         system=system,
         newton=newton,
-        regularisation=np.full(model.nv, regularisation),
+        regularisation=np.full(model.nv, settings["regularisation"]),
     )
 
 
