@@ -172,11 +172,6 @@ def humanoid(name, *, held=None):
     return Case(robot, hp.gaits.Standing(robot).initial_state()[0], tasks, held)
 
 
-def made(model, q, feet, flat_feet=()):
-    """A robot of a model that was made here."""
-    return hp.Robot(model, None, feet, (), np.inf, flat_feet=flat_feet), q
-
-
 def _link(model, joint, mass, size, centre):
     model.appendBodyToJoint(joint, pin.Inertia.FromBox(mass, *size), pin.SE3(np.eye(3), np.array(centre)))
 
@@ -185,6 +180,7 @@ def legs_of(kinds, lengths, places, *, sole=False, angles, height):
     """A box on legs with joints of these kinds, each its length below the last."""
     model = pin.Model()
     root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
+    model.addJointFrame(root, 0)
     _link(model, root, 15.0, (0.4, 0.3, 0.2), (0.0, 0.0, 0.1))
     feet = []
     for leg, place in enumerate(places):

@@ -1,9 +1,9 @@
 """Projection of a force onto its friction pyramid and range of normal force, in closed form, with its derivative.
 
-The pyramid has n faces, |f_t · u_i| ≤ μ f_z for each i, and mirrors at every face's middle and at every edge map it onto
-itself. So the nearest point of the pyramid lies between the same two mirrors as the force: there are one face, with
-outward direction u, and one edge. With coordinates a along u, t ≥ 0 across it and z upwards, the edge is the line
-(μ, κ μ, 1), κ = tan(π / n), and the nearest point is
+The pyramid has n faces, f_t · u_i ≤ μ f_z. Mirrors at the middle of every face and at every edge map it onto itself, so
+the nearest point of the pyramid lies between the same two mirrors as the force: at one face, with outward direction u,
+and one edge. With coordinates a along u, t ≥ 0 across it and z upwards, the edge is the line (μ, κ μ, 1),
+κ = tan(π / n), and the nearest point is
 
     inside      the force itself                                      a ≤ μ z
     on a face   z' = (z + μ a) / (1 + μ²), a' = μ z', t' = t          t ≤ κ a'

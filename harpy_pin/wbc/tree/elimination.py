@@ -25,8 +25,8 @@ of the mass matrix, and H = Lᵀ D L, from the tips to the root, keeps them (Fea
 2008, section 6.5). Row k of H has the entries of the ancestors of joint k, packed by their depth: entry (k, e) is that
 of ``path[k, e]``, and what joint k adds to an ancestor's row is the beginning of its own.
 
-**Contact rows** of a limb, which is a branch of the tree at the root, are one block. It is eliminated at the first joint
-of the limb, after all its joints:
+**Contact rows** of a limb, which is a branch of the tree at the root, are one block. It is eliminated at the first
+joint of the limb, after all its joints:
 
     S = ρ 1 + Σ_j y_j y_jᵀ / d_j,    H += Eᵀ S⁻¹ E,    X += Eᵀ S⁻¹ Z,    Φ += Zᵀ S⁻¹ Z
 

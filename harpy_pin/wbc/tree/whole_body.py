@@ -148,7 +148,7 @@ class WholeBodySolver:
             InputError: arrays of another shape.
         """
         found = solve_whole_body(self._record_, state.q, state.v)
-        if found < 0:
+        if found == WRONG_SHAPE:
             q, v = (as_array(n, getattr(state, n), (getattr(self.robot.model, f"n{n}"),)) for n in "qv")
             found = solve_whole_body(self._record_, q, v)
         self.solution.status = WholeBodyStatus(found)
