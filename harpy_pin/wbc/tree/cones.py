@@ -43,7 +43,7 @@ def project(
     for i in range(1, faces.shape[0]):
         if faces[i, :2] @ g[:2] > faces[face, :2] @ g[:2]:
             face = i
-    ux, uy, kappa = faces[face]
+    ux, uy, kappa = faces[face, 0], faces[face, 1], faces[face, 2]
     across = ux * g[1] - uy * g[0]
     side = 1.0 if across > 0.0 else -1.0
     a, t, height = ux * g[0] + uy * g[1], abs(across), g[2]

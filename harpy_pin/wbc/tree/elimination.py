@@ -63,7 +63,7 @@ class EliminationRecord(RecordOf):
     rows: Vector = sized("rows", "width")  # J_c, packed like a row of H; then y_j, and L_S⁻ᵀ E in front
     row_columns: Vector = sized("rows", 7)  # [0, −c], then L_S⁻ᵀ Z
     schur: Vector = sized("rows", "rows")  # factors of S = L_Sᵀ L_S, one below the other
-    remainder: Vector = sized(7, 7)  # Φ, lower triangle
+    remainder: Vector = sized(7, 7)  # Φ
     multiplier: Vector = sized("rows")  # μ
     acceleration: Vector = sized("nv")  # a
 
@@ -81,7 +81,7 @@ def eliminate(e: EliminationRecord) -> None:
 @kernel
 def _eliminate_joint(e: EliminationRecord, k: int) -> None:
     """Degree of freedom k out of the rows of its ancestors, of its contacts, and of Φ."""
-    d, h, x = e.depth[k], e.matrix[k], e.columns[k]
+    d, h, x = e.depth[k], np.array(e.matrix[k]), np.array(e.columns[k])
     inverse = 1.0 / h[d]
     e.inverse_pivot[k] = inverse
     if e.limb[k] >= 0:
@@ -92,12 +92,12 @@ def _eliminate_joint(e: EliminationRecord, k: int) -> None:
                 e.row_columns[r] -= share * x
     for i in range(d):
         share = inverse * h[i]
-        e.matrix[e.path[k, i], : i + 1] -= share * h[: i + 1]
+        e.matrix[e.path[k, i]] -= share * h  # beyond its own depth a row is never read
         e.columns[e.path[k, i]] -= share * x
     for a in range(7):
-        e.remainder[a, : a + 1] -= inverse * x[a] * x[: a + 1]
-    h[:d] *= inverse
-    x *= inverse
+        e.remainder[a] -= inverse * x[a] * x
+    e.matrix[k] = inverse * h
+    e.columns[k] = inverse * x
 
 
 @kernel
@@ -111,12 +111,12 @@ def _eliminate_contacts(e: EliminationRecord, first: int, last: int) -> None:
     solve_transposed(schur, e.rows[first:last], ROOT)
     solve_transposed(schur, e.row_columns[first:last], 7)
     for r in range(first, last):
-        left, z = e.rows[r], e.row_columns[r]
+        left, z = np.array(e.rows[r]), np.array(e.row_columns[r])
         for i in range(ROOT):
-            e.matrix[i, : i + 1] += left[i] * left[: i + 1]
+            e.matrix[i, :ROOT] += left[i] * left[:ROOT]
             e.columns[i] += left[i] * z
         for a in range(7):
-            e.remainder[a, : a + 1] += z[a] * z[: a + 1]
+            e.remainder[a] += z[a] * z
 
 
 @kernel
@@ -134,9 +134,7 @@ def _schur_entry(e: EliminationRecord, r: int, s: int) -> float:
 def root_equations(e: EliminationRecord, bias: Vector, compliance: Vector, demand: Vector) -> None:
     """K (6, 6) and w (6,) of y = w − K λ, after :func:`eliminate`; ``bias`` (≥ 6,) is n."""
     demand[:] = e.remainder[ROOT, :ROOT] + bias[:ROOT]
-    for i in range(ROOT):
-        for j in range(i + 1):
-            compliance[i, j] = compliance[j, i] = -e.remainder[i, j]
+    compliance[:] = -e.remainder[:ROOT, :ROOT]
 
 
 @kernel

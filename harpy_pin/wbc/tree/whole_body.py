@@ -44,6 +44,9 @@ class WholeBodyStatus(IntEnum):
     """State or targets were not possible numbers: the solution is that of the last good tick."""
 
 
+STATUS = tuple(WholeBodyStatus)
+
+
 @fixed_arrays("acceleration", "torque", "force", "thrust")
 class WholeBodySolution:
     """What :meth:`WholeBodySolver.solve` found; overwritten by the next solve.
@@ -137,21 +140,26 @@ class WholeBodySolver:
         self.force_range: Vector = field(self._record_["newton"], "force_range")
         self._adopt(tasks)
 
-    @checked
     def solve(self, state: State) -> WholeBodySolution:
         """One optimum.
 
         Args:
             state: as measured; q and v are read.
 
+        Returns:
+            :attr:`solution` itself.
+
         Raises:
-            InputError: arrays of another shape.
+            InputError: arrays of another shape, or that are no numbers at all.
         """
-        found = solve_whole_body(self._record_, state.q, state.v)
+        try:
+            found = solve_whole_body(self._record_, state.q, state.v)
+        except TypeError:  # lists, integers, or arrays that are not contiguous
+            found = WRONG_SHAPE
         if found == WRONG_SHAPE:
-            q, v = (as_array(n, getattr(state, n), (getattr(self.robot.model, f"n{n}"),)) for n in "qv")
+            q, v = as_array("q", state.q, (self.robot.model.nq,)), as_array("v", state.v, (self.robot.model.nv,))
             found = solve_whole_body(self._record_, q, v)
-        self.solution.status = WholeBodyStatus(found)
+        self.solution.status = STATUS[found]
         return self.solution
 
     @property
