@@ -8,33 +8,36 @@ tasks are added. Both solve the same states in turns, block by block.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import perf_counter_ns
 
 import numpy as np
 import pinocchio as pin
 
 import harpy_pin as hp
+from harpy_pin.model.state import State, Vector
 from harpy_pin.wbc.tree.solve import solve_whole_body
+from harpy_pin.wbc.tree.whole_body import AnyTask
 
 STATES, BLOCKS = 200, 20
 HANDS = ("left_wrist_yaw_link", "right_wrist_yaw_link")
 
 
-def tasks_of(robot: hp.Robot, q: np.ndarray) -> dict[hp.FrameTask | hp.CentreOfMassTask | hp.JointTask, float]:
+def tasks_of(robot: hp.Robot, q: Vector) -> dict[AnyTask, float]:
     """Tasks that hold a posture, with weights."""
     data, gains = robot.model.createData(), (100.0, 20.0)
     pin.framesForwardKinematics(robot.model, data, q)
     places = {frame: data.oMf[robot.frame_id(frame)] for frame in ("torso_link", *HANDS)}
     centre = pin.centerOfMass(robot.model, data, q)
-    tasks: dict[hp.FrameTask | hp.CentreOfMassTask | hp.JointTask, float] = {
+    tasks: dict[AnyTask, float] = {
         hp.CentreOfMassTask(position=centre, gains=gains): 10.0,
         hp.FrameTask("torso_link", part="orientation", rotation=places["torso_link"].rotation, gains=gains): 1.0,
         hp.JointTask(robot.joints, position=q[7:], gains=gains): 0.01,
     }
     for hand in HANDS:
         place = places[hand]
-        pose = {"position": place.translation, "rotation": place.rotation}
-        tasks[hp.FrameTask(hand, part="both", gains=gains, **pose)] = 10.0
+        task = hp.FrameTask(hand, part="both", position=place.translation, rotation=place.rotation, gains=gains)
+        tasks[task] = 10.0
     return tasks
 
 
@@ -56,7 +59,7 @@ def main() -> None:
         places = dynamics.foot_position.copy(), dynamics.foot_velocity.copy()
         states.append(hp.State(1e-3 * n, moved, 5.0 * turn, *places, share))
     record = solver.record
-    rows = {
+    rows: dict[str, Callable[[State], object]] = {
         "six unknowns, kernel": lambda state: solve_whole_body(record, state.q, state.v),
         "six unknowns, solver.solve": solver.solve,
         "whole-body QP with these tasks, controller.step": controller.step,

@@ -29,6 +29,7 @@ from harpy_pin.compiled import kernel
 from harpy_pin.model.cholesky import factorise, solve_transposed, solve_vector
 from harpy_pin.model.record import ZERO, RecordOf, sized
 from harpy_pin.model.state import Vector
+from harpy_pin.model.terms import all_finite
 from harpy_pin.wbc.tree.cones import project
 
 STEPS = 12
@@ -82,6 +83,8 @@ def find_forces(n: NewtonRecord) -> bool:
     """Forces and thrusts of the optimum, and λ = K⁻¹ (w − G f); whether the root was found."""
     add_momentum(n)
     n.steps = 0
+    if not all_finite(n.target):
+        return False
     found = _descend(n, 1.0, STEPS)
     if not found:
         n.multiplier[:] = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import IntEnum
 from typing import Any
 
@@ -31,6 +31,8 @@ FORCE_WEIGHT = 2e-4
 COMPLIANCE = 1e-9
 """ρ of contacts: (m/s²) per unit of their multiplier."""
 AnyTask = FrameTask | JointTask | CentreOfMassTask | MomentumTask
+REFERENCES = frozenset(("position", "rotation", "velocity", "acceleration", "momentum", "rate"))
+"""Arrays of tasks that move into the record."""
 KINDS = (FrameTask, JointTask, CentreOfMassTask, MomentumTask)
 
 
@@ -112,7 +114,7 @@ class WholeBodySolver:
     def __init__(
         self,
         robot: Robot,
-        tasks: dict[AnyTask, ArrayLike],
+        tasks: Mapping[AnyTask, ArrayLike],
         *,
         limits: WholeBodyLimits | None = None,
         contact_damping: float = 20.0,
@@ -130,7 +132,7 @@ class WholeBodySolver:
             "thrust_weight": checks.number("thrust_weight", thrust_weight, low=0.0, strict=True),
         }
         checks.number("force_weight", settings["force_weight"], low=0.0, strict=True)
-        self.record = _record(robot, _sorted(tasks), limits, settings)
+        self.record = _record(robot, _known(tasks), limits, settings)
         self.solution = WholeBodySolution(self._record_)
         self.weights: dict[AnyTask, Vector] = {}
         self.held: Vector = field(self._record_["contacts"], "held")
@@ -167,7 +169,7 @@ class WholeBodySolver:
         """Newton's steps of the last solve."""
         return int(self._record_["newton"]["steps"][0])
 
-    def _adopt(self, tasks: dict[AnyTask, ArrayLike]) -> None:
+    def _adopt(self, tasks: Mapping[AnyTask, ArrayLike]) -> None:
         """Move the tasks' references into the record, and write weights and gains there."""
         record, frame, row = self._record_, 0, 0
         for task, weight in tasks.items():
@@ -185,7 +187,7 @@ class WholeBodySolver:
                 arrays["gain"][:] = task.gain
             else:
                 arrays["stiffness"][rows], arrays["damping"][rows] = task.gains
-            for name in arrays.keys() & {"position", "rotation", "velocity", "acceleration", "momentum", "rate"}:
+            for name in arrays.keys() & REFERENCES:
                 given = getattr(task, name, None)
                 if given is not None:
                     place = arrays[name] if arrays[name].shape == given.shape else arrays[name][rows]
@@ -299,7 +301,7 @@ def _system(
     return system, first, count
 
 
-def _sorted(tasks: dict[AnyTask, ArrayLike]) -> list[AnyTask]:
+def _known(tasks: Mapping[AnyTask, ArrayLike]) -> list[AnyTask]:
     """The tasks, if they are of kinds that are known, with one centre of mass and one angular momentum."""
     for task in tasks:
         if type(task) not in KINDS or (isinstance(task, MomentumTask) and task.part != "angular"):
@@ -316,6 +318,6 @@ def _sorted(tasks: dict[AnyTask, ArrayLike]) -> list[AnyTask]:
 
 
 def _arrays(record: Any, index: int | None = None) -> dict[str, Vector]:
-    """Views of a record's arrays, or of one entry of each."""
-    names = (name for name in record.dtype.names if record.dtype[name].shape)
+    """Views of what a record has of its tasks, or of one of them."""
+    names = (REFERENCES | {"weight", "stiffness", "damping", "gain"}) & {*record.dtype.names}
     return {name: record[name] if index is None else record[name][index] for name in names}
