@@ -23,7 +23,8 @@ so the cost of y is ½ (w − y)ᵀ K⁻¹ (w − y), with K (6, 6) whatever rob
 **No fill-in.** A row on the path from the root to a joint adds to H entries between ancestors alone. So H has the zeros
 of the mass matrix, and H = Lᵀ D L, from the tips to the root, keeps them (Featherstone, Rigid Body Dynamics Algorithms,
 2008, section 6.5). Row k of H has the entries of the ancestors of joint k, packed by their depth: entry (k, e) is that
-of ``path[k, e]``, and what joint k adds to an ancestor's row is the beginning of its own.
+of ``path[k, e]``. So what joint k adds to an ancestor's row is the beginning of its own. The seven right-hand sides
+stand in front of each row, since they are treated alike.
 
 **Contact rows** of a limb, which is a branch of the tree at the root, are one block. It is eliminated at the first
 joint of the limb, after all its joints:
@@ -46,6 +47,8 @@ from harpy_pin.model.state import Vector
 
 ROOT = 6
 """Degrees of freedom of the root, which come first."""
+SIDES = 7
+"""Right-hand sides, which stand in front of each row: six of λ, and that of the targets."""
 
 
 class EliminationRecord(RecordOf):
@@ -57,11 +60,9 @@ class EliminationRecord(RecordOf):
     first_row: NDArray[np.int64]  # (limbs + 1,) where the contact rows of each limb begin
     row_end: NDArray[np.int64]  # (rows,) the last degree of freedom that each contact row depends on
     compliance: float  # ρ
-    matrix: Vector = sized("nv", "width")  # H, then L
+    matrix: Vector = sized("nv", "7 + width")  # [X, H] with X = [M_rᵀ, −g]; then [D⁻¹ L⁻ᵀ X, L]
     inverse_pivot: Vector = sized("nv")  # D⁻¹
-    columns: Vector = sized("nv", 7)  # X = [M_rᵀ, −g], then D⁻¹ L⁻ᵀ X
-    rows: Vector = sized("rows", "width")  # J_c, packed like a row of H; then y_j, and L_S⁻ᵀ E in front
-    row_columns: Vector = sized("rows", 7)  # [0, −c], then L_S⁻ᵀ Z
+    rows: Vector = sized("rows", "7 + width")  # [0, −c, J_c], packed alike; then [L_S⁻ᵀ Z, L_S⁻ᵀ E, y_j]
     schur: Vector = sized("rows", "rows")  # factors of S = L_Sᵀ L_S, one below the other
     remainder: Vector = sized(7, 7)  # Φ
     multiplier: Vector = sized("rows")  # μ
@@ -81,23 +82,20 @@ def eliminate(e: EliminationRecord) -> None:
 @kernel
 def _eliminate_joint(e: EliminationRecord, k: int) -> None:
     """Degree of freedom k out of the rows of its ancestors, of its contacts, and of Φ."""
-    d, h, x = e.depth[k], np.array(e.matrix[k]), np.array(e.columns[k])
+    d, h = SIDES + e.depth[k], np.array(e.matrix[k])
     inverse = 1.0 / h[d]
     e.inverse_pivot[k] = inverse
     if e.limb[k] >= 0:
         for r in range(e.first_row[e.limb[k]], e.first_row[e.limb[k] + 1]):
-            if e.path[e.row_end[r], d] == k:
+            if e.path[e.row_end[r], e.depth[k]] == k:
                 share = inverse * e.rows[r, d]
                 e.rows[r, :d] -= share * h[:d]
-                e.row_columns[r] -= share * x
-    for i in range(d):
-        share = inverse * h[i]
+    for i in range(e.depth[k]):
+        share = inverse * h[SIDES + i]
         e.matrix[e.path[k, i]] -= share * h  # beyond its own depth a row is never read
-        e.columns[e.path[k, i]] -= share * x
-    for a in range(7):
-        e.remainder[a] -= inverse * x[a] * x
+    for a in range(SIDES):
+        e.remainder[a] -= inverse * h[a] * h[:SIDES]
     e.matrix[k] = inverse * h
-    e.columns[k] = inverse * x
 
 
 @kernel
@@ -108,15 +106,13 @@ def _eliminate_contacts(e: EliminationRecord, first: int, last: int) -> None:
         for s in range(first, r + 1):
             schur[r - first, s - first] = _schur_entry(e, r, s) + (e.compliance if r == s else 0.0)
     factorise(schur, schur)
-    solve_transposed(schur, e.rows[first:last], ROOT)
-    solve_transposed(schur, e.row_columns[first:last], 7)
+    solve_transposed(schur, e.rows[first:last], SIDES + ROOT)
     for r in range(first, last):
-        left, z = np.array(e.rows[r]), np.array(e.row_columns[r])
+        left = np.array(e.rows[r])
         for i in range(ROOT):
-            e.matrix[i, :ROOT] += left[i] * left[:ROOT]
-            e.columns[i] += left[i] * z
-        for a in range(7):
-            e.remainder[a] += z[a] * z
+            e.matrix[i] += left[SIDES + i] * left
+        for a in range(SIDES):
+            e.remainder[a] += left[a] * left[:SIDES]
 
 
 @kernel
@@ -126,7 +122,7 @@ def _schur_entry(e: EliminationRecord, r: int, s: int) -> float:
     for n in range(ROOT, min(e.depth[end], e.depth[other]) + 1):
         if e.path[end, n] != e.path[other, n]:
             break
-        total += e.rows[r, n] * e.rows[s, n] * e.inverse_pivot[e.path[end, n]]
+        total += e.rows[r, SIDES + n] * e.rows[s, SIDES + n] * e.inverse_pivot[e.path[end, n]]
     return total
 
 
@@ -146,12 +142,13 @@ def back_substitute(e: EliminationRecord, z: Vector) -> None:
             first, last = e.first_row[limb], e.first_row[limb + 1]
             if d == ROOT:
                 mu = e.multiplier[first:last]
-                mu[:] = e.row_columns[first:last] @ z + e.rows[first:last, :ROOT] @ e.acceleration[:ROOT]
+                mu[:] = e.rows[first:last, :SIDES] @ z
+                mu += e.rows[first:last, SIDES : SIDES + ROOT] @ e.acceleration[:ROOT]
                 solve_factor(e.schur[first:last, : last - first], mu.reshape((last - first, 1)), 1)
             for r in range(first, last):
                 if e.path[e.row_end[r], d] == k:
-                    pull += e.rows[r, d] * e.multiplier[r]
-        pull = e.inverse_pivot[k] * pull + e.columns[k] @ z
+                    pull += e.rows[r, SIDES + d] * e.multiplier[r]
+        pull = e.inverse_pivot[k] * pull + e.matrix[k, :SIDES] @ z
         for i in range(d):
-            pull += e.matrix[k, i] * e.acceleration[e.path[k, i]]
+            pull += e.matrix[k, SIDES + i] * e.acceleration[e.path[k, i]]
         e.acceleration[k] = -pull

@@ -8,7 +8,7 @@ from harpy_pin.model.entry import GOOD, MISFIT, all_finite
 from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.terms import update_terms
-from harpy_pin.wbc.tree.elimination import EliminationRecord, back_substitute, eliminate, root_equations
+from harpy_pin.wbc.tree.elimination import ROOT, SIDES, EliminationRecord, back_substitute, eliminate, root_equations
 from harpy_pin.wbc.tree.newton import NewtonRecord, find_forces, multiplier_of_forces
 from harpy_pin.wbc.tree.tasks import (
     ContactsRecord,
@@ -75,8 +75,8 @@ def assemble(r: WholeBodyRecord, q: Vector, v: Vector) -> None:
     d, e = r.dynamics, r.system
     e.matrix[:] = 0.0
     for k in range(e.depth.shape[0]):
-        e.matrix[k, e.depth[k]] = r.regularisation[k]
-        e.columns[k, :6], e.columns[k, 6] = d.mass_matrix[:6, k], 0.0
+        e.matrix[k, SIDES + e.depth[k]] = r.regularisation[k]
+        e.matrix[k, :ROOT] = d.mass_matrix[:ROOT, k]
     add_joints(d.tree, e, r.joints, q, v)
     for n in range(r.frames.body.shape[0]):
         add_frame(d, e, r.frames, n, q)

@@ -22,8 +22,11 @@ from harpy_pin.model.record import RecordOf, sized
 from harpy_pin.model.state import Vector
 from harpy_pin.model.tree import UNBOUNDED, TreeRecord
 from harpy_pin.model.vectors import log, skew
-from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord
+from harpy_pin.wbc.tree.elimination import ROOT, SIDES, EliminationRecord
 from harpy_pin.wbc.tree.newton import NewtonRecord
+
+TARGETS = SIDES - 1
+"""The right-hand side of the targets."""
 
 
 class FrameTasksRecord(RecordOf):
@@ -127,8 +130,8 @@ def add_row(e: EliminationRecord, row: Vector, end: int, weight: float, wanted: 
     """A row, packed along the path to degree of freedom ``end``, with a weight: to H and g."""
     for n in range(e.depth[end] + 1):
         k, share = e.path[end, n], weight * row[n]
-        e.matrix[k, : n + 1] += share * row[: n + 1]
-        e.columns[k, 6] -= share * wanted
+        e.matrix[k, SIDES : SIDES + n + 1] += share * row[: n + 1]
+        e.matrix[k, TARGETS] -= share * wanted
 
 
 @kernel
@@ -142,8 +145,8 @@ def add_joints(t: TreeRecord, e: EliminationRecord, j: JointTasksRecord, q: Vect
             cosine, sine = np.cos(j.position[n]), np.sin(j.position[n])
             error = np.arctan2(sine * q[place] - cosine * q[place + 1], cosine * q[place] + sine * q[place + 1])
         wanted = j.acceleration[n] + j.stiffness[n] * error + j.damping[n] * (j.velocity[n] - v[k])
-        e.matrix[k, e.depth[k]] += j.weight[n]
-        e.columns[k, 6] -= j.weight[n] * wanted
+        e.matrix[k, SIDES + e.depth[k]] += j.weight[n]
+        e.matrix[k, TARGETS] -= j.weight[n] * wanted
 
 
 @kernel
@@ -163,15 +166,14 @@ def add_contact(d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, c:
     """Rows of foot k; zero where it is not held. ``f`` is work space."""
     t, i, first, last = d.tree, c.body[k], c.first_row[k], c.first_row[k] + c.row_count[k]
     e.rows[first:last] = 0.0
-    e.row_columns[first:last] = 0.0
     if c.held[k] == 0.0:
         return
     frame_terms(t, e, f, i, t.position[i] + t.axes[i] @ c.offset[k], t.rotation.T)
     f.wanted[:] = c.acceleration[k] - c.damping * f.velocity_now - f.drift
     width = e.depth[t.column[i]] + 1
     for r in range(last - first):
-        e.rows[first + r, :width] = f.jacobian[r, :width]
-        e.row_columns[first + r, 6] = -f.wanted[r]
+        e.rows[first + r, SIDES : SIDES + width] = f.jacobian[r, :width]
+        e.rows[first + r, TARGETS] = -f.wanted[r]
 
 
 @kernel
