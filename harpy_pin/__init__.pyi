@@ -36,7 +36,7 @@ from .simulation.push import Push
 from .simulation.sensors import Noise
 from .simulation.simulator import Simulator
 from .simulation.thrusters import Thrusters
-from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask
+from .wbc import CentreOfMassTask, FootForceTask, FrameTask, JointTask, WholeBodySolver
 
 __version__: str
 
@@ -91,6 +91,7 @@ __all__ = [
     "WalkingGait",
     "WholeBody",
     "WholeBodyController",
+    "WholeBodySolver",
     "__version__",
     "build",
     "controllers",

@@ -94,3 +94,18 @@ def motion_cross(u: Vector, s: Vector) -> Vector:
 def force_cross(u: Vector, f: Vector) -> Vector:
     """u ×* f of a motion and a force (Featherstone, 2.32)."""
     return np.array([*np.cross(u[3:], f[:3]), *(np.cross(u[3:], f[3:]) + np.cross(u[:3], f[:3]))])
+
+
+@kernel(r=(3, 3))
+def log(r: Vector) -> Vector:
+    """The rotation vector of a rotation, of length up to π, by its quaternion (Solà, 106; Shepperd, 1978)."""
+    v, w = np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]]), 1.0 + r[0, 0] + r[1, 1] + r[2, 2]
+    i = 0 if r[0, 0] > max(r[1, 1], r[2, 2]) else 1 if r[1, 1] > r[2, 2] else 2
+    if w < 1.0:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        w = v[i]
+        v[i] = 1.0 + r[i, i] - r[j, j] - r[k, k]
+        v[j], v[k] = r[i, j] + r[j, i], r[i, k] + r[k, i]
+    size = np.sqrt(v @ v)
+    angle = 2.0 * np.arctan2(size, abs(w))
+    return v * (np.copysign(angle / size, w) if size > 1e-12 else 0.0)

@@ -41,6 +41,7 @@ NOT_MEASURED = {
     ("docs/terrain.md", "Kinds"): "settings",
     ("docs/thrusters.md", "Thrusters as they are"): "other people's, with their source",
     ("docs/walking.md", "Beside other walkers"): "other people's, with their source",
+    ("docs/whole_body.md", "Weights to begin with"): "settings",
 }
 """Tables with numbers that no command of ours prints, by page and heading, and what their numbers are."""
 

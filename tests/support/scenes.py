@@ -220,6 +220,24 @@ def others() -> None:
 
 
 @scene
+def whole_body() -> None:
+    """The whole-body optimum of tasks of one's own, whose first search is long."""
+    robot = hp.load_harpy()
+    q, v = hp.make_gait(robot).initial_state()
+    feet = np.zeros((2, 3))
+    tasks = {
+        hp.FrameTask("base", part="both", position=q[:3], rotation=np.eye(3), gains=(100.0, 20.0)): 1.0,
+        hp.FrameTask("right_foot", acceleration=(30.0, -20.0, 90.0)): 10.0,
+        hp.CentreOfMassTask(acceleration=(8.0, -6.0, 1.0)): 5.0,
+        hp.JointTask(robot.joints, position=q[7:], gains=(100.0, 20.0)): 0.01,
+    }
+    solver = hp.WholeBodySolver(robot, tasks)
+    for held in ((1, 1), (1, 0)):
+        solver.held[:] = held
+        solver.solve(hp.State(0.0, q, v + 0.3, feet, feet, feet))
+
+
+@scene
 def environments() -> None:
     """Environments for learning."""
     from harpy_pin.contrib.gym import HarpyVectorEnv

@@ -1,0 +1,154 @@
+"""Accelerations eliminated along the tree: what tasks and contacts ask for, as six equations of the root.
+
+The whole-body optimum. With generalised accelerations a, contact forces and thrusts f,
+
+    minimise    ½ Σ_i ‖J_i a − b_i‖²_W_i + ½ ‖X y − h‖²_V + ½ ‖J_c a − c‖² / ρ + ½ ε ‖f‖²
+    subject to  M_r a + n_r = G f = y,    every f_k in its cone
+
+where tasks are rows J_i of one path of the tree (frames, joints), contact rows J_c are held up to a compliance ρ, y is
+the wrench of all outer forces on the root, and tasks of momentum are functions of y alone (m c̈ = Σ f + m g). For given
+y, a is the least squares solution under six equations:
+
+    H a + J_cᵀ μ + M_rᵀ λ = g,    J_c a − ρ μ = c,    M_r a = y − n_r
+    H = Σ J_iᵀ W_i J_i,    g = Σ J_iᵀ W_i b_i
+
+With z = [λ; 1] the first two are a system in (a, μ) with seven right-hand sides [−M_rᵀ, g; 0, c] z. Once it is
+eliminated, ½ zᵀ Φ z is what is left of the Lagrangian, and its derivative by λ is
+
+    y = w − K λ,    K = −Φ_λλ,    w = Φ_λ1 + n_r
+
+so the cost of y is ½ (w − y)ᵀ K⁻¹ (w − y), with K (6, 6) whatever robot, tasks and contacts are.
+:mod:`~harpy_pin.wbc.tree.newton` chooses y and f; :func:`back_substitute` gives a for its λ.
+
+**No fill-in.** A row on the path from the root to a joint adds to H entries between ancestors alone. So H has the zeros
+of the mass matrix, and H = Lᵀ D L, from the tips to the root, keeps them (Featherstone, Rigid Body Dynamics Algorithms,
+2008, section 6.5). Row k of H has the entries of the ancestors of joint k, packed by their depth: entry (k, e) is that
+of ``path[k, e]``. So what joint k adds to an ancestor's row is the beginning of its own. The seven right-hand sides
+stand in front of each row, since they are treated alike.
+
+**Contact rows** of a limb, which is a branch of the tree at the root, are one block. It is eliminated at the first
+joint of the limb, after all its joints:
+
+    S = ρ 1 + Σ_j y_j y_jᵀ / d_j,    H += Eᵀ S⁻¹ E,    X += Eᵀ S⁻¹ Z,    Φ += Zᵀ S⁻¹ Z
+
+with y_j the entries of the rows when joint j was eliminated, E what is left of them at the root, and Z their right-hand
+sides. S is positive definite: straight knees, redundant corners and contradictory contacts need no case of their own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.cholesky import factorise, solve_factor, solve_transposed
+from harpy_pin.model.record import RecordOf, sized
+from harpy_pin.model.state import Vector
+
+ROOT = 6
+"""Degrees of freedom of the root, which come first."""
+SIDES = 7
+"""Right-hand sides, which stand in front of each row: six of λ, and that of the targets."""
+
+
+class EliminationRecord(RecordOf):
+    """The system in a and μ: as tasks and contacts write it, then eliminated in place."""
+
+    depth: NDArray[np.int64]  # (nv,) of each degree of freedom
+    path: NDArray[np.int64]  # (nv, width) degrees of freedom from the root to each one, itself included
+    limb: NDArray[np.int64]  # (nv,) the limb with contacts that each joint is on; −1 for none
+    first_row: NDArray[np.int64]  # (limbs + 1,) where the contact rows of each limb begin
+    row_end: NDArray[np.int64]  # (rows,) the last degree of freedom that each contact row depends on
+    compliance: float  # ρ
+    matrix: Vector = sized("nv", "7 + width")  # [X, H] with X = [M_rᵀ, −g]; then [D⁻¹ L⁻ᵀ X, L]
+    inverse_pivot: Vector = sized("nv")  # D⁻¹
+    rows: Vector = sized("rows", "7 + width")  # [0, −c, J_c], packed alike; then [L_S⁻ᵀ Z, L_S⁻ᵀ E, y_j]
+    schur: Vector = sized("rows", "rows")  # factors of S = L_Sᵀ L_S, one below the other
+    remainder: Vector = sized(7, 7)  # Φ
+    multiplier: Vector = sized("rows")  # μ
+    acceleration: Vector = sized("nv")  # a
+
+
+@kernel
+def eliminate(e: EliminationRecord) -> None:
+    """Φ, from the tips to the root."""
+    e.remainder[:] = 0.0
+    for k in range(e.depth.shape[0] - 1, -1, -1):
+        _eliminate_joint(e, k)
+        if e.depth[k] == ROOT and e.limb[k] >= 0:
+            _eliminate_contacts(e, e.first_row[e.limb[k]], e.first_row[e.limb[k] + 1])
+
+
+@kernel
+def _eliminate_joint(e: EliminationRecord, k: int) -> None:
+    """Degree of freedom k out of the rows of its ancestors, of its contacts, and of Φ."""
+    d, h = SIDES + e.depth[k], np.array(e.matrix[k])
+    inverse = 1.0 / h[d]
+    e.inverse_pivot[k] = inverse
+    if e.limb[k] >= 0:
+        for r in range(e.first_row[e.limb[k]], e.first_row[e.limb[k] + 1]):
+            if e.path[e.row_end[r], e.depth[k]] == k:
+                share = inverse * e.rows[r, d]
+                e.rows[r, :d] -= share * h[:d]
+    for i in range(e.depth[k]):
+        share = inverse * h[SIDES + i]
+        e.matrix[e.path[k, i]] -= share * h  # beyond its own depth a row is never read
+    for a in range(SIDES):
+        e.remainder[a] -= inverse * h[a] * h[:SIDES]
+    e.matrix[k] = inverse * h
+
+
+@kernel
+def _eliminate_contacts(e: EliminationRecord, first: int, last: int) -> None:
+    """The contact rows of a limb, all of whose joints are eliminated."""
+    schur = e.schur[first:last, : last - first]
+    for r in range(first, last):
+        for s in range(first, r + 1):
+            schur[r - first, s - first] = _schur_entry(e, r, s) + (e.compliance if r == s else 0.0)
+    factorise(schur, schur)
+    solve_transposed(schur, e.rows[first:last], SIDES + ROOT)
+    for r in range(first, last):
+        left = np.array(e.rows[r])
+        for i in range(ROOT):
+            e.matrix[i] += left[SIDES + i] * left
+        for a in range(SIDES):
+            e.remainder[a] += left[a] * left[:SIDES]
+
+
+@kernel
+def _schur_entry(e: EliminationRecord, r: int, s: int) -> float:
+    """Σ_j y_j y_jᵀ / d_j of two rows of a limb, over the joints that both depend on."""
+    end, other, total = e.row_end[r], e.row_end[s], 0.0
+    for n in range(ROOT, min(e.depth[end], e.depth[other]) + 1):
+        if e.path[end, n] != e.path[other, n]:
+            break
+        total += e.rows[r, SIDES + n] * e.rows[s, SIDES + n] * e.inverse_pivot[e.path[end, n]]
+    return total
+
+
+@kernel
+def root_equations(e: EliminationRecord, bias: Vector, compliance: Vector, demand: Vector) -> None:
+    """K (6, 6) and w (6,) of y = w − K λ, after :func:`eliminate`; ``bias`` (≥ 6,) is n."""
+    demand[:] = e.remainder[ROOT, :ROOT] + bias[:ROOT]
+    compliance[:] = -e.remainder[:ROOT, :ROOT]
+
+
+@kernel
+def back_substitute(e: EliminationRecord, z: Vector) -> None:
+    """a and μ of z = [λ; 1] (7,), from the root to the tips."""
+    for k in range(e.depth.shape[0]):
+        d, limb, pull = e.depth[k], e.limb[k], 0.0
+        if limb >= 0:
+            first, last = e.first_row[limb], e.first_row[limb + 1]
+            if d == ROOT:
+                mu = e.multiplier[first:last]
+                mu[:] = e.rows[first:last, :SIDES] @ z
+                mu += e.rows[first:last, SIDES : SIDES + ROOT] @ e.acceleration[:ROOT]
+                solve_factor(e.schur[first:last, : last - first], mu.reshape((last - first, 1)), 1)
+            for r in range(first, last):
+                if e.path[e.row_end[r], d] == k:
+                    pull += e.rows[r, SIDES + d] * e.multiplier[r]
+        pull = e.inverse_pivot[k] * pull + e.matrix[k, :SIDES] @ z
+        for i in range(d):
+            pull += e.matrix[k, SIDES + i] * e.acceleration[e.path[k, i]]
+        e.acceleration[k] = -pull

@@ -1,0 +1,187 @@
+"""What tasks and contacts ask for, written into the system that is eliminated.
+
+A task of a frame or of joints asks for accelerations J a ≈ b with
+
+    b = acceleration + k_p (reference − measured) + k_d (velocity − measured) − J̇ v
+
+and adds Jᵀ W J to H and Jᵀ W b to g, on the path from the root to its body alone. The centre of mass and the angular
+momentum about it follow from the wrench y on the root, m c̈ = R y_f + m g and L̇ = R (y_m − c × y_f), so that their tasks
+are rows X of y. A contact asks for the acceleration that brings its foot to rest, of a point or of a whole sole.
+
+Motions are those of :mod:`harpy_pin.model.terms`: in the axes of the base and at its origin.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from harpy_pin.compiled import kernel
+from harpy_pin.model.dynamics import DynamicsRecord
+from harpy_pin.model.record import RecordOf, sized
+from harpy_pin.model.state import Vector
+from harpy_pin.model.tree import UNBOUNDED, TreeRecord
+from harpy_pin.model.vectors import log, skew
+from harpy_pin.wbc.tree.elimination import ROOT, SIDES, EliminationRecord
+from harpy_pin.wbc.tree.newton import NewtonRecord
+
+TARGETS = SIDES - 1
+"""The right-hand side of the targets."""
+
+
+class FrameTasksRecord(RecordOf):
+    """Tasks of frames: rows of position, then orientation."""
+
+    body: NDArray[np.int64]  # (frames,) that each is fixed to
+    offset: Vector  # (frames, 3) its origin there, m
+    turn: Vector  # (frames, 3, 3) its axes there
+    local: NDArray[np.int64]  # (frames,) 1 where rows are in the frame's axes, 0 in the world's
+    weight: Vector = sized("frames", 6)
+    position: Vector = sized("frames", 3)  # m
+    rotation: Vector = sized("frames", 3, 3)
+    velocity: Vector = sized("frames", 6)
+    acceleration: Vector = sized("frames", 6)
+    stiffness: Vector = sized("frames", 6)  # k_p, 1/s²
+    damping: Vector = sized("frames", 6)  # k_d, 1/s
+    jacobian: Vector = sized(6, "width")  # of one frame, packed along its path
+    velocity_now: Vector = sized(6)  # of one frame
+    drift: Vector = sized(6)  # J̇ v of one frame
+    wanted: Vector = sized(6)  # b of one frame
+
+
+class JointTasksRecord(RecordOf):
+    """Tasks of joints, one row for each."""
+
+    column: NDArray[np.int64]  # (joint_rows,) of each joint in v
+    weight: Vector = sized("joint_rows")
+    position: Vector = sized("joint_rows")  # rad
+    velocity: Vector = sized("joint_rows")
+    acceleration: Vector = sized("joint_rows")
+    stiffness: Vector = sized("joint_rows")
+    damping: Vector = sized("joint_rows")
+
+
+class MomentumTasksRecord(RecordOf):
+    """Tasks of the centre of mass and of the angular momentum about it, world axes."""
+
+    position: Vector = sized(3)  # of the centre of mass, m
+    velocity: Vector = sized(3)
+    acceleration: Vector = sized(3)
+    stiffness: Vector = sized(3)
+    damping: Vector = sized(3)
+    momentum: Vector = sized(3)  # angular, kg m²/s
+    rate: Vector = sized(3)  # N m
+    gain: Vector = sized(3)  # 1/s
+
+
+class ContactsRecord(RecordOf):
+    """Feet that may be held: points, or soles of several."""
+
+    body: NDArray[np.int64]  # (contacts,) that each is fixed to
+    offset: Vector  # (contacts, 3) the point, or the middle of the sole, there, m
+    first_row: NDArray[np.int64]  # (contacts,) of each in the elimination
+    row_count: NDArray[np.int64]  # (contacts,) three of a point, six of a sole
+    first_point: NDArray[np.int64]  # (contacts + 1,) of each among the contact points
+    held: Vector = sized("contacts", fill=1.0)  # 1 where the foot is on the ground
+    acceleration: Vector = sized("contacts", 6)  # wanted besides, world axes
+    damping: float  # of the foot's velocity, 1/s
+    frame: Vector = sized("feet", 3, 3)  # axes of each point's contact in the world; the third is the normal
+
+
+@kernel
+def frame_terms(t: TreeRecord, e: EliminationRecord, f: FrameTasksRecord, i: int, p: Vector, axes: Vector) -> None:
+    """Jacobian, velocity and drift of a frame at p of body i, base axes, in ``axes`` (3, 3) given there."""
+    end, twist, drift = ROOT - 1 if i == 0 else t.column[i], t.twist[i], t.drift[i]
+    velocity = twist[:3] + np.cross(twist[3:], p)
+    f.velocity_now[:3], f.velocity_now[3:] = axes.T @ velocity, axes.T @ twist[3:]
+    lifted = drift[:3] + t.rotation.T @ t.gravity
+    f.drift[:3] = axes.T @ (lifted + np.cross(drift[3:], p) + np.cross(twist[3:], velocity))
+    f.drift[3:] = axes.T @ drift[3:]
+    f.jacobian[:3, :3], f.jacobian[:3, 3:6] = axes.T, axes.T @ skew(p).T
+    f.jacobian[3:, :3], f.jacobian[3:, 3:6] = 0.0, axes.T
+    for n in range(ROOT, e.depth[end] + 1):
+        s = t.screw[e.path[end, n] - ROOT + 1]
+        f.jacobian[:3, n] = axes.T @ (s[:3] + np.cross(s[3:], p))
+        f.jacobian[3:, n] = axes.T @ s[3:]
+
+
+@kernel
+def add_frame(d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, n: int, q: Vector) -> None:
+    """Task n of the frames."""
+    t, i = d.tree, f.body[n]
+    p = t.position[i] + t.axes[i] @ f.offset[n]
+    turn = t.rotation @ t.axes[i] @ f.turn[n]
+    axes, error = np.empty((3, 3)), np.empty((6,))
+    axes[:] = t.axes[i] @ f.turn[n] if f.local[n] else t.rotation.T
+    frame_terms(t, e, f, i, p, axes)
+    to_world = t.rotation @ axes
+    error[:3] = to_world.T @ (f.position[n] - q[:3] - t.rotation @ p)
+    error[3:] = to_world.T @ log(f.rotation[n] @ turn.T)
+    f.wanted[:] = f.acceleration[n] + f.damping[n] * (f.velocity[n] - f.velocity_now) - f.drift
+    f.wanted += f.stiffness[n] * error
+    end = ROOT - 1 if i == 0 else t.column[i]
+    for r in range(6):
+        if f.weight[n, r] != 0.0:
+            add_row(e, f.jacobian[r], end, f.weight[n, r], f.wanted[r])
+
+
+@kernel
+def add_row(e: EliminationRecord, row: Vector, end: int, weight: float, wanted: float) -> None:
+    """A row, packed along the path to degree of freedom ``end``, with a weight: to H and g."""
+    for n in range(e.depth[end] + 1):
+        k, share = e.path[end, n], weight * row[n]
+        e.matrix[k, SIDES : SIDES + n + 1] += share * row[: n + 1]
+        e.matrix[k, TARGETS] -= share * wanted
+
+
+@kernel
+def add_joints(t: TreeRecord, e: EliminationRecord, j: JointTasksRecord, q: Vector, v: Vector) -> None:
+    """All tasks of joints."""
+    for n in range(j.column.shape[0]):
+        k = j.column[n]
+        place = t.place[k - ROOT + 1]
+        error = j.position[n] - q[place]
+        if t.kind[k - ROOT + 1] == UNBOUNDED:
+            cosine, sine = np.cos(j.position[n]), np.sin(j.position[n])
+            error = np.arctan2(sine * q[place] - cosine * q[place + 1], cosine * q[place] + sine * q[place + 1])
+        wanted = j.acceleration[n] + j.stiffness[n] * error + j.damping[n] * (j.velocity[n] - v[k])
+        e.matrix[k, SIDES + e.depth[k]] += j.weight[n]
+        e.matrix[k, TARGETS] -= j.weight[n] * wanted
+
+
+@kernel
+def momentum_rows(d: DynamicsRecord, m: MomentumTasksRecord, n: NewtonRecord, q: Vector, v: Vector) -> None:
+    """X and h of the tasks of momentum."""
+    t, mass = d.tree, d.tree.moment[0, 0]
+    r, centre, momentum = t.rotation, t.moment[0, 1:] / mass, d.mass_matrix[:6] @ v
+    n.momentum_map[:3, :3], n.momentum_map[:3, 3:] = r / mass, 0.0
+    n.momentum_map[3:, :3], n.momentum_map[3:, 3:] = -(r @ skew(centre)), r
+    n.momentum_target[:3] = m.acceleration - t.gravity + m.damping * (m.velocity - r @ momentum[:3] / mass)
+    n.momentum_target[:3] += m.stiffness * (m.position - q[:3] - r @ centre)
+    n.momentum_target[3:] = m.rate + m.gain * (m.momentum - r @ (momentum[3:] - np.cross(centre, momentum[:3])))
+
+
+@kernel
+def add_contact(d: DynamicsRecord, e: EliminationRecord, f: FrameTasksRecord, c: ContactsRecord, k: int) -> None:
+    """Rows of foot k; zero where it is not held. ``f`` is work space."""
+    t, i, first, last = d.tree, c.body[k], c.first_row[k], c.first_row[k] + c.row_count[k]
+    e.rows[first:last] = 0.0
+    if c.held[k] == 0.0:
+        return
+    frame_terms(t, e, f, i, t.position[i] + t.axes[i] @ c.offset[k], t.rotation.T)
+    f.wanted[:] = c.acceleration[k] - c.damping * f.velocity_now - f.drift
+    width = e.depth[t.column[i]] + 1
+    for r in range(last - first):
+        e.rows[first + r, SIDES : SIDES + width] = f.jacobian[r, :width]
+        e.rows[first + r, TARGETS] = -f.wanted[r]
+
+
+@kernel
+def contact_forces_map(d: DynamicsRecord, c: ContactsRecord, n: NewtonRecord) -> None:
+    """Gᵀ of contact forces, in the axes of their contacts, and of thrusts."""
+    for k in range(c.held.shape[0]):
+        for point in range(c.first_point[k], c.first_point[k + 1]):
+            first = 3 * point
+            n.held[point] = c.held[k]
+            n.force_map[first : first + 3] = c.frame[point].T @ d.foot_jacobian[first : first + 3, :6]
+    n.thrust_map[:] = d.thruster_jacobian[:, :6]

@@ -1,0 +1,323 @@
+"""The whole-body optimum of any robot, with any contacts and tasks, from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from harpy_pin import checks
+from harpy_pin.arguments import checked
+from harpy_pin.errors import InputError, shown
+from harpy_pin.model.dynamics import dynamics_record
+from harpy_pin.model.entry import as_array
+from harpy_pin.model.memory import fixed_arrays, move_array
+from harpy_pin.model.record import Records, field, make_record
+from harpy_pin.model.robot import Robot
+from harpy_pin.model.state import State, Vector
+from harpy_pin.wbc.tasks.task import CentreOfMassTask, FrameTask, JointTask, MomentumTask
+from harpy_pin.wbc.tree.elimination import ROOT, EliminationRecord
+from harpy_pin.wbc.tree.newton import NewtonRecord
+from harpy_pin.wbc.tree.solve import WRONG_SHAPE, WholeBodyRecord, solve_whole_body
+from harpy_pin.wbc.tree.tasks import ContactsRecord, FrameTasksRecord, JointTasksRecord, MomentumTasksRecord
+from harpy_pin.wbc.weights import WholeBodyLimits, thrust_box
+
+FORCE_WEIGHT = 2e-4
+"""Weight of the square of a contact force over the robot's mass, (m/s²)²."""
+COMPLIANCE = 1e-9
+"""ρ of contacts: (m/s²) per unit of their multiplier."""
+AnyTask = FrameTask | JointTask | CentreOfMassTask | MomentumTask
+REFERENCES = frozenset(("position", "rotation", "velocity", "acceleration", "momentum", "rate"))
+"""Arrays of tasks that move into the record."""
+KINDS = (FrameTask, JointTask, CentreOfMassTask, MomentumTask)
+
+
+class WholeBodyStatus(IntEnum):
+    """How a solve ended."""
+
+    OPTIMAL = 0
+    SUBOPTIMAL = 1
+    """The search ended at its bound: forces are in their cones, the motion is the one that belongs to them."""
+    INVALID = 2
+    """State or targets were not possible numbers: the solution is that of the last good tick."""
+
+
+STATUS = tuple(WholeBodyStatus)
+
+
+@fixed_arrays("acceleration", "torque", "force", "thrust")
+class WholeBodySolution:
+    """What :meth:`WholeBodySolver.solve` found; overwritten by the next solve.
+
+    Attributes:
+        acceleration: (nv,) generalised acceleration.
+        torque: (joints,) torques of the joints, N·m.
+        force: (feet, 3) force of the ground on each contact point, world axes, N; zero where it is not held.
+        thrust: (thrust variables,) N; see :mod:`harpy_pin.model.rotor`.
+        status: how the solve ended.
+    """
+
+    acceleration: Vector
+    torque: Vector
+    force: Vector
+    thrust: Vector
+
+    def __init__(self, record: Records[WholeBodyRecord]) -> None:
+        for name in ("acceleration", "torque", "thrust"):
+            setattr(self, name, field(record, name))
+        self.force = field(record, "force").reshape(-1, 3)
+        self.status = WholeBodyStatus.INVALID
+
+
+@fixed_arrays("held", "contact_acceleration", "contact_frame", "friction", "force_range", "record")
+class WholeBodySolver:
+    """The whole-body optimum of any robot with a free base: any limbs, tasks and contacts.
+
+    The contacts are the robot's feet, points and soles; name any frames as feet when the robot is loaded, hands too. A
+    weight w of a task adds ½ Σ w e² of its rows' errors e to what is minimised, in (m/s²)² and (rad/s²)²
+    (docs/whole_body.md has weights to begin with). After this, tasks keep their references in the solver's memory:
+    ``task.position[:] = ...`` is all that a change takes. Gains are read here, once.
+
+    Args:
+        robot: any.
+        tasks: each with its weight, one number or one for each row. Frames, joints, one centre of mass, one angular
+            momentum.
+        limits: friction of the ground, faces of the pyramids, largest thrusts.
+        contact_damping: of the velocity of a foot on the ground, 1/s.
+        regularisation: weight of the square of each acceleration, besides all tasks: where no task says anything.
+        force_weight: of the square of each contact force, 1/N²; by default 2e-4 over the square of the robot's mass.
+        thrust_weight: of the square of each thrust, 1/N².
+
+    Attributes:
+        contacts: names of the feet: points, or the first corners of soles.
+        held: (contacts,) 1 where a foot is on the ground, else 0; all of them to begin with.
+        contact_acceleration: (contacts, 6) of each foot on the ground, world axes; zero to begin with.
+        contact_frame: (feet, 3, 3) axes of each contact point in the world; the third is the normal. Friction and range
+            of its force are in them. Upright to begin with.
+        friction: (feet,) slope of the pyramids' faces.
+        force_range: (feet, 2) least and largest normal force of each contact point that is held, N.
+        weights: of each task, an array with one for each of its rows; it may be overwritten in place.
+        solution: of the last solve.
+        steps: Newton's steps of the last solve.
+
+    Raises:
+        InputError: tasks of another kind, unknown frames or joints, or numbers out of their domains.
+    """
+
+    _record_: Records[WholeBodyRecord]
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot,
+        tasks: Mapping[AnyTask, ArrayLike],
+        *,
+        limits: WholeBodyLimits | None = None,
+        contact_damping: float = 20.0,
+        regularisation: float = 1e-4,
+        force_weight: float | None = None,
+        thrust_weight: float = 5e-3,
+    ) -> None:
+        self.robot = robot
+        limits = limits if limits is not None else WholeBodyLimits()
+        self.contacts = tuple(robot.feet[first] for first in np.cumsum((0, *robot.corners))[:-1])
+        settings = {
+            "contact_damping": checks.number("contact_damping", contact_damping, low=0.0),
+            "regularisation": checks.number("regularisation", regularisation, low=0.0, strict=True),
+            "force_weight": FORCE_WEIGHT / robot.mass**2 if force_weight is None else force_weight,
+            "thrust_weight": checks.number("thrust_weight", thrust_weight, low=0.0, strict=True),
+        }
+        checks.number("force_weight", settings["force_weight"], low=0.0, strict=True)
+        self.record = _record(robot, _known(tasks), limits, settings)
+        self.solution = WholeBodySolution(self._record_)
+        self.weights: dict[AnyTask, Vector] = {}
+        self.held: Vector = field(self._record_["contacts"], "held")
+        self.contact_acceleration: Vector = field(self._record_["contacts"], "acceleration")
+        self.contact_frame: Vector = field(self._record_["contacts"], "frame")
+        self.friction: Vector = field(self._record_["newton"], "friction")
+        self.force_range: Vector = field(self._record_["newton"], "force_range")
+        self._adopt(tasks)
+
+    def solve(self, state: State) -> WholeBodySolution:
+        """One optimum.
+
+        Args:
+            state: as measured; q and v are read.
+
+        Returns:
+            :attr:`solution` itself.
+
+        Raises:
+            InputError: arrays of another shape, or that are no numbers at all.
+        """
+        try:
+            found = solve_whole_body(self._record_, state.q, state.v)
+        except TypeError:  # lists, integers, or arrays that are not contiguous
+            found = WRONG_SHAPE
+        if found == WRONG_SHAPE:
+            q, v = as_array("q", state.q, (self.robot.model.nq,)), as_array("v", state.v, (self.robot.model.nv,))
+            found = solve_whole_body(self._record_, q, v)
+        self.solution.status = STATUS[found]
+        return self.solution
+
+    @property
+    def steps(self) -> int:
+        """Newton's steps of the last solve."""
+        return int(self._record_["newton"]["steps"][0])
+
+    def _adopt(self, tasks: Mapping[AnyTask, ArrayLike]) -> None:
+        """Move the tasks' references into the record, and write weights and gains there."""
+        record, frame, row = self._record_, 0, 0
+        for task, weight in tasks.items():
+            arrays, rows = _arrays(record["momentum"][0]), slice(0, 3)
+            weights = field(record["newton"], "momentum_weight")[3 if isinstance(task, MomentumTask) else 0 :]
+            if isinstance(task, FrameTask):
+                arrays, rows = _arrays(record["frames"][0], frame), task._rows
+                frame, weights = frame + 1, arrays["weight"]
+            elif isinstance(task, JointTask):
+                arrays, rows = _arrays(record["joints"][0]), slice(row, row + len(task.joints))
+                row, weights = rows.stop, arrays["weight"]
+            self.weights[task] = weights[rows]
+            self.weights[task][:] = checks.gains("weight", weight, len(self.weights[task]))
+            if isinstance(task, MomentumTask):
+                arrays["gain"][:] = task.gain
+            else:
+                arrays["stiffness"][rows], arrays["damping"][rows] = task.gains
+            for name in arrays.keys() & REFERENCES:
+                given = getattr(task, name, None)
+                if given is not None:
+                    place = arrays[name] if arrays[name].shape == given.shape else arrays[name][rows]
+                    place[:] = given
+                    move_array(task, name, place)
+
+
+def _record(
+    robot: Robot, tasks: Sequence[AnyTask], limits: WholeBodyLimits, settings: dict[str, float]
+) -> Records[WholeBodyRecord]:
+    """A new :class:`WholeBodyRecord`; arguments and errors as of :class:`WholeBodySolver`."""
+    model, points = robot.model, len(robot.feet)
+    framed = [task for task in tasks if isinstance(task, FrameTask)]
+    frames = [model.frames[robot.frame_id(task.frame)] for task in framed]
+    joints = [joint for task in tasks if isinstance(task, JointTask) for joint in task.joints]
+    for joint in joints:
+        checks.one_of("joint", joint, robot.joints)
+    columns = np.array([ROOT + robot.joints.index(joint) for joint in joints], dtype=np.int64)
+    corners = [model.frames[robot.frame_id(name)] for name in robot.feet]
+    firsts = np.cumsum((0, *robot.corners))
+    bodies = np.array([corners[first].parentJoint - 1 for first in firsts[:-1]], dtype=np.int64)
+    system, first_row, row_count = _system(robot, bodies)
+    sizes = {**robot.sizes, "frames": len(frames), "joint_rows": len(joints), "contacts": len(bodies)}
+    sizes |= {"rows": len(system["row_end"][0]), "width": system["path"].shape[-1]}
+    places = np.split(np.array([corner.placement.translation for corner in corners]).reshape(-1, 3), firsts[1:-1])
+    angle = 2.0 * np.pi * np.arange(int(limits.faces)) / limits.faces
+    newton = make_record(
+        NewtonRecord,
+        sizes,
+        friction=np.full(points, limits.friction_share * limits.mu * limits.inscribed),
+        force_range=np.tile((0.0, 1e4), (points, 1)),
+        faces=np.column_stack((np.cos(angle), np.sin(angle), np.full(len(angle), np.tan(np.pi / limits.faces)))),
+        force_weight=settings["force_weight"],
+        thrust_weight=settings["thrust_weight"],
+        thrust_range=np.column_stack(thrust_box(robot, limits)),
+    )
+    return make_record(
+        WholeBodyRecord,
+        sizes,
+        dynamics=dynamics_record(robot),
+        frames=make_record(
+            FrameTasksRecord,
+            sizes,
+            body=np.array([frame.parentJoint - 1 for frame in frames], dtype=np.int64),
+            offset=np.array([frame.placement.translation for frame in frames]).reshape(-1, 3),
+            turn=np.array([frame.placement.rotation for frame in frames]).reshape(-1, 3, 3),
+            local=np.array([task.axes == "local" for task in framed], dtype=np.int64),
+            rotation=np.tile(np.eye(3), (len(frames), 1, 1)),
+        ),
+        joints=make_record(JointTasksRecord, sizes, column=columns),
+        momentum=make_record(MomentumTasksRecord, sizes),
+        contacts=make_record(
+            ContactsRecord,
+            sizes,
+            body=bodies,
+            offset=np.array([place.mean(axis=0) for place in places if len(place)]).reshape(-1, 3),
+            first_point=firsts,
+            first_row=first_row,
+            row_count=row_count,
+            frame=np.tile(np.eye(3), (points, 1, 1)),
+            damping=settings["contact_damping"],
+        ),
+        system=system,
+        newton=newton,
+        regularisation=np.full(model.nv, settings["regularisation"]),
+    )
+
+
+def tree_paths(model: pin.Model) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Depth (nv,) of each degree of freedom, and (nv, largest depth + 1) those from the root to it."""
+    paths: list[list[int]] = []
+    for joint in model.joints[1:]:
+        above = model.joints[model.parents[joint.id]]
+        for column in range(joint.idx_v, joint.idx_v + joint.nv):
+            before = column - 1 if column > joint.idx_v else above.idx_v + above.nv - 1
+            paths.append([*(paths[before] if column > 0 else []), column])
+    path = np.zeros((len(paths), max(map(len, paths))), dtype=np.int64)
+    for column, entries in enumerate(paths):
+        path[column, : len(entries)] = entries
+    return np.array([len(entries) - 1 for entries in paths], dtype=np.int64), path
+
+
+def _system(
+    robot: Robot, bodies: NDArray[np.int64]
+) -> tuple[Records[EliminationRecord], NDArray[np.int64], NDArray[np.int64]]:
+    """A new :class:`EliminationRecord` for contacts on these bodies, and the first row and number of rows of each."""
+    depth, path = tree_paths(robot.model)
+    if 0 in bodies:
+        raise InputError("a foot on the base itself is not supported: no joint moves it", name="robot")
+    ends = bodies + ROOT - 1
+    branches = path[ends, ROOT] if len(ends) else ends  # first joint of each contact's limb
+    limbs = [int(k) for k in np.unique(branches)]
+    count = np.array([3 if corners == 1 else 6 for corners in robot.corners], dtype=np.int64)
+    first, row_end, first_row = np.zeros(len(ends), dtype=np.int64), [], [0]
+    for limb in limbs:
+        for contact in np.flatnonzero(branches == limb):
+            first[contact] = len(row_end)
+            row_end += [ends[contact]] * count[contact]
+        first_row.append(len(row_end))
+    on = [limbs.index(path[k, ROOT]) if depth[k] >= ROOT and path[k, ROOT] in limbs else -1 for k in range(len(depth))]
+    system = make_record(
+        EliminationRecord,
+        {"nv": len(depth), "width": path.shape[1], "rows": len(row_end)},
+        depth=depth,
+        path=path,
+        limb=np.array(on, dtype=np.int64),
+        first_row=np.array(first_row, dtype=np.int64),
+        row_end=np.array(row_end, dtype=np.int64),
+        compliance=COMPLIANCE,
+    )
+    return system, first, count
+
+
+def _known(tasks: Mapping[AnyTask, ArrayLike]) -> list[AnyTask]:
+    """The tasks, if they are of kinds that are known, with one centre of mass and one angular momentum."""
+    for task in tasks:
+        if type(task) not in KINDS or (isinstance(task, MomentumTask) and task.part != "angular"):
+            raise InputError(
+                "tasks must be FrameTask, JointTask, CentreOfMassTask, or MomentumTask of the angular part, "
+                f"got {shown(task)}",
+                name="tasks",
+                value=task,
+            )
+    for kind in (CentreOfMassTask, MomentumTask):
+        if sum(isinstance(task, kind) for task in tasks) > 1:
+            raise InputError(f"one {kind.__name__} at most", name="tasks")
+    return [*tasks]
+
+
+def _arrays(record: Any, index: int | None = None) -> dict[str, Vector]:
+    """Views of what a record has of its tasks, or of one of them."""
+    names = (REFERENCES | {"weight", "stiffness", "damping", "gain"}) & {*record.dtype.names}
+    return {name: record[name] if index is None else record[name][index] for name in names}

@@ -1,0 +1,257 @@
+"""Robots with tasks and contacts for the whole-body optimum, and the same program written densely from Pinocchio."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+import proxsuite
+import quadprog
+from forward_dynamics import mass_matrix
+from random_trees import random_model
+
+import harpy_pin as hp
+from harpy_pin.wbc import MomentumTask, WholeBodyLimits
+from harpy_pin.wbc.tree import WholeBodySolver
+
+LIMITS = WholeBodyLimits(mu=0.8, friction_share=0.75)
+DAMPING = 20.0
+SCALE = 1e4
+"""Factor on the objective for the reference: its forces are as exact as its gradient over their small weight."""
+HANDS = {"g1": ("left_wrist_yaw_link", "right_wrist_yaw_link"), "talos": ("arm_left_7_link", "arm_right_7_link")}
+TORSO = {"g1": "torso_link", "talos": "torso_2_link"}
+WORLD = pin.LOCAL_WORLD_ALIGNED
+
+
+@dataclass
+class Case:
+    """A robot with tasks, its solver, and random states and targets."""
+
+    robot: hp.Robot
+    q: np.ndarray
+    tasks: dict
+    held: tuple[int, ...] | None = None
+    regularisation: float = 1e-3
+    compliance: float = 0.0  # of the contacts in the dense program; zero for equalities
+    solver: WholeBodySolver = field(init=False)
+
+    def __post_init__(self):
+        settings = {"regularisation": self.regularisation, "contact_damping": DAMPING}
+        self.solver = WholeBodySolver(self.robot, self.tasks, limits=LIMITS, **settings)
+        self.solver.held[:] = 1.0 if self.held is None else self.held
+        if self.compliance:
+            self.solver.record["system"]["compliance"] = self.compliance
+        share = self.robot.mass * 9.81 / max(len(self.robot.feet), 1)
+        self.solver.force_range[:] = 0.02 * share, 6.0 * share
+        self.dynamics = hp.Dynamics(self.robot)
+
+    def draw(self, rng, *, spread=0.2, size=1.0):
+        """A random state near the posture, and random targets."""
+        model, solver = self.robot.model, self.solver
+        step = spread * rng.standard_normal(model.nv)
+        step[:6] *= 0.6
+        for task in self.tasks:
+            for name, scale in {"acceleration": 3.0, "rate": 3.0, "velocity": 0.3, "momentum": 0.3}.items():
+                if hasattr(task, name):
+                    getattr(task, name)[:] = size * scale * rng.standard_normal(getattr(task, name).shape)
+        solver.contact_acceleration[:] = 0.5 * size * rng.standard_normal(solver.contact_acceleration.shape)
+        feet = np.zeros((len(self.robot.feet), 3))
+        return hp.State(0.0, pin.integrate(model, self.q, step), 0.3 * rng.standard_normal(model.nv), feet, feet, feet)
+
+    def answer(self, solution):
+        """[a; f; u] of a solution."""
+        return np.concatenate((solution.acceleration, solution.force.ravel(), solution.thrust))
+
+    def contact_rows(self, data, state):
+        """J and the acceleration demanded of every foot that is held: three rows of a point, six of a sole."""
+        model, rows, values, first = self.robot.model, [], [], 0
+        for k, corners in enumerate(self.robot.corners):
+            names = self.robot.feet[first : first + corners]
+            first += corners
+            if self.solver.held[k] == 0.0:
+                continue
+            frames = [model.frames[self.robot.frame_id(name)] for name in names]
+            joint, n = frames[0].parentJoint, 3 if corners == 1 else 6
+            arm = data.oMi[joint].rotation @ np.mean([frame.placement.translation for frame in frames], axis=0)
+            jacobian = pin.getJointJacobian(model, data, joint, WORLD)
+            jacobian[:3] -= pin.skew(arm) @ jacobian[3:]
+            drift = pin.getClassicalAcceleration(model, data, joint, WORLD)
+            w = pin.getVelocity(model, data, joint, WORLD).angular
+            linear = drift.linear + np.cross(drift.angular, arm) + np.cross(w, np.cross(w, arm))
+            desired = self.solver.contact_acceleration[k] - DAMPING * (jacobian @ state.v)
+            rows.append(jacobian[:n])
+            values.append((desired - np.concatenate((linear, drift.angular)))[:n])
+        return np.vstack([np.zeros((0, model.nv)), *rows]), np.concatenate([np.zeros(0), *values])
+
+    def dense(self, state):
+        """The program in [a; f; u]: P, p, A, b, C, lower, upper; and the torques of its answers."""
+        robot, solver, model = self.robot, self.solver, self.robot.model
+        nv, forces, thrusts = model.nv, 3 * len(robot.feet), robot.n_thrust
+        self.dynamics.update(state.q, state.v)
+        data = model.createData()
+        pin.computeJointJacobians(model, data, state.q)
+        pin.forwardKinematics(model, data, state.q, state.v, np.zeros(nv))
+        pin.updateFramePlacements(model, data)
+        weights = [self.regularisation] * nv + [2e-4 / robot.mass**2] * forces + [5e-3] * thrusts
+        hessian, gradient = np.diag(weights), np.zeros(nv + forces + thrusts)
+        rows, values = self.contact_rows(data, state)
+        squares = [(*task.rows(self.dynamics, state), solver.weights[task]) for task in self.tasks]
+        if self.compliance:
+            squares.append((rows, values, np.full(len(rows), 1.0 / self.compliance)))
+            rows, values = rows[:0], values[:0]
+        for matrix, target, weight in squares:
+            hessian[:nv, :nv] += matrix.T @ (weight[:, None] * matrix)
+            gradient[:nv] -= matrix.T @ (weight * target)
+        feet = [pin.getFrameJacobian(model, data, robot.frame_id(name), WORLD)[:3] for name in robot.feet]
+        outer = np.vstack([np.zeros((0, nv)), *feet, self.dynamics.thruster_jacobian])
+        mass = mass_matrix(model, state.q)
+        bias = pin.nle(model, model.createData(), state.q, state.v) + model.damping * state.v
+        equality = [np.hstack((mass[:6], -outer[:, :6].T)), np.hstack((rows, np.zeros((len(rows), forces + thrusts))))]
+        bounds, identity = [], np.eye(nv + forces + thrusts)
+        held = np.repeat(solver.held, robot.corners)
+        for k in range(len(held)):
+            own = identity[nv + 3 * k : nv + 3 * k + 3]
+            if held[k] == 0.0:
+                equality.append(own)
+                continue
+            bounds.append((LIMITS.pyramid @ own, np.zeros(len(LIMITS.pyramid)), np.full(len(LIMITS.pyramid), 1e20)))
+            bounds.append((own[2:], *solver.force_range[k, :, None]))
+        bounds.append((identity[nv + forces :], *solver.record["newton"]["thrust_range"][0].T))
+        equality = np.vstack(equality)
+        value = np.zeros(len(equality))
+        value[:6], value[6 : 6 + len(values)] = -bias[:6], values
+
+        def torques(x):
+            return (mass @ x[:nv] + bias - outer.T @ x[nv:])[6:]
+
+        limits = (np.concatenate([bound[n] for bound in bounds]) for n in range(3))
+        return (hessian, gradient, equality, value, *limits), torques
+
+
+def solve_proxqp(program):
+    """The optimum by ProxQP at 1e-9, whose duality gap is checked."""
+    hessian, gradient, equality, value, rows, lower, upper = program
+    qp = proxsuite.proxqp.dense.QP(len(gradient), len(value), len(lower))
+    qp.settings.eps_abs, qp.settings.eps_rel, qp.settings.max_iter = 1e-9, 0.0, 100000
+    qp.settings.check_duality_gap, qp.settings.eps_duality_gap_abs = True, 1e-6 * SCALE
+    qp.init(SCALE * hessian, SCALE * gradient, equality, value, rows, lower, upper)
+    qp.solve()
+    assert qp.results.info.status == proxsuite.proxqp.PROXQP_SOLVED
+    return np.array(qp.results.x)
+
+
+def solve_quadprog(program):
+    """The optimum by quadprog's dual active-set method."""
+    hessian, gradient, equality, value, rows, lower, upper = program
+    matrix, least = np.vstack((equality, rows, -rows)), np.concatenate((value, lower, -upper))
+    known = least > -1e19
+    return quadprog.solve_qp(SCALE * hessian, -SCALE * gradient, matrix[known].T, least[known], len(value))[0]
+
+
+def legged(name, *, held=None, regularisation=1e-3):
+    """A robot on point feet with tasks of its base and of its swing feet."""
+    robot = hp.load_harpy() if name == "harpy" else hp.load_robot(name)
+    q = (hp.make_gait(robot) if name == "harpy" else hp.gaits.Standing(robot)).initial_state()[0]
+    return Case(robot, q, _base_and_swing(robot, held), held, regularisation)
+
+
+def _base_and_swing(robot, held):
+    base = robot.model.names[1]
+    tasks = {hp.FrameTask(base): 1.0, hp.FrameTask(base, part="orientation", axes="local"): 0.25}
+    return tasks | {hp.FrameTask(foot): 12.0 for foot, on in zip(robot.feet, held or (), strict=False) if not on}
+
+
+def humanoid(name, *, held=None):
+    """A humanoid on soles with tasks of torso, both hands, centre of mass, angular momentum and joints."""
+    robot = hp.load_robot(name)
+    tasks = {hp.FrameTask(TORSO[name], part="orientation"): 1.0, hp.CentreOfMassTask(): 5.0}
+    tasks |= {hp.FrameTask(hand, part="both"): (1.0, 1.0, 1.0, 0.2, 0.2, 0.2) for hand in HANDS[name]}
+    tasks[hp.JointTask(robot.joints)] = np.linspace(1e-3, 3e-2, len(robot.joints))
+    tasks[MomentumTask()] = 1e-2
+    return Case(robot, hp.gaits.Standing(robot).initial_state()[0], tasks, held)
+
+
+def _link(model, joint, mass, size, centre):
+    model.appendBodyToJoint(joint, pin.Inertia.FromBox(mass, *size), pin.SE3(np.eye(3), np.array(centre)))
+
+
+def legs_of(kinds, lengths, places, *, sole=False, angles, height):
+    """A box on legs with joints of these kinds, each its length below the last."""
+    model = pin.Model()
+    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
+    model.addJointFrame(root, 0)
+    _link(model, root, 15.0, (0.4, 0.3, 0.2), (0.0, 0.0, 0.1))
+    feet = []
+    for leg, place in enumerate(places):
+        joint, origin = root, np.array(place)
+        for n, (kind, length) in enumerate(zip(kinds, lengths, strict=True)):
+            joint = model.addJoint(joint, kind(), pin.SE3(np.eye(3), origin), f"leg{leg}_{n}")
+            _link(model, joint, 1.0, (0.05, 0.05, max(length, 0.05)), (0.0, 0.0, -0.5 * length))
+            origin = np.array((0.0, 0.0, -length))
+        corners = [(x, y, 0.0) for x in (0.1, -0.1) for y in (0.04, -0.04)] if sole else [(0.0, 0.0, 0.0)]
+        for n, corner in enumerate(corners):
+            feet.append(f"foot{leg}_{n}")
+            place = pin.SE3(np.eye(3), origin + corner)
+            model.addFrame(pin.Frame(feet[-1], joint, 0, place, pin.FrameType.OP_FRAME))
+    q = np.concatenate(((0.0, 0.0, height, 0.0, 0.0, 0.0, 1.0), np.tile(angles, len(places))))
+    robot = hp.Robot(model, None, tuple(feet), (), np.inf, flat_feet=(4,) * len(places) if sole else ())
+    return robot, q
+
+
+def seven_joints(*, held=None):
+    """A biped with legs of seven joints on soles."""
+    x, y, z = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
+    places, angles = ((0.0, 0.1, 0.0), (0.0, -0.1, 0.0)), (0.0, 0.0, -0.4, 0.8, 0.0, -0.4, 0.0)
+    lengths = (0.0, 0.0, 0.4, 0.2, 0.2, 0.0, 0.06)
+    robot, q = legs_of((z, x, y, y, z, y, x), lengths, places, sole=True, angles=angles, height=0.9)
+    return Case(robot, q, _base_and_swing(robot, None), held, 1e-2)
+
+
+def two_joints(*, held=None, compliance=0.0):
+    """A quadruped with legs of two joints: four feet cannot follow every target."""
+    places = tuple((x, y, 0.0) for x in (0.2, -0.2) for y in (0.15, -0.15))
+    angles = (0.6, -1.2)
+    robot, q = legs_of((pin.JointModelRY,) * 2, (0.2, 0.2), places, angles=angles, height=0.35)
+    return Case(robot, q, _base_and_swing(robot, held), held, 1e-2, compliance)
+
+
+def random_tree(seed):
+    """A tree with joints of all kinds, point feet and a sole anywhere on it, and tasks of any frames and joints."""
+    model, rng = random_model(seed)
+    bodies = rng.integers(2, model.njoints, size=3)
+    feet = []
+    for n, joint in enumerate(bodies):
+        turn = pin.exp3(rng.normal(size=3))
+        for corner in ((0.1, 0.1), (0.1, -0.1), (-0.1, 0.1), (-0.1, -0.1)) if n == 2 else ((0.0, 0.0),):
+            feet.append(f"foot{len(feet)}")
+            place = pin.SE3(turn, turn @ np.array((*corner, 0.3)))
+            model.addFrame(pin.Frame(feet[-1], int(joint), 0, place, pin.FrameType.OP_FRAME))
+    for n, joint in enumerate(rng.integers(1, model.njoints, size=2)):
+        place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+        model.addFrame(pin.Frame(f"task{n}", int(joint), 0, place, pin.FrameType.OP_FRAME))
+    tasks = {
+        hp.FrameTask("task0", part="both", axes="local"): rng.uniform(0.1, 2.0, 6),
+        hp.FrameTask("task1"): rng.uniform(0.1, 2.0, 3),
+        hp.CentreOfMassTask(): rng.uniform(0.1, 5.0, 3),
+        hp.JointTask(tuple(model.names)[2::2]): rng.uniform(0.01, 1.0, 4),
+    }
+    robot = hp.Robot(model, None, tuple(feet), (), np.inf, flat_feet=(1, 1, 4))
+    case = Case(robot, pin.neutral(model), tasks, tuple(rng.integers(0, 2, 3)), 1e-2, 1e-3)
+    return case, rng
+
+
+CASES = {
+    "go2 stands": lambda: legged("go2"),
+    "go2 trots": lambda: legged("go2", held=(1, 0, 0, 1)),
+    "solo12 stands": lambda: legged("solo12"),
+    "harpy stands": lambda: legged("harpy", regularisation=1e-6),
+    "harpy on one foot": lambda: legged("harpy", held=(1, 0), regularisation=1e-6),
+    "g1 stands": lambda: humanoid("g1"),
+    "g1 on one foot": lambda: humanoid("g1", held=(1, 0)),
+    "talos stands": lambda: humanoid("talos"),
+    "talos on one foot": lambda: humanoid("talos", held=(1, 0)),
+    "legs of seven joints": seven_joints,
+    "legs of seven joints, one held": lambda: seven_joints(held=(1, 0)),
+    "legs of two joints trot": lambda: two_joints(held=(1, 0, 0, 1)),
+}

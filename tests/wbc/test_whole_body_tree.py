@@ -1,0 +1,219 @@
+"""The whole-body optimum in six unknowns: beside dense programs, at the edges of what robots can do, and bounded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from needs import needs_robots
+from tree_cases import CASES, LIMITS, Case, humanoid, legged, random_tree, solve_proxqp, solve_quadprog, two_joints
+
+import harpy_pin as hp
+from harpy_pin.errors import InputError
+from harpy_pin.wbc import MomentumTask
+from harpy_pin.wbc.tree import WholeBodySolver, WholeBodyStatus, whole_body
+from harpy_pin.wbc.tree.cones import project
+from harpy_pin.wbc.tree.newton import multiplier_of_forces
+from harpy_pin.wbc.tree.solve import solve_whole_body
+
+ANGLES = 2.0 * np.pi * np.arange(8) / 8
+FACES = np.column_stack((np.cos(ANGLES), np.sin(ANGLES), np.full(8, np.tan(np.pi / 8))))
+
+
+def error(found, true):
+    """Largest difference, relative to the largest entry."""
+    return np.abs(found - true).max() / np.abs(true).max()
+
+
+def compare(case, state, solvers):
+    """The solver's answer has accelerations, forces and torques of the dense program."""
+    solution = case.solver.solve(state)
+    assert solution.status == WholeBodyStatus.OPTIMAL
+    program, torques = case.dense(state)
+    nv, found = len(state.v), case.answer(solution)
+    for solve in solvers:
+        best = solve(program)
+        assert error(found[:nv], best[:nv]) < 1e-6
+        assert error(found[nv:], best[nv:]) < 1e-6 or np.abs(found[nv:] - best[nv:]).max() < 1e-6
+        assert error(solution.torque, torques(best)) < 1e-6
+
+
+@needs_robots
+@pytest.mark.parametrize("name", CASES)
+def test_the_optimum_is_that_of_the_dense_program(name, fuzz):
+    """At random states and targets, many of which press forces against their cones."""
+    case, rng = CASES[name](), np.random.default_rng(1)
+    for _ in range(8 * fuzz):
+        compare(case, case.draw(rng), (solve_proxqp, solve_quadprog))
+
+
+@given(st.integers(0, 10**6))
+@settings(max_examples=25, deadline=None)
+def test_any_tree_with_any_contacts(seed):
+    """Feet anywhere, several on a limb, points and soles, most of them contradictory: soft, so all are possible.
+
+    In Python, since every shape of tree would be compiled for itself.
+    """
+    case, rng = random_tree(seed)
+    state = case.draw(rng, spread=1.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(whole_body, "solve_whole_body", solve_whole_body.python)
+        compare(case, state, (solve_quadprog,))
+
+
+def check_promise(case, state, solution):
+    """Finite; forces in their cones and ranges; and motion, torques and forces satisfy the equations of motion."""
+    assert np.isfinite(case.answer(solution)).all()
+    assert np.isfinite(solution.torque).all()
+    held = np.repeat(case.solver.held, case.robot.corners) > 0.0
+    local = np.einsum("kij,ki->kj", case.solver.contact_frame, solution.force)
+    assert (solution.force[~held] == 0.0).all()
+    least, most = case.solver.force_range[held].T
+    size = 1.0 + np.abs(local[held]).max(axis=1, initial=0.0)
+    assert ((local[held, 2] >= least - 1e-9 * size) & (local[held, 2] <= most + 1e-9 * size)).all()
+    assert ((local[held] @ LIMITS.pyramid.T).min(axis=1, initial=0.0) >= -1e-9 * size).all()
+    (_, _, equality, value, *_), torques = case.dense(state)
+    answer = case.answer(solution)
+    scale = np.abs(equality[:6]) @ np.abs(answer) + np.abs(value[:6])
+    assert (np.abs(equality[:6] @ answer - value[:6]) <= 1e-7 * scale.max()).all()
+    np.testing.assert_allclose(solution.torque, torques(answer), rtol=0, atol=1e-9 * (1.0 + np.abs(answer).max() * 100))
+
+
+@needs_robots
+@pytest.mark.parametrize("name", ["go2 stands", "harpy on one foot", "g1 stands", "legs of two joints trot"])
+def test_promise_for_every_state_and_target(name, fuzz):
+    """Whatever is asked for, warm from an answer to something else; contacts on slopes, too."""
+    case, rng, seen = CASES[name](), np.random.default_rng(2), [0, 0, 0]
+    for _ in range(150 * fuzz):
+        state = case.draw(rng, spread=10.0 ** rng.uniform(-2.0, 0.0), size=10.0 ** rng.uniform(-1.0, 2.0))
+        case.solver.held[:] = rng.integers(0, 2, len(case.solver.held))
+        turn = pin.exp3(0.5 * rng.standard_normal(3))
+        case.solver.contact_frame[:] = turn if rng.random() < 0.5 else np.eye(3)
+        solution = case.solver.solve(state)
+        seen[solution.status] += 1
+        check_promise(case, state, solution)
+    assert seen[WholeBodyStatus.OPTIMAL] >= 0.99 * sum(seen)
+    assert seen[WholeBodyStatus.INVALID] == 0
+
+
+@needs_robots
+@pytest.mark.parametrize("bend", [0.0, 1e-9, 1e-6, 1e-3])
+@pytest.mark.parametrize("name", ["go2", "g1"])
+def test_straight_knees_are_no_special_case(name, bend):
+    """A straight leg holds its foot all the same: contacts do not move, and the answer is that of the dense program."""
+    case, rng = legged("go2") if name == "go2" else humanoid("g1"), np.random.default_rng(3)
+    knees = [1 + 6 + n for n, joint in enumerate(case.robot.joints) if ("calf" if name == "go2" else "knee") in joint]
+    assert len(knees) in (2, 4)
+    for _ in range(3):
+        state = case.draw(rng, spread=0.1)
+        state.q[knees[:1] if name == "go2" else knees] = bend
+        case.solver.contact_acceleration[:] = 0.0
+        state.v[:] = 0.0
+        compare(case, state, (solve_quadprog,))
+        check_promise(case, state, case.solver.solution)
+
+
+def test_contradictory_feet_get_the_nearest_motion():
+    """Four feet on legs of two joints cannot all follow: the answer is that of heavy squares."""
+    case, rng = two_joints(compliance=1e-4), np.random.default_rng(4)
+    for _ in range(10):
+        state = case.draw(rng)
+        compare(case, state, (solve_quadprog,))
+    case.solver.record["system"]["compliance"] = 1e-9
+    for _ in range(50):
+        state = case.draw(rng, size=10.0)
+        check_promise(case, state, case.solver.solve(state))
+
+
+def test_forces_that_are_no_optimum_have_their_motion():
+    """Where the search ends at its bound, λ = K⁻¹ (w − G f) gives the motion of whatever forces are at hand."""
+    case, rng = CASES["legs of seven joints"](), np.random.default_rng(5)
+    case.solver.solve(case.draw(rng))
+    newton = case.solver._record_["newton"]
+    newton["force"] += 50.0 * rng.standard_normal(newton["force"].shape)
+    multiplier = np.empty(6)
+    multiplier_of_forces(newton, multiplier)
+    wrench = newton["force_map"][0].T @ newton["force"][0]
+    np.testing.assert_allclose(newton["compliance"][0] @ multiplier + wrench, newton["demand"][0], rtol=1e-9, atol=1e-8)
+
+
+numbers = st.floats(-50.0, 50.0, allow_subnormal=False)
+
+
+@given(st.tuples(numbers, numbers, numbers), st.floats(0.05, 1.5), st.floats(0.0, 20.0), st.floats(0.0, 40.0))
+@settings(max_examples=300, deadline=None)
+def test_the_nearest_force_of_a_pyramid(g, friction, lower, more):
+    """No force of the pyramid and range is nearer: (g − f) · (h − f) ≤ 0 for each of its corners h."""
+    g, force, derivative = np.array(g), np.empty(3), np.empty((3, 3))
+    upper = lower + more
+    project(g, friction, lower, upper, FACES, force, derivative)
+    assert lower <= force[2] <= upper
+    assert (FACES[:, :2] @ force[:2] <= friction * force[2] + 1e-9).all()
+    around = ANGLES + np.pi / 8
+    edges = np.column_stack((np.cos(around), np.sin(around))) * friction / np.cos(np.pi / 8)
+    corners = np.vstack([np.column_stack((height * edges, np.full(8, height))) for height in (lower, upper)])
+    assert ((corners - force) @ (g - force) <= 1e-9 * (1.0 + np.abs(g).max() ** 2)).all()
+    there, piece = np.empty(3), np.empty((3, 3))
+    step = 1e-6 * np.array((0.3, -0.7, 0.6))
+    if project(g + step, friction, lower, upper, FACES, there, piece) == project(
+        g, friction, lower, upper, FACES, force, derivative
+    ):
+        np.testing.assert_allclose(there - force, derivative @ step, rtol=0, atol=1e-12 + 1e-13 * np.abs(g).max())
+
+
+def test_a_bad_state_keeps_the_last_answer():
+    case, rng = CASES["legs of seven joints"](), np.random.default_rng(6)
+    state = case.draw(rng)
+    before = case.answer(case.solver.solve(state)).copy()
+    bad = case.draw(rng)
+    bad.q[9] = np.nan
+    solution = case.solver.solve(bad)
+    assert solution.status == WholeBodyStatus.INVALID
+    np.testing.assert_array_equal(case.answer(solution), before)
+    task = next(iter(case.tasks))
+    good = task.acceleration.copy()
+    task._acceleration_[0] = np.inf
+    assert case.solver.solve(case.draw(rng, size=0.0)).status == WholeBodyStatus.OPTIMAL  # which draws it anew
+    task._acceleration_[0] = np.inf
+    assert case.solver.solve(state).status == WholeBodyStatus.INVALID
+    task.acceleration = good
+    assert case.solver.solve(state).status == WholeBodyStatus.OPTIMAL
+    with pytest.raises(InputError):
+        case.solver.solve(
+            hp.State(0.0, state.q[1:], state.v, state.foot_position, state.foot_velocity, state.foot_force)
+        )
+
+
+def test_references_are_followed():
+    """Positions, rotations and gains: the desired accelerations are those of the tasks' own rows, in every axes."""
+    case, rng = CASES["legs of seven joints"](), np.random.default_rng(7)
+    robot, gains = case.robot, (100.0, 20.0)
+    for axes in ("world", "local"):
+        place, turn = rng.normal(size=3), pin.exp3(rng.normal(size=3))
+        tasks = {
+            hp.FrameTask("foot0_0", part="both", axes=axes, position=place, rotation=turn, gains=gains): 1.0,
+            hp.FrameTask("root", part="orientation", axes=axes, rotation=turn, gains=gains): 1.0,
+            hp.CentreOfMassTask(position=place, gains=gains): 1.0,
+            hp.JointTask(robot.joints[3], position=0.5, gains=gains): 1.0,
+            MomentumTask(gain=5.0): 0.1,
+        }
+        case = Case(robot, case.q, tasks, None, 1e-2)
+        compare(case, case.draw(rng), (solve_quadprog,))
+        next(iter(tasks)).position[:] = 0.0  # written in place, for the next solve
+        compare(case, case.draw(rng), (solve_quadprog,))
+
+
+def test_what_is_refused():
+    robot = CASES["legs of seven joints"]().robot
+    for tasks in (
+        {MomentumTask(part="both"): 1.0},
+        {hp.CentreOfMassTask(): 1.0, hp.CentreOfMassTask(): 2.0},
+        {hp.FrameTask("nowhere"): 1.0},
+        {hp.JointTask("nothing"): 1.0},
+        {hp.CentreOfMassTask(): -1.0},
+        {hp.FootForceTask("foot0_0"): 1.0},
+    ):
+        with pytest.raises(InputError):
+            WholeBodySolver(robot, tasks)
