@@ -139,7 +139,8 @@ def _read_unit(e: EstimatorRecord, gyroscope: Vector, accelerometer: Vector) -> 
     """Keep the inertial unit's sample in body axes; a bad one leaves the last one. Returns whether it was good."""
     if not (all_possible(gyroscope) and all_possible(accelerometer)):
         return False
-    e.saturated = np.any(abs(gyroscope) >= e.gyroscope_range) | np.any(abs(accelerometer) >= e.accelerometer_range)
+    beyond = np.any(abs(gyroscope) >= e.gyroscope_range) | np.any(abs(accelerometer) >= e.accelerometer_range)
+    e.saturated = 1 if beyond else 0
     w = e.mounting @ gyroscope
     same = np.all(w == e.raw_angular_velocity)
     if e.begun != 0:

@@ -282,8 +282,9 @@ class Expressions(Operators):
     def known(self, found: Any, name: str) -> Value:
         """A value of Python that a kernel's source names: a number, a kernel, a module, a function."""
         if isinstance(found, int | float | tuple | np.integer | np.bool_):
-            single = self.unit.single and isinstance(found, ByPrecision)
-            value = self.constant(found.single if single else found)
+            if isinstance(found, ByPrecision) and self.unit.single:
+                found = found.single
+            value = self.constant(found)
             if isinstance(value.type, Scalar) and value.type is not BOOLEAN and name.isupper():
                 return replace(value, code=self.unit.define(name, value.code), binding=ATOM)
             return value

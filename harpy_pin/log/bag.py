@@ -111,7 +111,8 @@ def _read_mcap(path: Path, robot: Robot) -> Signals:
         raise InputError(f"mcap cannot be imported ({error}): {install_line('mcap')}", name="mcap") from error
     joints, inertial, truth = list[Any](), list[Any](), list[Any]()
     with path.open("rb") as file:
-        reader = make_reader(file, decoder_factories=[_Json(), DecoderFactory()])
+        decoders: list[Any] = [_Json(), DecoderFactory()]
+        reader = make_reader(file, decoder_factories=decoders)
         for schema, _, message, content in reader.iter_decoded_messages():
             kind = _kind(schema)
             stamp = getattr(getattr(content, "header", None), "stamp", None)

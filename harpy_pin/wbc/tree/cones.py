@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harpy_pin.compiled import kernel
+from harpy_pin.kernels import kernel
 from harpy_pin.model.dynamics import DynamicsRecord
 from harpy_pin.model.entry import GOOD, MISFIT, all_finite
 from harpy_pin.model.record import RecordOf, sized
