@@ -200,12 +200,12 @@ def _newton_step(n: NewtonRecord, softer: float) -> None:
 @kernel
 def _search_along(n: NewtonRecord, softer: float, slope: float) -> None:
     """Go back to where the slope step · F, which grows along the step, is nearly zero (regula falsi, Illinois)."""
-    low, high, below, above = 0.0, 1.0, slope, n.step @ n.residual
+    low, high, below, above = 0.0, 1.0, slope, np.dot(n.step, n.residual)
     for cut in range(CUTS):
         share = low - below * (high - low) / (above - below) if cut < 7 else 0.5 * (low + high)
         n.multiplier[:] = n.start + share * n.step
         _evaluate(n, softer)
-        here = n.step @ n.residual
+        here = np.dot(n.step, n.residual)
         if abs(here) <= -SLOPE * slope:
             return
         if here < 0.0:

@@ -281,7 +281,8 @@ def _system(
     branches = path[ends, ROOT] if len(ends) else ends  # first joint of each contact's limb
     limbs = [int(k) for k in np.unique(branches)]
     count = np.array([3 if corners == 1 else 6 for corners in robot.corners], dtype=np.int64)
-    first, row_end, first_row = np.zeros(len(ends), dtype=np.int64), [], [0]
+    first, first_row = np.zeros(len(ends), dtype=np.int64), [0]
+    row_end: list[int] = []
     for limb in limbs:
         for contact in np.flatnonzero(branches == limb):
             first[contact] = len(row_end)
