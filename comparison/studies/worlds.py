@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from comparison.joint_pd.controller import able as joint_pd_is_for
 from comparison.measure.walking import Rows, grouped
 from comparison.studies.walking import SIDES, course
 from comparison.study import Job, Study, View, commands, fell, mean, median, where
-from comparison.worlds.models import FEET, HUMANOIDS, PLAYGROUND, ROBOTS, VENDORS, world
+from comparison.worlds.models import FEET, HUMANOIDS, MAKERS, PLAYGROUND, ROBOTS, VENDORS, world
 from comparison.worlds.walk import POLICY, STANDS, WALKERS, walked
 from harpy_pin import Robot, WalkingGait
 
@@ -162,7 +163,8 @@ def parts(rows: Rows) -> str:
 
 
 def _name(row: dict[str, Any]) -> str:
-    return Path(row["world"]).stem
+    stem = Path(row["world"]).stem
+    return MAKERS.get(stem, stem)
 
 
 def _walks_on(row: dict[str, Any]) -> bool:
@@ -224,7 +226,8 @@ def _draw(figure: Any, rows: Rows) -> None:
     from matplotlib.colors import LinearSegmentedColormap
 
     shades = LinearSegmentedColormap.from_list("falls", ("#e6f0f7", "#c8553d"))
-    cells = grouped(filter(_walks_on, rows), "who", "world")
+    named = [row | {"name": fill(_name(row), 12)} for row in rows if _walks_on(row)]
+    cells = grouped(named, "who", "name")
     whos, worlds = ([*dict.fromkeys(names)] for names in zip(*cells, strict=True))
     figure.set_size_inches(0.85 * len(worlds) + 2.0, 0.32 * len(whos) + 1.0)
     panel = figure.subplots()
@@ -233,7 +236,7 @@ def _draw(figure: Any, rows: Rows) -> None:
         x, y = worlds.index(name), whos.index(who)
         panel.barh(y, 0.96, 0.92, x - 0.48, color=shades(sum(row["fell"] for row in mine) / len(mine)))
         panel.text(x, y, fell(mine), ha="center", va="center", fontsize=7.5)
-    panel.set_xticks(range(len(worlds)), [Path(name).stem for name in worlds])
+    panel.set_xticks(range(len(worlds)), worlds)
     panel.set_yticks(range(len(whos)), whos)
     panel.set_ylim(len(whos) - 0.5, -0.5)
     panel.xaxis.tick_top()

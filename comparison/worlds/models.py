@@ -46,6 +46,8 @@ VENDORS = {
     "booster_gym/resources/T1/T1_serial.xml": ("left_foot_link", "right_foot_link"),
 }
 """Files in the repositories of those who make the humanoids, which are in no wheel; and the feet."""
+MAKERS = {"g1_29dof_rev_1_0": "Unitree's G1", "h1_2_12dof": "Unitree's H1-2", "T1_serial": "Booster's T1"}
+"""Names of these, by the file's."""
 LOCOMOTION = Path("_src", "locomotion")
 TRAINED_STEP = 4e-3
 """MuJoCo's step in the policy's training, s; the file leaves it to the program."""
