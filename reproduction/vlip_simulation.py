@@ -19,7 +19,7 @@ from harpy_pin.governors.point_mass import Law, PointMassRecord, model_record
 from harpy_pin.governors.rows import ConstraintRows, ForceRows, StackedRows
 from harpy_pin.governors.thrust import CentreGains, centre_feedback
 from harpy_pin.kernels import kernel
-from harpy_pin.model.record import Records, fields, make_record
+from harpy_pin.model.record import fields, make_record
 from harpy_pin.model.state import Vector
 from reproduction.chattering import chattering
 from reproduction.margin import MarginGovernor
@@ -302,9 +302,9 @@ def _derivative(x: Vector, reference: Vector, p: VlipRecord, out: Vector) -> Non
 
 
 @kernel
-def _runge_kutta(measured: Vector, reference: Vector, model: Records[VlipRecord], dt: float) -> None:
+def _runge_kutta(measured: Vector, reference: Vector, p: VlipRecord, dt: float) -> None:
     """One classical fourth-order step of the closed loop with the reference held."""
-    p, x = model[0], np.empty(6)
+    x = np.empty(6)
     k1, k2, k3, k4 = np.empty(6), np.empty(6), np.empty(6), np.empty(6)
     _derivative(measured, reference, p, k1)
     _move(measured, 0.5 * dt, k1, x)

@@ -141,8 +141,9 @@ def add_lacking(
     It is learned by joints that move no ``held`` foot, from the error of the last tick's targets; arguments as there.
     """
     joints = m.gains.shape[1]
-    speed = np.where(m.follows == 0, v[6:], m.target[1])
-    error = speed - v[6:]
+    measured = v[6 : 6 + joints]
+    speed = np.where(m.follows == 0, measured, m.target[1])
+    error = speed - measured
     for k in range(held.shape[0]):
         error *= 1.0 - held[k] * m.moves[:, k]
     for i in range(2):
@@ -152,7 +153,7 @@ def add_lacking(
         m.lacking[i] = np.clip(m.lacking[i] + step, 0.0, m.most[i])
     a = np.where(usable, acceleration[6 : 6 + joints], 0.0)
     m.motion[0] += m.share * (a - m.motion[0])
-    m.motion[1] += m.share * (v[6:] - m.motion[1])
+    m.motion[1] += m.share * (measured - m.motion[1])
     torque[:] = np.clip(torque + m.lacking[0] * a + m.lacking[1] * speed, -m.limit, m.limit)
 
 

@@ -20,19 +20,19 @@ seeds = st.integers(0, 2**32 - 1)
 
 @kernel
 def terms(tree, q, v, mass_matrix, bias):
-    place_bodies(tree[0], q, v)
-    joint_space_terms(tree[0], v, mass_matrix, bias)
+    place_bodies(tree, q, v)
+    joint_space_terms(tree, v, mass_matrix, bias)
 
 
 @kernel
 def forces(tree, q, v, acceleration, out):
-    place_bodies(tree[0], q, v)
-    inverse_dynamics(tree[0], v, acceleration, out)
+    place_bodies(tree, q, v)
+    inverse_dynamics(tree, v, acceleration, out)
 
 
 @kernel
 def moved(tree, q, displacement):
-    integrate(tree[0], q, displacement)
+    integrate(tree, q, displacement)
 
 
 @settings(max_examples=80)

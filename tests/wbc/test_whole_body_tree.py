@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from needs import needs_robots
+from oracle import run_plain
 from tree_cases import CASES, LIMITS, Case, humanoid, legged, random_tree, solve_proxqp, solve_quadprog, two_joints
 
 import harpy_pin as hp
@@ -59,7 +62,7 @@ def test_any_tree_with_any_contacts(seed):
     case, rng = random_tree(seed)
     state = case.draw(rng, spread=1.0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(whole_body, "solve_whole_body", solve_whole_body.python)
+        patch.setattr(whole_body, "solve_whole_body", partial(run_plain, solve_whole_body))
         compare(case, state, (solve_quadprog,))
 
 

@@ -21,7 +21,7 @@ from harpy_pin.kernels import kernel
 from harpy_pin.model.state import Vector
 
 
-@kernel(g=(3,), force=(3,), derivative=(3, 3))
+@kernel(g=(3,), faces=("n", 3), force=(3,), derivative=(3, 3))
 def project(
     g: Vector, friction: float, lower: float, upper: float, faces: Vector, force: Vector, derivative: Vector
 ) -> int:
