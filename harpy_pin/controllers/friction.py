@@ -221,8 +221,9 @@ def add_joint_friction(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vec
 def _fit(f: JointFrictionEstimateRecord, d: DynamicsRecord, v: Vector, foot_force: Vector) -> None:
     """Least squares with the residual of this tick."""
     thrusts, sums = d.thruster_jacobian.shape[0], f.sums
-    acceleration = (v - f.velocity) / f.period
-    residual = f.inputs[thrusts:] - d.bias[6:] - d.damping[6:] * v[6:] - d.mass_matrix[6:] @ acceleration
+    residual = f.inputs[thrusts:] - d.bias[6:] - d.damping[6:] * v[6:]
+    for j in range(f.viscous.shape[0]):
+        residual[j] -= d.mass_matrix[6 + j] @ (v - f.velocity) / f.period
     residual += foot_force.reshape((f.force.size,)) @ d.foot_jacobian[:, 6:]
     residual += f.inputs[:thrusts] @ d.thruster_jacobian[:, 6:]
     speed = 0.5 * (v[6:] + f.velocity[6:])

@@ -154,7 +154,7 @@ def add_lacking(
     a = np.where(usable, acceleration[6 : 6 + joints], 0.0)
     m.motion[0] += m.share * (a - m.motion[0])
     m.motion[1] += m.share * (measured - m.motion[1])
-    torque[:] = np.clip(torque + m.lacking[0] * a + m.lacking[1] * speed, -m.limit, m.limit)
+    torque[:joints] = np.clip(torque[:joints] + m.lacking[0] * a + m.lacking[1] * speed, -m.limit, m.limit)
 
 
 @kernel
